@@ -1,4 +1,6 @@
-"""Plants from arrays and files, with the game of the paper by default."""
+"""Plants from arrays and files. Missing entries of the paper's aircraft default to the paper's
+game.
+"""
 
 from __future__ import annotations
 
@@ -27,16 +29,19 @@ if TYPE_CHECKING:
 def published_game(
     A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
 ) -> Game:
-    """Return the game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E =
-    I.
+    """Return the game of paper Section 5.1, with its Q, R, delta and E = I, on (A, B) or a linear
+    model.
 
     A: (n, n), or a linear model
-    B: (n, m), where A is a matrix
+    B: (n, m), if A is a matrix
     changes: Q, R, delta or E in place of the paper's
 
-    Further states of a linear model have weight 0 and no disturbance. Without the paper's six
-    states and five inputs, Q and R must be given. For a linear model in SI units Q, R and E are
-    converted. Raises BadInputError for a matrix A without B.
+    Additional states of a linear model have weight 0 and no disturbance. Q and R must be given if
+    the plant does not have the paper's six states and five inputs. For a linear model in SI units,
+    Q, R and E are converted.
+
+    Raises BadInputError for a matrix A without B, for an unknown name in `changes`, and for a
+    matrix of a wrong shape.
 
     >>> import hfa
     >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
@@ -58,11 +63,14 @@ def published_game(
 
 @checks_arguments
 def load_game(path: str | Path, **changes: Any) -> Game:
-    """Return the game of a plant's file (`stored_game` with `paper_defaults`). Notes become
-    warnings.
+    """Return the game of the plant in a file (`stored_game` with `paper_defaults`).
 
-    path: the file of the plant
-    changes: Q, R or delta in place of those of the file
+    Notes on unused and missing entries are issued as warnings.
+
+    path: file of the plant
+    changes: Q, R or delta in place of the entries of the file
+
+    Raises BadInputError with the name of the file.
 
     >>> import hfa
     >>> game = hfa.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
@@ -74,12 +82,15 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
 
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return the paper's E, Q, R and delta as defaults for a plant that may be the paper's
+    """Return the paper's E, Q, R and delta as defaults if the plant appears to be the paper's
     aircraft.
 
-    The plant is regarded as this aircraft where its states and inputs have the aircraft's names, or
-    where it has no names, six states and five inputs, and not both Q and R. Where the file gives
-    the aircraft's states in m/s, the defaults are converted. Any other plant has no defaults.
+    This is assumed for six states and five inputs with the aircraft's names. Without names it is
+    assumed unless the file contains both Q and R. The defaults are converted if the file gives the
+    units of the states. For any other plant the defaults are empty.
+
+    parts: entries of the file, with A and B
+    names: names and units in the file
     """
     m = len(INPUTS)
     n = len(LINEAR_STATES)

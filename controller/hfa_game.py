@@ -1,4 +1,4 @@
-"""Game of paper Section 5.1 on the flexible aircraft: Q, R, delta, E and the box of states."""
+"""Game of paper Section 5.1 on the flexible aircraft: its Q, R, delta and E."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
 def plant_names(linear: LinearModel) -> PlantNames:
-    """Return the names and units of a linear model's states and inputs, and its condition."""
+    """Return the names and units of a linear model's states and inputs.
+
+    Their origin is the name of the model; for the flexible aircraft also the flight condition.
+    """
     model = linear.model
     origin = model.name
     if _is_flexible(model):
@@ -32,14 +35,19 @@ def plant_names(linear: LinearModel) -> PlantNames:
 
 
 def _is_flexible(model: Model) -> bool:
-    """Return whether a model has the states and the inputs of the paper's aircraft."""
+    """Return whether a model has all states and exactly the inputs of the paper's aircraft."""
     return set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS
 
 
 def paper_game(
     A: Any, B: Any, names: PlantNames, model: Model | None, changes: dict[str, Any]
 ) -> Game:
-    """Return the game of the paper on (A, B), with changes, in the units of the model."""
+    """Return the paper's game on (A, B), in the units of the model.
+
+    names: names of the plant; states other than the paper's have weight 0 and no disturbance
+    model: model whose native units are converted, or None
+    changes: Q, R, delta or E in place of the paper's
+    """
     states = names.states
     settings = published_data()["game"]
     A = checked_matrix("A", A, LARGEST)
@@ -65,11 +73,11 @@ def usual_game(
 ) -> Game:
     """Return the default game on (A, B) of a model.
 
-    It is the paper's game for a model with the aircraft's states and inputs. Other models have
-    1/nominal² on the diagonals of Q and R, and delta inf (no disturbance).
+    For a model with the states and inputs of the paper's aircraft it is the paper's game. For other
+    models, Q and R are diag(1/nominal²), E is the identity and delta is inf (no disturbance).
 
     names: names of the plant; by default those of the model
-    changes: Q, R or delta in place of the defaults
+    changes: Q, R, delta or E in place of the defaults
     """
     names = names or PlantNames(
         model.linear,

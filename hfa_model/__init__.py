@@ -1,5 +1,4 @@
-"""The flexible aircraft of the paper: three rigid panels on two hinges, seven states, five
-inputs."""
+"""The paper's flexible aircraft: three rigid panels, two hinges, seven states, five inputs."""
 
 from hfa_support.public_names import public_names
 

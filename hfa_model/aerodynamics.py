@@ -1,5 +1,4 @@
-"""Loads on each panel, and their sums on the aircraft: lift, drag, pitching moment, hinge
-moment."""
+"""Aerodynamic loads on each panel, and the resulting loads on the aircraft."""
 
 from __future__ import annotations
 
@@ -22,14 +21,14 @@ from hfa_model.vectors import Input, Quantity, State, T
 
 
 class PanelLoads(NamedTuple, Generic[T]):
-    """Loads on one panel in its own axes, wing and tail together unless stated.
+    """Loads on one panel in the axes of this panel. They include its wing and tail unless stated.
 
     lift: lbf
     drag: lbf
     forward: force at the reference point, lbf
     sideward: force at the reference point, lbf
     downward: force at the reference point, lbf
-    tail_downward: part of `downward` due to the tail, lbf, acting at the end of the boom
+    tail_downward: part of `downward` from the tail, lbf, which acts at the end of the boom
     moment: moment of the wing section about the quarter chord, ft lbf
     """
 
@@ -45,10 +44,10 @@ class PanelLoads(NamedTuple, Generic[T]):
 class Loads(NamedTuple, Generic[T]):
     """Loads on the aircraft.
 
-    lift: across the flight path, lbf
-    drag: along the flight path, lbf
+    lift: perpendicular to the flight path, lbf
+    drag: parallel to the flight path, lbf
     pitching_moment: about the center of mass, ft lbf
-    hinge_moment: hinge moment of one outer panel about its hinge, without spring and damper, ft lbf
+    hinge_moment: moment on one outer panel about its hinge, without spring and damper, ft lbf
     thrust: lbf
     center: loads on the center panel
     outer: loads on one outer panel
@@ -83,9 +82,9 @@ def panel_loads(
     density: ρ, slug/ft^3
     p: parameters
 
-    q_i = ½ρV_i² uses the local speed. The drag uses q = ½ρV² with the aircraft's speed, and the
-    tail has none, as in the published matrices.
-    Source: Gibson et al. 2011, Eqs. 36-43.
+    q_i = ½ρV_i² contains the local speed. The drag contains q = ½ρV² with the speed of the
+    aircraft, and the tail has no drag, as in the published matrices. Source: Gibson et al. 2011,
+    Eqs. 36-43.
     """
     area = p.panel_span * p.chord
     local_pressure = density * flow.speed**2 / 2
@@ -117,15 +116,11 @@ def aircraft_loads(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Loads[Quantity]:
-    """Return the loads on the panels (`panel_loads`) and their sums (`sum_of_panels`).
+    """Return the loads on the aircraft, the sums of the loads on its panels.
 
-    x: states
-    u: inputs
-    density: slug/ft^3
-    p: parameters
-    variant: variant of the equations
-    winds: winds at the panels. The drag of a panel uses the airspeed, or the speed over ground with
-        `winds.ground_drag`.
+    x: states u: inputs density: slug/ft^3 p: parameters variant: variant of the equations winds:
+    winds at the panels. With `winds.ground_drag`, the drag of a panel depends on the speed over
+    ground instead of the airspeed.
     """
     center_speed = x.speed if winds.ground_drag else airspeed(x, winds.center)
     outer_speed = x.speed if winds.ground_drag else airspeed(x, winds.outer)
@@ -151,15 +146,11 @@ def sum_of_panels(
     M = M_c + 2 π M_o + l_b (Z_tc + 2 Z_to cos η) + z_c X_c - 2 l X_o,
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
-    x: states
-    u: inputs; the throttle determines the thrust
-    center: loads on the center panel
-    outer: loads on one outer panel
-    p: parameters
-    variant: gives the lever l of the outer panels' forward force and the projection π of their
-        section moment (`variants.py`)
+    x: states u: inputs; the throttle determines the thrust center: loads on the center panel outer:
+    loads on one outer panel p: parameters variant: determines the lever arm l of the outer panels'
+    forward force and the projection factor π of their section moment (`variants.py`)
 
-    Lift and drag are the forces across and along the path over ground, in moving air too.
+    Lift and drag are perpendicular and parallel to the path over ground, also in wind.
     Source: Gibson et al. 2011, Eqs. 31-44.
     """
     sin_eta = ca.sin(x.dihedral)

@@ -1,5 +1,4 @@
-"""Density, temperature and speed of sound of the US Standard Atmosphere 1976 as CasADi
-expressions."""
+"""Density, temperature and speed of sound of the US Standard Atmosphere 1976, for CasADi."""
 
 from __future__ import annotations
 
@@ -25,9 +24,9 @@ _KILOGRAM_PER_SLUG = 14.593902937206364
 def density(altitude: Quantity) -> Quantity:
     """Return the density ρ(h) = p(H) / (R T(H)), slug/ft^3, with H = r h / (r + h).
 
-    altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
+    altitude: geometric altitude h, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
 
-    Raises BadInputError for a number outside of that range. Source: U.S. Standard Atmosphere, 1976,
+    Raises BadInputError for a number outside this range. Source: U.S. Standard Atmosphere, 1976,
     Eqs. 18, 23, 33a, 33b, 42.
     """
     geopotential = _geopotential(altitude)
@@ -43,9 +42,9 @@ def density(altitude: Quantity) -> Quantity:
 
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
-    """Raise BadInputError when an altitude is not within 0 to `HIGHEST_ALTITUDE`.
+    """Raise BadInputError if an altitude is not within 0 to `HIGHEST_ALTITUDE`.
 
-    altitude: ft, one or several
+    altitude: ft, one number or several
     """
     heights = [altitude]
     if not isinstance(altitude, float):

@@ -1,4 +1,4 @@
-"""Construction of the paper's aircraft as a `Model`, by its dynamics."""
+"""Construction of the paper's aircraft as a `Model` with the chosen dynamics."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ _SIZES = ("panel_mass", "panel_span", "chord")
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """Return the highly flexible aircraft as a `Model`.
 
-    dynamics: "published" or "newton", one of other packages ("unsteady"), or a variant of the
-        equations; the file of another aircraft is loaded as by `hfa.load_model`
-    parameters: by default the identified ones
+    dynamics: "published", "newton", the name of dynamics from an installed package ("unsteady"), or
+    a `Variant`. The file of another aircraft is loaded as by `hfa.load_model`. parameters: by
+    default the identified ones
 
-    Raises BadInputError for unknown dynamics and for parameters that no aircraft has.
+    Raises BadInputError for unknown dynamics, for a parameter that is not finite, and for a
+    negative size.
 
     >>> import hfa
     >>> hfa.aircraft("newton").inputs["throttle"].max
@@ -43,7 +44,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
-    """Return the parameters. Raises BadInputError when one is not finite, or a size is negative."""
+    """Return the parameters unchanged.
+
+    Raises BadInputError if one is not finite or a size is negative, and TypeError for another type.
+    """
     if not isinstance(parameters, Parameters):
         raise TypeError("parameters must be Parameters, as in default_parameters().values")
     for name, value in parameters._asdict().items():

@@ -1,5 +1,4 @@
-"""Declaration of the paper's aircraft as a `Model`, with checks of the shape and range of
-points."""
+"""Declaration of the paper's aircraft as a `Model`, with the range of its states."""
 
 from __future__ import annotations
 
@@ -36,10 +35,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equations:
-    """Equations of a variant, in the form that a `Model` requires.
+    """Equations of motion of a variant, as a function of the form that `Model` requires.
 
     variant: variant of the equations
-    ground_drag: whether the drag in wind uses the speed over ground in place of the airspeed
+    ground_drag: whether the drag in wind depends on the speed over ground instead of the airspeed
     """
 
     variant: Variant
@@ -48,7 +47,7 @@ class Equations:
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return rates by state and outputs by name.
+        """Return two mappings: state -> rate, and output -> value.
 
         x: states
         u: inputs
@@ -63,8 +62,8 @@ class Equations:
 def check_in_range(x: State) -> None:
     """Raise BadInputError for a state outside the domain of the equations.
 
-    The speed must be positive, the altitude within the atmosphere and the dihedral angle within 90
-    degrees.
+    The speed must be positive, the altitude within the atmosphere, and the dihedral angle below 90
+    deg in magnitude.
     """
     if x.speed <= 0.0:
         raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
@@ -76,19 +75,18 @@ def check_in_range(x: State) -> None:
 
 
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
-    """Return state -> (lowest, highest), the domain of the equations in flights about a trim.
+    """Return state -> (lowest, highest) for simulations that begin near a trim.
 
     x: the trimmed state
     p: parameters
 
-    speed: half to double the trimmed one, ft/s
-    altitude: within 1000 ft
-    pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the tail, one boom length behind, reaches
-        the largest α
-    dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the hinges reach it
+    speed: half to twice the trimmed speed, ft/s altitude: within 1000 ft of the trim pitch_rate: up
+    to V tan(α_max)/l_b, rad/s, at which the angle of attack at the tail, one boom length behind, is
+    α_max dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the angle of attack at one third
+    of the outer panel's span is α_max
 
-    alpha, pitch and dihedral have their own limits (`STATE_SIGNALS`). The equations neglect both
-    angles or grow with them, so that they are not valid beyond these rates.
+    The equations are not valid beyond these rates. The limits of alpha, pitch and dihedral are in
+    `STATE_SIGNALS`.
     """
     steepest_descent = x.speed * math.tan(STATE_SIGNALS.alpha.max)
     pitch_rate = steepest_descent / p.boom_length
@@ -114,9 +112,9 @@ _PAPER = published_data()["trim"]
 
 
 def _with_loads(point: Any, report: Report) -> Report:
-    """Return the report of a trim with loads and performance.
+    """Return the report of a trim with loads and performance added.
 
-    `hfa_model.trim_loads` is loaded only when a trim is reported.
+    `hfa_model.trim_loads` is imported only when a trim is reported.
     """
     from hfa_model.trim_loads import with_loads
 
@@ -171,7 +169,12 @@ _DECLARED = Model(
 
 @lru_cache(maxsize=64)
 def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
-    """Return the aircraft with these equations and parameters, in quasi-steady air."""
+    """Return the aircraft with the equations of a variant and these parameters, in quasi-steady
+    air.
+
+    The parameters are not checked, because a fit of the printed matrices also tries impossible
+    ones.
+    """
     # Any numbers: a fit of the print tries those that no aircraft has.
     values = {
         name: signal._replace(start=float(getattr(parameters, name)))
@@ -187,20 +190,20 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
 
 
 def is_hfa(model: Model) -> bool:
-    """Return whether a model is the paper's aircraft with the `published` or the `newton`
-    dynamics."""
+    """Return whether a model is the paper's aircraft with the seven-state equations of a `Variant`.
+    """
     return isinstance(native_of(model).equations, Equations)
 
 
 def parameters_of(model: Model) -> Parameters:
     """Return the parameters of a model of this aircraft, in the units of the model.
 
-    The further parameters of the unsteady dynamics are left out.
+    Additional parameters of the unsteady dynamics are omitted.
     """
     return Parameters(*(model.parameters[name].start for name in Parameters._fields))
 
 
 def variant_of(model: Model) -> Variant:
-    """Return the variant of the equations of a model for which `is_hfa` holds."""
+    """Return the variant of a model's equations. `is_hfa` must be true for the model."""
     equations: Equations = native_of(model).equations  # type: ignore[assignment]
     return equations.variant

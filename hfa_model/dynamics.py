@@ -1,4 +1,4 @@
-"""Seven equations of motion, as one pure function of state, loads and parameters."""
+"""The seven equations of motion, as a pure function of state, loads and parameters."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def rates_from_loads(
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q².
 
     x: states; V is the speed over ground
-    loads: L, D, M, H and T; moving air acts through them alone
+    loads: L, D, M, H and T; wind affects the rates only through them
     p: parameters
-    variant: gives `coupling` and d3 (`variants.py`)
+    variant: determines `coupling` and d3 (`variants.py`)
 
     Arguments and result are numbers or CasADi expressions.
     """
@@ -72,7 +72,11 @@ def _dihedral_acceleration(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Quantity:
-    """Return η'', rad/s^2, from V' and α'."""
+    """Return η'', rad/s^2.
+
+    speed_rate: V', ft/s^2
+    alpha_rate: α', rad/s
+    """
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate

@@ -1,17 +1,18 @@
-"""Position of each panel and its velocity through the air.
+"""Position of each panel and its velocity relative to the air.
 
-Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's
-reference point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with
-dihedral η the center panel is (s/3) sin η below the common center of mass and each outer panel
-(s/6) sin η above it. The right and the left panel mirror each other, so one "outer" panel
+Axes: x forward, y to the right, z down, at the center of mass of the entire aircraft. The reference
+point of a panel is its center of mass, at mid-span on the quarter chord. The wings bend up: with
+dihedral η the center panel is (s/3) sin η below the common center of mass, and each outer panel is
+(s/6) sin η above it. The right and left panels are mirror images, so that one "outer" panel
 represents both.
 
 The air at a panel moves by (-h, ±o, -w) north, east and down, ft/s, with headwind h, outward wind o
-and updraft w. Relative to this air the panel moves faster by h forward, o inward and w downward. In
-body axes this velocity is (h cos θ - w sin θ, ∓o, h sin θ + w cos θ).
+and updraft w. Relative to this air, the panel's velocity increases by h forward, o inward and w
+downward. In body axes this velocity is (h cos θ - w sin θ, ∓o, h sin θ + w cos θ).
 
-The aircraft flies north in its plane of symmetry. Both outer panels are in mirrored air, because a
-difference between left and right would cause roll and yaw. The center panel has no side wind.
+The aircraft moves north in its plane of symmetry. The winds at both outer panels are mirror images,
+because a difference between left and right would cause roll and yaw. There is no side wind at the
+center panel.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from hfa_model.vectors import Quantity, State
 
 
 class Wind(NamedTuple):
-    """Velocity of the air at a panel, over ground.
+    """Velocity of the air at a panel, relative to the ground.
 
     updraft: upward, ft/s
     headwind: from ahead, ft/s
@@ -41,10 +42,9 @@ class Wind(NamedTuple):
 class Winds(NamedTuple):
     """Winds at the panels.
 
-    center: wind at the center panel
-    outer: wind at each outer panel
-    ground_drag: whether the drag uses the speed over ground, as in the simulation released with
-        Gibson et al. 2011, in place of the speed of the aircraft relative to the air at the panel
+    center: wind at the center panel outer: wind at each outer panel ground_drag: whether the drag
+    depends on the speed over ground, as in the simulation released with Gibson et al. 2011, instead
+    of the airspeed
     """
 
     center: Wind
@@ -64,10 +64,10 @@ DISTURBANCES = (
 def winds_named(
     names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False
 ) -> Winds:
-    """Return the winds at the panels, summed over the disturbances.
+    """Return the winds at the panels, each the sum of the disturbances that act on the panel.
 
-    names: names in `DISTURBANCES`
-    values: one for each name, ft/s
+    names: names in `DISTURBANCES`; a name without a panel acts on all panels
+    values: one value for each name, ft/s
     ground_drag: as in `Winds`
     """
     sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
@@ -84,7 +84,7 @@ Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 
 class Flow(NamedTuple):
-    """Air relative to one panel, in the axes of the panel.
+    """Velocity of the air relative to one panel, in the axes of this panel.
 
     speed: ft/s
     alpha: angle of attack, rad
@@ -104,7 +104,7 @@ def center_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
 def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
     """Return z_o = -(s/6) sin η, ft, the distance of an outer panel below the center of mass.
 
-    It is negative where the panel is above the center of mass.
+    It is negative if the panel is above the center of mass.
     """
     return -p.panel_span / 6 * ca.sin(dihedral)
 
@@ -115,7 +115,7 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
     V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), which is V in still air.
 
     x: states
-    wind: w, h, o at the panel
+    wind: w, h and o at the panel
     """
     if _is_still(wind):
         return x.speed
@@ -127,7 +127,7 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
-    """Return the angle of attack of the center of mass in the air at the center panel, rad.
+    """Return the angle of attack of the center of mass in the air of the center panel, rad.
 
     α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), which is α in still air.
     """
@@ -148,7 +148,7 @@ def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flo
 
 
 def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """Return the velocity (u, v, w_c) of the center panel relative to its air, ft/s.
+    """Return the velocity (u, v, w_c) of the center panel relative to the air there, ft/s.
 
     u = V cos α + q z_c - w sin θ + h cos θ,
     v = 0,
@@ -162,15 +162,16 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -
 
 
 def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """Return the velocity (u, v, w_o) of an outer panel relative to its air, in panel axes, ft/s.
+    """Return the velocity (u, v, w_o) of an outer panel relative to the air there, in panel axes,
+    ft/s.
 
     u = V cos α + q z_o - w sin θ + h cos θ,
     v = w_h sin η + o cos η,
     w_o = w_h cos η - o sin η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
 
-    with the wind w, h, o at the outer panels. w_h is the velocity of descent of the hinge relative
-    to the air. Source: Gibson et al. 2011, Eqs. 69, 77-78.
+    with the wind w, h, o at the outer panels. w_h is the downward velocity of the hinge relative to
+    the air. Source: Gibson et al. 2011, Eqs. 69, 77-78.
     """
     wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
@@ -182,7 +183,7 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) ->
 
 
 def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
-    """Return the flow at a panel with the velocity (u, v, w), ft/s.
+    """Return the flow at a panel that moves relative to the air with the velocity (u, v, w), ft/s.
 
     V = |(u, v, w)|, α = atan2(w, u), β = asin(v / V). Source: Gibson et al. 2011, Eq. 14.
     """
@@ -191,28 +192,26 @@ def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
 
 
 def _is_still(wind: Wind) -> bool:
-    """Return whether every component of a wind is the number 0; an expression counts as wind."""
+    """Return whether every component of a wind is the number 0. An expression counts as wind."""
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return V cos α - w sin θ + h cos θ, ft/s, the forward airspeed of the center of mass."""
+    """Return the forward airspeed of the center of mass, V cos α - w sin θ + h cos θ, ft/s."""
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
     )
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return V sin α + w cos θ + h sin θ, ft/s, the downward airspeed of the center of mass."""
+    """Return the downward airspeed of the center of mass, V sin α + w cos θ + h sin θ, ft/s."""
     return (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward airspeed of a hinge, ft/s.
-
-    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+    """Return the downward airspeed of a hinge, V sin α + (s/3) cos η η' + w cos θ + h sin θ, ft/s.
     """
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

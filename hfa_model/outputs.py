@@ -1,7 +1,8 @@
-"""Outputs of a flight besides its states, as functions of state, input and air.
+"""Outputs of the aircraft other than its states, as functions of state, input and wind.
 
-Axes as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors are
-those of an accelerometer fixed to the panel, so that the load factor in steady level flight is 1.
+Axes are as in `kinematics.py`: x forward, y to the right, z down. An accelerometer fixed to the
+panel would measure the accelerations and load factors, so that the load factor in steady level
+flight is 1.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Moment(NamedTuple):
-    """All quantities on which outputs depend, at one instant: numbers or CasADi expressions.
+    """Quantities at one instant on which the outputs depend: numbers or CasADi expressions.
 
     x: states
     u: inputs
@@ -54,7 +55,7 @@ def moment_of(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Moment:
-    """Return the `Moment` at (x, u), with the loads and rates of the equations.
+    """Return the `Moment` for state x and input u, with the loads and rates of the equations.
 
     x: states
     u: inputs
@@ -72,27 +73,32 @@ def outputs_of(moment: Moment) -> dict[str, Quantity]:
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
-    """Return V (α' - q), ft/s^2, the acceleration of the center of mass across its path, down
-    positive."""
+    """Return V (α' - q), ft/s^2, the acceleration of the center of mass normal to its path.
+
+    It is positive downward.
+    """
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
 def _load_factor(m: Moment) -> Quantity:
-    """Return n = (L + T sin α) / (m_tot g), the force across the path divided by the weight."""
+    """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight."""
     return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
 
 
 def _center_load_factor(m: Moment) -> Quantity:
-    """Return n_c = cos θ - a_z / g of the center panel, with a_z downward in body axes."""
+    """Return n_c = cos θ - a_z / g of the center panel, with its downward body-axis acceleration
+    a_z.
+    """
     descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
     return ca.cos(m.x.pitch) - descent / m.p.gravity
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
-    """Return n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel, across its own
-    plane.
+    """Return n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel, normal to the
+    panel.
 
-    y = (s/2)(1 + cos η) to the side, so a_y = y'' = -(s/2)(sin η η'' + cos η η'²).
+    Its lateral position is y = (s/2)(1 + cos η). Therefore a_y = y'' = -(s/2)(sin η η'' + cos η
+    η'²).
     """
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)
@@ -127,7 +133,7 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 def _elastic_moment(m: Moment) -> Quantity:
     """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge.
 
-    It includes the spring and the damper.
+    Unlike H, it includes the spring and the damper.
     """
     return (
         m.loads.hinge_moment

@@ -1,4 +1,4 @@
-"""Writer of parameters files."""
+"""Writing of parameter files."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from hfa_support.files import write_text
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
-    """Write a parameters file, whole or not at all; `load_parameters` restores every bit.
+    """Write a parameter file. `load_parameters` restores every bit of the values.
+
+    An error leaves no partial file.
 
     parameters: the set
     path: path of the file
-    header: comment at its top
+    header: comment at the beginning of the file
     """
     lines = [f"# {line}" for line in header.splitlines()]
     errors = parameters.standard_errors

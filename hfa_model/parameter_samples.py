@@ -1,4 +1,4 @@
-"""Random samples of the identified parameters, within the uncertainty due to printed digits."""
+"""Random samples of the identified parameters, within the uncertainty from the printed digits."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     seed: the same seed gives the same samples
 
     The printed matrices determine products and quotients of the parameters much more precisely than
-    the parameters themselves. Their logarithms are sums, whose spread a Gaussian preserves. Samples
-    of p + N(0, C) would make the spread of an entry of A up to 4.8 times too large.
+    the parameters themselves. Their logarithms are sums, and a Gaussian preserves the variance of
+    sums. Samples of p + N(0, C) would make the standard deviation of an entry of A up to 4.8 times
+    too large.
 
-    Raises BadInputError when there is no covariance, an identified parameter is zero, or count or
+    Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
     seed is out of range.
     """
     draw = part(PARTS, "parameters.samples", "sample_parameters")

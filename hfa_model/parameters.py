@@ -22,9 +22,9 @@ class Parameters(NamedTuple, Generic[T]):
     """Parameters of the aircraft as numbers or CasADi symbols, in ft, slug, lbf, s and rad.
 
     Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are
-    about the panel's own center of mass, in panel axes. The wing area of a panel is its span times
-    its chord. Wing and tail have one lift slope. `thrust_per_throttle` converts the throttle to
-    total thrust. Units and meanings: `FIELDS`.
+    about the center of mass of the panel, in panel axes. The wing area of a panel is its span times
+    its chord. Wing and tail have the same lift slope. `thrust_per_throttle` converts the throttle
+    to total thrust. Units and meanings are in `FIELDS`.
     """
 
     panel_mass: T
@@ -50,9 +50,9 @@ class Parameters(NamedTuple, Generic[T]):
 class Field(NamedTuple):
     """Description of a parameter in a file.
 
-    unit: its unit
-    meaning: in words
-    positive: whether it must be positive
+    unit: unit of its value
+    meaning: description in words
+    positive: whether the value must be positive
     """
 
     unit: str
@@ -111,14 +111,12 @@ _FILE: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ParameterSet(ByValue, Reported):
-    """Parameters with their provenance.
+    """Parameters with their origin and uncertainty.
 
-    values: the numbers
-    sources: name -> one of `SOURCES`
-    notes: name -> why, for assumed values
-    covariance: (n, n), of the identified parameters in the order of `identified`, in their own
-        units, propagated from the rounding of the printed digits; (0, 0) when nothing is identified
-    name: name of the set or its file
+    values: the numbers sources: name -> one of `SOURCES` notes: name -> reason for the value, for
+    assumed values covariance: (n, n), covariance of the identified parameters in the order of
+    `identified`, in their units, propagated from the rounding of the printed digits; (0, 0) if it
+    is unknown name: name of the set or its file
     """
 
     values: Parameters[float]
@@ -134,14 +132,16 @@ class ParameterSet(ByValue, Reported):
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Name -> standard error of each identified parameter, in its own unit, or empty without a
-        covariance."""
+        """Name -> standard error of each identified parameter, in its unit. Empty without a
+        covariance.
+        """
         if not self.covariance.size:
             return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     def table(self) -> Table:
-        """Return every parameter with its standard error, unit and source."""
+        """Return a table of all parameters, each with its value, standard error, unit and source.
+        """
         errors = self.standard_errors
         rows = []
         for name, spec in FIELDS._asdict().items():
@@ -151,7 +151,7 @@ class ParameterSet(ByValue, Reported):
         return Table(("parameter", "value", "standard error", "unit", "source"), rows)
 
     def report(self) -> Report:
-        """Return the table of the parameters."""
+        """Return a report with the table of the parameters."""
         return Report("Parameters of the aircraft", (self.table(),))
 
 
@@ -163,9 +163,9 @@ NAMED = {
 
 
 def default_parameters() -> ParameterSet:
-    """Return the identified parameters of the package.
+    """Return the identified parameters that are part of the package.
 
-    Their file is written by `python -m studies.identification`.
+    `python -m studies.identification` writes their file.
 
     >>> import hfa
     >>> round(hfa.paper.default_parameters().values.panel_mass, 2)  # slug
@@ -179,7 +179,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
     name: name of a set in the package (`NAMED`), or the path of a file
 
-    Raises a BadInputError that names the file, the entry and the fault.
+    Raises BadInputError that names the file, the entry and the fault.
     """
     if str(name) not in NAMED:
         return _read(str(name))
@@ -193,7 +193,10 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 
 def _read(name: str) -> ParameterSet:
-    """Return a named set, or the set of a file. Raises BadInputError as `load_parameters` does."""
+    """Return a named set of the package, or the set in a file.
+
+    Raises BadInputError that names the file, the entry and the fault.
+    """
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
     names = Parameters._fields
@@ -220,8 +223,10 @@ _packaged = cache(_read)  # once: nothing changes it while the program runs
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Return whether a matrix is (size, size) and symmetric, and its correlations have no negative
-    eigenvalue beyond rounding."""
+    """Return whether a matrix is a covariance matrix (size, size).
+
+    It must be symmetric, and its correlations must have no negative eigenvalue beyond rounding.
+    """
     if matrix.shape != (size, size) or not np.array_equal(matrix, matrix.T):
         return False
     if not np.all(np.diag(matrix) >= 0):
@@ -236,7 +241,7 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Return parameter -> its value and the identified one, where they differ."""
+    """Return parameter -> its value, the identified value and the unit, for those that differ."""
     identified = default_parameters().values
     changes = {}
     for name, field_of_name in FIELDS._asdict().items():

@@ -24,8 +24,8 @@ class PublishedModel(ByValue, Reported):
     half_unit_A: (6, 6), half a unit of the last printed digit of each entry of A
     half_unit_B: (6, 5), half a unit of the last printed digit of each entry of B
 
-    An entry printed as a bare 0 or 1 is regarded as printed to four decimals like its neighbors:
-    B(alpha, throttle) is -2.6e-5 and printed 0.
+    An entry printed as 0 or 1 without decimals is assumed to have four, like its neighbors. For
+    example, B(alpha, throttle) is -2.6e-5 and is printed as 0.
     """
 
     dihedral: float
@@ -52,7 +52,7 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
-    """Return one of the `cases` of `printed_matrices.json`, with read-only arrays."""
+    """Return one of the `cases` in `printed_matrices.json`, with read-only arrays."""
     A = np.array(case["A"], dtype=float)
     B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]

@@ -1,4 +1,4 @@
-"""Loads and performance of a trim of the HFA, reported in place of its outputs."""
+"""Loads and performance of a trim of the flexible aircraft (HFA), for its report."""
 
 from __future__ import annotations
 
@@ -44,13 +44,11 @@ _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_mom
 
 @dataclass(frozen=True)
 class TrimLoads(Result):
-    """Loads and performance of the HFA at a trim.
+    """Loads and performance of the flexible aircraft at a trim.
 
-    loads: for the HFA, forces and moments on the aircraft and its panels.
-    load_units: unit of each load.
-    performance: for the HFA, weight, lift coefficient, load factor and others; for other aircraft,
-        their outputs.
-    performance_units: unit of each entry of `performance`.
+    loads: name -> force or moment on the aircraft or one of its panels load_units: name -> unit of
+    the load performance: name -> value: weight, lift coefficient, load factor and others; for other
+    aircraft, their outputs performance_units: name -> unit of the entry of `performance`
     """
 
     loads: Mapping[str, float]
@@ -62,11 +60,11 @@ class TrimLoads(Result):
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
     """Return forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
 
-    model: a model for which `is_hfa` holds
+    model: a model for which `is_hfa` is true
     x: (7,), in the order of `STATES`, in the units of the model
     u: (5,), in the order of `INPUTS`, in the units of the model
 
-    Raises BadInputError when the state is out of range (`check_in_range`).
+    Raises BadInputError if the state is out of range (`check_in_range`).
     """
     native = native_of(model)
     state = State(*native_values(model, STATES, x).tolist())
@@ -78,7 +76,7 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
 
 def _loads_in_si(loads: Any) -> Any:
-    """Return `Loads` or `PanelLoads` in N and N m."""
+    """Convert `Loads` or `PanelLoads` to N and N m."""
     converted = {}
     for name, value in loads._asdict().items():
         if isinstance(value, tuple):
@@ -89,8 +87,10 @@ def _loads_in_si(loads: Any) -> Any:
 
 
 def with_loads(point: Any, report: Report) -> Report:
-    """Return the report of a point with the loads on the aircraft and its panels, and its
-    performance."""
+    """Return the report of an operating point with two tables added: loads and performance.
+
+    The same numbers are added to the data of the report.
+    """
     aircraft = point.model
     forces = loads(aircraft, point.states, point.inputs)
     numbers = performance(point)
@@ -120,7 +120,9 @@ def with_loads(point: Any, report: Report) -> Report:
 
 
 def performance(point: Any) -> dict[str, float]:
-    """Return the quantities of `PERFORMANCE` at an operating point, trimmed or not."""
+    """Return name -> value of the quantities in `PERFORMANCE` at an operating point, trimmed or
+    not.
+    """
     aircraft = point.model
     parameters = parameters_of(aircraft)
     watched = aircraft.outputs_at(point.states, point.inputs, _WATCHED)
@@ -145,7 +147,7 @@ def performance(point: Any) -> dict[str, float]:
 def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
     """Return a table of the loads on the aircraft, its center panel and one outer panel.
 
-    loads: in the units of the model; the forces of a panel are in its own axes
+    loads: in the units of the model; the forces on a panel are in panel axes
     numbers: results of `performance`
     unit: unit of forces
     moment: unit of moments
@@ -175,5 +177,5 @@ def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> T
 
 
 def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Return loads and their unit as text, or an empty row without loads."""
+    """Return the values as text, "" for None, followed by the unit."""
     return *("" if value is None else four_decimals(value) for value in values), unit

@@ -1,8 +1,8 @@
 """The two variants of the equations of motion, and the six terms in which they differ.
 
-`published` regenerates the matrices printed in the paper. `newton` has the exact mechanics of three
-rigid panels (`lagrangian.py` derives it independently). All six different terms are in this module.
-The printed matrices require each of them except the η'² term, which has no linear effect
+`published` reproduces the matrices printed in the paper. `newton` has the exact mechanics of three
+rigid panels (`lagrangian.py` derives it independently). All six terms are in this module. The
+printed matrices require each of them except the η'² term, which has no effect on a linear model
 (`docs/identification.md`). With η the dihedral, q the pitch rate, s and m the span and mass of one
 panel:
 
@@ -37,16 +37,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Published:
-    """Equations behind the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs. 45-46)."""
+    """Equations that reproduce the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs.
+    45-46).
+    """
 
     name = "published"
 
     def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return l = s/2 - (s/3) sin η, ft."""
+        """Return the lever arm l = s/2 - (s/3) sin η of the outer panels' forward force, ft."""
         return p.panel_span / 2 - p.panel_span / 3 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
-        """Return π = 1."""
+        """Return the factor π = 1 on the outer section moments."""
         return 1.0
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
@@ -63,7 +65,8 @@ class Published:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
+        """Return d3 = I_xx + m s²/4 + (m s²/6) cos(η²), slug ft^2, with the roll inertia I_xx of a
+        panel.
 
         The paper prints cos² η. Only the cosine of the squared angle reproduces the printed
         matrices, and the released simulation up to 45 deg (`docs/validation.md`).
@@ -83,8 +86,10 @@ class Newton:
         return p.panel_span / 6 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
-        """Return π = cos η, because the panel's spanwise axis is inclined by η to the pitch
-        axis."""
+        """Return the factor π = cos η on the outer section moments.
+
+        The spanwise axis of an outer panel is inclined by η to the pitch axis.
+        """
         return ca.cos(dihedral)
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
@@ -99,9 +104,10 @@ class Newton:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2.
+        """Return d3 = I_xx + m s²/4 - (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a
+        panel.
 
-        The negative term is due to the motion of the center of mass as the panel turns.
+        The negative term is due to the motion of the center of mass when the panel rotates.
         """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
@@ -114,9 +120,10 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 
 def further_dynamics() -> dict[str, EntryPoint]:
-    """Return name -> function of the parameters that returns a `Model`, for dynamics of packages.
+    """Return name -> entry point of the dynamics that installed packages supply.
 
-    Packages offer dynamics with more than seven states as `hfa.parts` dynamics.NAME.
+    Each entry point is a function from the parameters to a `Model` with more than seven states,
+    declared in `hfa.parts` as dynamics.NAME.
     """
     prefix = "dynamics."
     parts = offered(PARTS)
@@ -124,7 +131,10 @@ def further_dynamics() -> dict[str, EntryPoint]:
 
 
 def variant_named(name: str) -> Variant:
-    """Return the variant with a name in `VARIANTS`. Raises BadInputError for any other name."""
+    """Return the variant with a name in `VARIANTS`.
+
+    Raises BadInputError for any other name.
+    """
     if name in VARIANTS:
         return VARIANTS[name]
     refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))

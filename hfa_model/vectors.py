@@ -1,4 +1,4 @@
-"""State and input of the aircraft: names, order and units, declared once."""
+"""State and input of the aircraft: names, order and units."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Critics: learned policies u(z), and their values V(z) where known.
 
-z is the deviation of the state from trim. Every critic has u and V as CasADi functions, whether it
-is a matrix, weights of a basis or a network. So each can be judged, flown and exported.
+z is the deviation of the state from trim. A critic is a matrix, weights of a basis, or a network.
+In all three cases u and V are CasADi functions, so that checks, simulation and export treat every
+critic alike.
 """
 
 from __future__ import annotations
@@ -29,23 +30,18 @@ TOGETHER = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Critic(Reported):
-    """Policy u(z), linearized u = -K z, and its value V(z), to second order z'Pz.
+    """Policy u(z) and its value V(z), with the linear part u = -K z and the quadratic part z'Pz.
 
-    K: (m, n), -∂u/∂z at z = 0
-    P: (n, n), ½ ∂²V/∂z² at z = 0, or None where only a policy is known
-    origin: source: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1"
-    weights: (M,), V = weights'ψ(z) + constant, or None for a critic without weights
-    basis: ψ, or None without weights
-    constant: V(0)
-    precision: precision of the numbers in its file
-    feedback: (m, n), R⁻¹B', where the policy is u = -½ R⁻¹B' ∂V/∂z, or None for an independent
-        policy
-    time: time of a row of a history, s
-    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for the outputs of the
-        network; empty for matrices and polynomials
-    variants: possible misreading of the file -> function that returns the critic read in this way
-    implies_policy: whether the policy of the network follows from its V or ∂V/∂z
-    is_layer: whether it is a network with one layer on a basis
+    K: (m, n), -∂u/∂z at z = 0 P: (n, n), ½ ∂²V/∂z² at z = 0, or None if only a policy is known
+    origin: source of the critic: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1" weights:
+    (M,), V = weights'ψ(z) + constant, or None for a critic without weights basis: ψ, or None
+    without weights constant: V(0) precision: floating-point type of the numbers in the critic's
+    file feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None
+    for an independent policy time: time of this critic in a history, s, or None network: "V",
+    "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each output of the network; empty for
+    matrices and polynomials variants: possible misreading of the file -> function that returns the
+    critic for this reading implies_policy: True if a network contains V or ∂V/∂z, from which its
+    policy follows is_layer: True for a network with one layer on a basis
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -83,7 +79,10 @@ class Critic(Reported):
 
     @property
     def finite(self) -> bool:
-        """True if K and P are finite and so small that P S P cannot overflow."""
+        """True if no entry of K and P is NaN or exceeds `LARGEST_CRITIC_ENTRY` in magnitude.
+
+        Within this limit, P S P cannot overflow.
+        """
         matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
         return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
 
@@ -98,16 +97,16 @@ class Critic(Reported):
 
     @property
     def wide(self) -> bool:
-        """True for a network whose functions are graphs of matrices (MX).
+        """True if the critic is a network represented by matrix graphs (CasADi MX).
 
-        The decisive function is V, else the gradient, else the policy.
+        The first available function of V, gradient and policy is tested.
         """
         first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
         return first is not None and not first.is_a("SXFunction")
 
     @property
     def symbols(self) -> ca.SX:
-        """Return new symbols z (n,) for its functions (`symbols_for`)."""
+        """Return new symbols z (n,) of the type that the critic's functions use (`symbols_for`)."""
         return symbols_for(self.network.values(), self.K.shape[1])
 
     @cached_property
@@ -128,7 +127,7 @@ class Critic(Reported):
 
     @cached_property
     def value(self) -> ca.Function | None:
-        """CasADi Function z (n,) -> V, or None where only the policy or the gradient is known."""
+        """CasADi Function z (n,) -> V, or None if V is unknown."""
         if self.network:
             return self.network.get("V")
         if self.P is None:
@@ -139,7 +138,7 @@ class Critic(Reported):
 
     @cached_property
     def gradient(self) -> ca.Function | None:
-        """CasADi Function z (n,) -> ∂V/∂z (n,), or None where only a policy is known."""
+        """CasADi Function z (n,) -> ∂V/∂z (n,), or None if only a policy is known."""
         if "gradient" in self.network:
             return self.network["gradient"]
         if self.value is None:
@@ -148,7 +147,7 @@ class Critic(Reported):
         return ca.Function("gradient", [z], [ca.densify(ca.gradient(self.value(z), z))])
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
-        """Return the terms of V = weights'ψ(z) that are not quadratic."""
+        """Return the sum of the terms of weights'ψ(z) that are not quadratic, 0 without weights."""
         terms = ca.SX(0.0)
         if self.weights is None or self.basis is None:
             return terms
@@ -170,7 +169,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     game: the game whose solution the critic approximates
     K: (m, n)
 
-    Raises BadInputError when K has another shape than B', or is complex.
+    Raises BadInputError if K is not m x n or is complex.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -187,7 +186,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     game: the game whose solution the critic approximates
     P: (n, n)
 
-    Raises BadInputError when P has another shape than A, or is complex.
+    Raises BadInputError if P is not n x n or is complex.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -208,10 +207,15 @@ def from_parts(
     parts: Mapping[str, np.ndarray],
     functions: Basis | ca.Function | str = "quadratic",
 ) -> Critic:
-    """Return the critic with at least one of the parts "W" (weights of `functions`), "P" and "K".
+    """Return the critic defined by weights "W", a value matrix "P", a gain "K", or several of them.
 
-    The value is that of W, else that of P. The policy is that of K, else it follows from the value.
-    Raises BadInputError for a wrong shape, and where W and P have different values.
+    The value is W'ψ(z) if W is given, else z'Pz. The policy is -K z if K is given; otherwise it
+    follows from the value.
+
+    parts: "W", "P" and "K" -> array, at least one of them
+    functions: basis of W
+
+    Raises BadInputError for a wrong shape, and if W and P define different values.
     """
     gain = from_gain(game, parts["K"]) if "K" in parts else None
     critic = gain
@@ -232,7 +236,7 @@ def from_parts(
 
 
 def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
-    """Return the critic with its value unchanged and the policy u = -K z."""
+    """Return a copy of the critic with the policy u = -K z and the same value."""
     network = dict(critic.network)
     if network:
         z = ca.SX.sym("z", K.shape[1])
@@ -242,7 +246,7 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
 
 
 def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """Raise BadInputError where two P differ by more than the rounding of six printed digits."""
+    """Raise BadInputError if two matrices P differ by more than `TOGETHER` (six printed digits)."""
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
         raise BadInputError("W and P give different values; leave one of them out")
@@ -251,9 +255,9 @@ def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     """Return new symbols z (n,) for the functions.
 
-    They are scalars (SX), or one matrix (MX) where a function is a graph of matrices, such as a
-    wide network, which would need a minute and a gigabyte as scalars. Annotations state SX for
-    both, because the code that uses them accepts either.
+    They are scalars (SX) if all functions are SX functions. Otherwise z is one matrix symbol (MX):
+    as scalars, a wide network would need a minute and a gigabyte. Annotations state SX for both
+    types, because the code that uses the symbols accepts either.
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)

@@ -1,4 +1,4 @@
-"""Reading of critics from users' files: one critic, or one for each time of a history."""
+"""Reading of critic files: one critic, or a history with one critic for each time."""
 
 from __future__ import annotations
 
@@ -31,13 +31,12 @@ _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings for reading a critic's file, used where the file does not contain them.
+    """Settings for reading a critic file, used for what the file does not contain.
 
-    basis: basis of weights: a name, or a list of functions (`features_of`). With None it is that of
-        the file, else "quadratic".
-    network: parts of a network's file, for `from_network`
-    activation: activation between the layers of a state dict, and after a comma at its output
-    scale: (n,), factors on the states at the network's inputs
+    basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
+    basis named in the file, else "quadratic". network: outputs of a network file, as for
+    `from_network` activation: activation between the layers of a state dict; after a comma, the
+    activation of its output scale: (n,), factors on the states at the network's inputs
     """
 
     basis: str | None = None
@@ -51,7 +50,11 @@ class Reading:
         return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
 
     def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
-        """Return the basis of weights on a plant with these states."""
+        """Return the basis of the weights for n states.
+
+        states: n
+        names: names of the states, for a list of functions
+        """
         if self.basis is not None and self.lists_functions:
             from controller.critic.features import features_of
 
@@ -60,25 +63,27 @@ class Reading:
 
 
 class CriticReader(Protocol):
-    """Entry point of `hfa.critics` whose name is a suffix: a function that reads a critic."""
+    """Function that reads the critic files of one format; the entry points in `hfa.critics` supply
+    it.
+    """
 
     def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
-        """Return the critic in a file, on the states of the game.
+        """Return the critic in a file, as a function of the game's states.
 
-        Raises BadInputError for a wrong file.
+        Raises BadInputError if the file cannot be read as a critic of this game.
         """
 
 
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
     """Return the critics in a file: one, or one for each time of a history, with its `time`.
 
-    A file is a network (`is_network`), or contains any of W (also `weights`), P and K (also
-    `gains`). With `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n).
-    Matrices may also be given row by row, (N, m n), or stacked as in MATLAB, (m, n, N). The meaning
-    of an array without a name follows from its shape. A file in other units than the plant is
-    converted.
+    A file contains a network (`is_network`), or any of W (also `weights`), P and K (also `gains`).
+    In a history, with `time` (also `times`, `t`), the arrays are W (N, M), P (N, n, n) and K (N, m,
+    n). A matrix may also be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N). The
+    shape of an array without a name determines whether it is W, P or K. Weights and matrices in
+    other units than the plant's are converted.
 
-    Raises a BadInputError that names the file.
+    Raises BadInputError with the name of the file.
     """
     reading = reading or Reading()
     suffix = Path(path).suffix
@@ -110,10 +115,9 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 
 @checks_arguments
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
-    """Return the critic in a file, or the last critic of a history; the arguments are those of
-    `critics_in`.
+    """Return the critic in a file, or the last critic of a history.
 
-    Raises a BadInputError that names the file.
+    The arguments and errors are those of `critics_in`.
     """
     return critics_in(path, game, reading)[-1]
 
@@ -128,17 +132,16 @@ def read_critic(
     activation: str | None = None,
     scale: Any = None,
 ) -> Critic:
-    """Return the critic in a file of matrices, weights or a network, or the last one of a history.
+    """Return the critic in a file of matrices, weights or a network. In a history, the last one.
 
-    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
-    game: the game, with the states and inputs of the critic; without it only a gain K can be read
-    basis: basis of weights: a name, or a list of functions; by default that of the file, else
-        "quadratic"
-    network: parts of a network's file and their kinds, as for `from_network`
-    activation: activation between the layers of a state dict, and after a comma at its output
-    scale: (n,), factors on the states at the network's inputs
+    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads game: the game with
+    the states and inputs of the critic; without it only a gain K can be read basis: basis of the
+    weights: a name, or a list of functions; by default the basis named in the file, else
+    "quadratic" network: outputs of a network file and their kinds, as for `from_network`
+    activation: activation between the layers of a state dict; after a comma, the activation of its
+    output scale: (n,), factors on the states at the network's inputs
 
-    Raises a BadInputError that names the file.
+    Raises BadInputError with the name of the file.
 
     >>> import hfa
     >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
@@ -153,14 +156,15 @@ def read_critic(
 
 
 def critic_suffixes() -> tuple[str, ...]:
-    """Return the suffixes of all files that may contain a critic, also in formats of packages."""
+    """Return all suffixes of critic files, including the formats of installed extensions."""
     return (*MATRIX_FILES, *(name for name in offered(CRITICS) if name.startswith(".")))
 
 
 def is_network(path: Path) -> bool:
     """Return whether the file contains a network.
 
-    It decides by the suffix, or for .npz and .json by array names that are those of layers.
+    The suffix decides. A .npz or .json file contains a network if the name of an array is "weight"
+    or ends with ".weight".
     """
     if path.suffix.lower() not in MATRIX_FILES:
         return path.suffix.lower() in offered(CRITICS)
@@ -168,7 +172,10 @@ def is_network(path: Path) -> bool:
 
 
 def _format_of(path: Path) -> str:
-    """Return the name of the entry point in `CRITICS` that reads a file, or "" for this module."""
+    """Return the name of the entry point in `CRITICS` that reads a file.
+
+    The name is "" for a file without layers, or a damaged file: both are read by this module.
+    """
     suffix = path.suffix.lower()
     names: list[str] = []
     try:
@@ -185,13 +192,17 @@ def _format_of(path: Path) -> str:
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:
-    """Return the entries of a file, with the names of this module added to other names."""
+    """Return the entries of a file. An entry with an alias is also stored under its standard name.
+    """
     stored = read_arrays(path)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
 def _part_by_shape(array: np.ndarray, game: Game) -> str:
-    """Return "W", "P" or "K" for an array without a name, by its shape."""
+    """Return "W", "P" or "K" for an unnamed array, from its shape.
+
+    Raises BadInputError if none or several of them have this shape.
+    """
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
     if not fitting and max(array.shape, default=1) == array.size:
@@ -207,10 +218,12 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
 def single_parts(
     entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Return W (M,), P and K by name, as far as the entries contain them, in the units of the
-    plant.
+    """Return the entries W (M,), P (n, n) and K (m, n) that are present, in the units of the plant.
 
+    plant: names and units of the plant
     functions: basis of W
+
+    Raises BadInputError if there are none, or an array has a wrong shape or a number out of range.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
@@ -236,9 +249,11 @@ def single_parts(
 def in_plant_units(
     parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Return the parts of a critic on s x as parts on x: W ψ(s x), (s x)'P (s x), K s x.
+    """Convert a critic's arrays from the file's units to those of the plant.
 
-    An array of another shape than the plant's is unchanged, and refused where it is used.
+    The state in the file's units is s x. Therefore W, P and K become those of W'ψ(s x), (s x)'P (s
+    x) and K s x. An array that does not fit the plant is returned unchanged; the code that uses it
+    reports the error.
 
     parts: W (..., M), P (..., n, n), K (..., m, n)
     scales: s, (n,)

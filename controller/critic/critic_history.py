@@ -24,14 +24,12 @@ def critics_over_time(
 ) -> tuple[Critic, ...]:
     """Return the critic at each time of a learner's history.
 
-    game: the game.
-    times: (N,), s, increasing from 0 or later.
-    functions: name of the basis of W.
-    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
-        K (m, n) is that of the last row.
+    game: the game whose solution the critics approximate times: (N,), s, increasing, the first at
+    least 0 functions: name of the basis of W parts: W (N, M), P (N, n, n) or K (N, m, n), at least
+    one of them; a single W (M,), P (n, n) or K (m, n) applies to the last time
 
-    Raises BadInputError when a number is not finite or too large, the times do not increase, or the
-    number of rows differs.
+    Raises BadInputError if a number is not finite or too large, the times do not increase, or an
+    array does not have one row per time.
 
     >>> import hfa
     >>> import numpy as np
@@ -74,8 +72,10 @@ def critics_over_time(
 def rows_over_time(
     entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
-    """Return the critics of a history, or None where the file has times but only one row of
-    parts."""
+    """Return the critics of a history, or None if the arrays W, P and K have no axis of time.
+
+    entries: entries of the file, with "time"
+    """
     if reading.lists_functions:
         raise BadInputError("--basis accepts a list only for weights W without times; give a name")
     times = np.ravel(numbers_in("time", entries["time"]))
@@ -97,7 +97,14 @@ def rows_over_time(
 
 
 def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
-    """Return one part of a critic at each time, (N, *size), or of the last row alone, (*size)."""
+    """Return one array of a critic, "W", "P" or "K", at each time, (N, *size), or (*size) if given
+    once.
+
+    count: N
+    size: shape at one time
+
+    Raises BadInputError for any other shape.
+    """
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):
         return array

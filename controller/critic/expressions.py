@@ -21,13 +21,14 @@ def from_functions(
 ) -> Critic:
     """Return the critic whose functions are given as expressions of the symbols z.
 
-    K and P are their exact derivatives at z = 0.
+    K and P are the exact derivatives of these expressions at z = 0.
 
+    game: the game; its R⁻¹B' defines the policy if none is given
     z: (n,), symbols
     outputs: "V", "gradient" (∂V/∂z) or "policy", or both "V" and "policy" -> expression
     origin: source of the critic
-    precision: precision of the numbers in its file
-    variants: possible misreading of the file -> function that returns the critic read in this way
+    precision: floating-point type of the numbers in the critic's file
+    variants: possible misreading of the file -> function that returns the critic for this reading
     """
     V = outputs.get("V")
     u = outputs.get("policy")
@@ -57,7 +58,10 @@ def from_functions(
 
 
 def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
-    """Return ∂expression/∂z at z = 0, (k, n), computed by one reverse sweep for each row."""
+    """Return ∂expression/∂z at z = 0, (k, n), for an expression with k entries.
+
+    Each row is one reverse-mode derivative.
+    """
     weights = type(z).sym("w", expression.numel())
     rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
     each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))

@@ -1,4 +1,4 @@
-"""Functions of the state and numbers written as formulas. No text is executed."""
+"""Conversion of formulas in text to CasADi expressions, without executing the text."""
 
 from __future__ import annotations
 
@@ -25,10 +25,12 @@ _LONGEST = 20_000
 
 
 def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
-    """Return the CasADi Function z (n,) -> functions of a list such as "x1**2, x1*x2, sin(alpha)".
+    """Return the CasADi Function z (n,) -> values of the functions listed in the text.
 
-    The list may contain numbers, x1 ... xn or the names of the states, + - * / **, and the
-    functions in `_FUNCTIONS`. Raises a BadInputError of one line that names anything else.
+    text: a list such as "x1**2, x1*x2, sin(alpha)". It may contain numbers, x1 ... xn, the names of
+    the states, + - * / **, and the functions in `_FUNCTIONS`. states: n names: names of the states
+
+    Raises BadInputError, with the unknown expression, for any other content.
     """
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}
@@ -48,7 +50,12 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
 def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
     """Return the CasADi expressions of a list of formulas.
 
-    known: the names of the symbols, for a message
+    text: formulas, separated by commas
+    symbols: name -> symbol
+    known: text with the permitted names, for an error message
+
+    Raises BadInputError for an unknown name or operation, and SyntaxError for text that is no
+    formula.
     """
     tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
     assert isinstance(tree, ast.Tuple)
@@ -56,7 +63,10 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 
 
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
-    """Return the CasADi expression of one node of the syntax tree."""
+    """Return the CasADi expression of one node of the syntax tree.
+
+    Raises BadInputError for an unknown name or operation; `known` lists the permitted names.
+    """
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             return ca.SX(float(number))

@@ -25,10 +25,10 @@ def from_weights(
     weights: W, (M,)
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
     constant: V(0)
-    precision: precision of the numbers in its file
+    precision: floating-point type of the numbers in the critic's file
 
-    Raises BadInputError when W has another length than the basis, or is complex, and when the
-    constant is not a finite number.
+    Raises BadInputError if W is complex or its length is not that of the basis, and if the constant
+    is not a finite number.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

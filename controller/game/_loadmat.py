@@ -1,8 +1,9 @@
-"""Child process of `array_file` that writes the entries of a .mat file to standard output, as .npz.
+"""Child process of `mat_file` that writes the entries of a .mat file to standard output, as .npz.
 
-A damaged file can crash or hang the process in which SciPy reads it. Arguments: the file, and the
-bytes that it may unpack to. The array "paths" is JSON with the names that lead to the arrays "0",
-"1" and so on.
+A damaged file can crash or hang the process in which SciPy reads it. The arguments are the file and
+the largest permitted size of its content in bytes. In the output, the arrays are named "0", "1" and
+so on. The array "paths" is JSON text with the name of each, preceded by the names of the structures
+that contain it.
 """
 
 from __future__ import annotations
@@ -26,9 +27,13 @@ _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32
 def leaves(
     value: Any, path: tuple[str, ...], largest: int
 ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Yield arrays of numbers and of text with their names; single structures field by field.
+    """Yield (names, array) for each array of numbers or text; names lead through nested structures.
 
-    Other values are omitted. Raises ValueError for a sparse matrix that is too large as a full one.
+    value: content of the file, or of a structure in it
+    path: names that lead to the value
+    largest: largest permitted size of a sparse matrix as a full one, bytes
+
+    Other values are omitted. Raises ValueError for a larger sparse matrix.
     """
     if isinstance(value, dict):
         for name, each in value.items():
@@ -52,7 +57,10 @@ def _is_text(cell: Any) -> bool:
 
 
 def main(path: str, largest: int) -> None:
-    """Read the file, then write all entries at once."""
+    """Read a .mat file and write its entries to standard output, as .npz.
+
+    Raises ValueError if they need more than `largest` bytes.
+    """
     warnings.simplefilter("ignore")
     try:
         import resource  # a small file can ask for any amount of memory

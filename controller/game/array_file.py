@@ -1,6 +1,6 @@
-"""Arrays by name from .json, .npz, .npy, .mat and .csv files, with one reader for each format.
+"""Reading of named arrays from .json, .npz, .npy, .mat and .csv files.
 
-The result is a mapping name -> value. A faulty file gives one line that names the fault.
+The result is a mapping name -> value. A faulty file raises a one-line error that names the fault.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Return name -> array of a file. A JSON value is unchanged, and a structure is a mapping.
+    """Return name -> array of a file. A structure is a mapping, and a JSON value is unchanged.
 
-    A .npy or .csv file is a matrix with the name of the file, W.npy or P.csv. A.csv is read with
-    B.csv and so on in its folder. A .npy file with any other name is stored under
-    `file_entries.UNKNOWN`. In .csv files a first row and a first column of words are names, with
-    units as in "speed [ft/s]". Raises a BadInputError that names the file.
+    A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv. With A.csv or A.npy,
+    the other matrices of the plant (B, ...) in the same folder are read as well. A .npy file with
+    any other name is stored under `file_entries.UNKNOWN`. In a .csv file, the first row and the
+    first column may contain names, with units as in "speed [ft/s]".
+
+    Raises BadInputError with the name of the file.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:

@@ -1,5 +1,4 @@
-"""Basis of a critic: monomials ψ(z), their gradient, and conversion between weights W and matrix
-P."""
+"""Bases of critics: monomials ψ(z), their gradients, and conversion between weights W and P."""
 
 from __future__ import annotations
 
@@ -25,9 +24,8 @@ PAPER_STATES = 6
 class Basis(Reported):
     """Basis ψ_m(z) = Π_i z_i^exponents[m, i] of V(z) = W'ψ(z) (paper Section 3.2).
 
-    name: its name
-    exponents: (M, n), nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by
-        row
+    name: name of the basis, as in `BASES` exponents: (M, n), nonnegative integers; the first
+    n(n+1)/2 rows belong to z_i z_j for i <= j, with j varying fastest
     """
 
     name: str
@@ -45,7 +43,7 @@ class Basis(Reported):
 
     @property
     def quadratic_size(self) -> int:
-        """Number of quadratic weights, n(n+1)/2; they come first."""
+        """Number of quadratic monomials, n(n+1)/2. They are the first of the basis."""
         return self.states * (self.states + 1) // 2
 
     @cached_property
@@ -54,7 +52,11 @@ class Basis(Reported):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states of each monomial, (M, most), and their powers, padded with 0."""
+        """Return the indices of the states in each monomial and their powers, (M, k) each.
+
+        k is the largest number of states in a monomial. Monomials with fewer states are padded with
+        powers of 0.
+        """
         most = int(np.count_nonzero(self.exponents, axis=1).max())
         factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
         return factors, np.take_along_axis(self.exponents, factors, axis=1)
@@ -77,13 +79,17 @@ class Basis(Reported):
         return slopes
 
     def matrix(self, weights: np.ndarray) -> np.ndarray:
-        """Return P of the quadratic part z'Pz of W'ψ(z), (n, n) symmetric: P_ii = W, P_ij = W/2."""
+        """Return the symmetric P (n, n) of the quadratic part z'Pz of W'ψ(z).
+
+        P_ii is the weight of z_i². P_ij is half the weight of z_i z_j.
+        """
         P = np.zeros((self.states, self.states))
         P[self._upper] = 0.5 * np.asarray(weights)[: self.quadratic_size]
         return P + P.T
 
     def weights(self, P: np.ndarray) -> np.ndarray:
-        """Return W with W'ψ(z) = z'Pz, (M,); weights of terms that are not quadratic are 0.
+        """Return the weights W (M,) with W'ψ(z) = z'Pz. Weights of terms that are not quadratic are
+        0.
 
         P: (n, n), symmetric
         """
@@ -92,9 +98,11 @@ class Basis(Reported):
         return weights
 
     def scaling(self, scales: np.ndarray) -> np.ndarray:
-        """Return s with ψ(diag(scales) y) = s * ψ(y), (M,).
+        """Return the factors s (M,) with ψ(diag(scales) y) = s * ψ(y).
 
-        Weights in the coordinates y = z / scales are s * W.
+        If W are the weights in z, the weights in the coordinates y = z / scales are s * W.
+
+        scales: (n,)
         """
         return np.prod(np.asarray(scales, dtype=float) ** self.exponents, axis=-1)
 
@@ -103,11 +111,11 @@ class Basis(Reported):
 def basis(name: str, states: int) -> Basis:
     """Return the basis with this name for a number of states.
 
-    "quadratic" contains z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear" adds z_i,
-    "quadratic+quartic" adds z_i⁴. "paper" has M = 25 functions of the paper's six states: the
+    "quadratic" contains z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear" adds z_i, and
+    "quadratic+quartic" adds z_i⁴. "paper" has M = 25 functions of the paper's six states: 21
     quadratic ones and four fourth powers (`PAPER_QUARTIC_CHANNELS`, our assumption).
 
-    Raises BadInputError for an unknown name, and for "paper" with another number of states.
+    Raises BadInputError for an unknown name, for no state, and for "paper" without six states.
 
     >>> from controller import basis
     >>> basis("quadratic", 6).size
@@ -124,7 +132,10 @@ def basis(name: str, states: int) -> Basis:
 
 
 def _paper(states: int) -> np.ndarray:
-    """Return the exponents (4, 6) of the fourth powers of the paper's states."""
+    """Return the exponents (4, 6) of the fourth powers in the basis "paper".
+
+    Raises BadInputError if the plant does not have six states.
+    """
     if states != PAPER_STATES:
         raise BadInputError(
             f"basis 'paper' is for {PAPER_STATES} states, not {states}; choose 'quadratic'"

@@ -1,4 +1,4 @@
-"""Matrices in .csv files, one in each file, with optional names and units."""
+"""Matrices from .csv files: one matrix per file, with optional names and units."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,
 
 
 def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
-    """Return the matrix of each file by its name, and the names and units of states and inputs.
+    """Return name -> matrix of each file, and the names and units of states and inputs.
 
-    Names and units are omitted where the files have none. Raises a ValueError that names the fault.
+    The names are stored as "states" and "inputs", the units as "state_units" and "input_units".
+    Each is omitted if the files do not contain it. Raises ValueError that names the fault.
+
+    files: name of the matrix -> file
     """
     sides: dict[str, list[list[str]]] = {}
     matrices = {}
@@ -29,14 +32,16 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return the matrix in a .csv file, and the names of its rows and columns, [] without names.
+    """Return the matrix in a .csv file, the names of its rows and the names of its columns.
 
-    A first row without a number contains names of columns, a first column without a number names of
-    rows. Raises ValueError for rows of different lengths, for a file without rows, and for a cell
-    that is not a number.
+    A first row without a number contains the names of the columns. A first column without a number
+    contains the names of the rows. A list of names is empty if the file has none.
 
     name: name of the matrix in messages
     path: the file
+
+    Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell that
+    is not a number.
     """
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
@@ -62,9 +67,11 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Return names and units of states, from A, and of inputs, from B.
+    """Return the names and units of the states, from A, and of the inputs, from B.
 
-    Raises ValueError where the states are in another order.
+    Raises ValueError if another matrix names the states in another order.
+
+    sides: matrix -> names of its rows and of its columns
     """
     parts = {
         name: [

@@ -1,4 +1,4 @@
-"""Entries of users' files of plants and critics: texts, names and units."""
+"""Texts, names and units in plant files and critic files."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ UNKNOWN = "the array"
 
 
 def found_in(stored: Mapping[str, Any]) -> str:
-    """Return the names in a file, for a message."""
+    """Return text that lists the names in a file, " (found: A, B)", for the end of a message."""
     if not stored:
         return " (the file is empty)"
     return f" (found: {shortened(', '.join(sorted(stored)), 200)})"
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the texts of an entry, or () for any other content.
+    """Return the texts of an entry, or () if the entry is missing or contains anything but text.
 
-    Raises BadInputError for control characters.
+    Raises BadInputError for characters that cannot be printed.
     """
     # As objects: rows of JSON may differ in length.
     entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
@@ -40,11 +40,11 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
 
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """Return s with x_file = s x, (n,), from the entry `state_units`.
+    """Return the factors s (n,) from the plant's state x to the file's state s x.
 
-    It is 1 where the file or the plant has no units. Raises BadInputError for units that are
-    neither the plant's nor their SI or English equivalents, and where `states` or `inputs` of the
-    file are the plant's in another order.
+    The units are compared by the entry `state_units`. A factor is 1 if the unit of the state is
+    unknown in the file or in the plant. Raises BadInputError for units that cannot be converted,
+    and if the file's `states` or `inputs` are those of the plant in another order.
     """
     for key in ("states", "inputs"):
         in_file = words(stored, key)

@@ -15,7 +15,10 @@ _MOST = 12
 
 
 def game_report(game: Game) -> Report:
-    """Return the report of the matrices, with the names of their rows and columns."""
+    """Return a report with the matrices of the game; rows and columns are named.
+
+    Matrices with more than `_MOST` rows or columns are omitted from the text.
+    """
     states = game.names.states
     inputs = game.names.inputs
     disturbances = numbered("d", game.E.shape[1])

@@ -1,4 +1,4 @@
-"""Games on a linear model, with weights given by name or as matrices."""
+"""Games on a linear model, with weights given as matrices or by signal name."""
 
 from __future__ import annotations
 
@@ -25,17 +25,15 @@ def game(
 ) -> Game:
     """Return the game J = ∫ z'Qz + u'Ru - δ² d'd dt, z' = A z + B u + E d, on a linear model.
 
-    The game has the names and units of the model.
+    The game keeps the names and units of the model.
 
-    linear: the linear model, with A and B
-    Q: (n, n), or its diagonal, (n,), or state -> weight, 0 for other states; by default
-        diag(1/nominal²)
-    R: (m, m), or its diagonal, (m,), or input -> weight, for every input; by default
-        diag(1/nominal²)
-    delta: > 0, or inf for LQR, without a disturbance
-    E: (n, k), disturbance matrix; by default that of the model's disturbances, else the identity
+    linear: the linear model, with A and B Q: (n, n), or its diagonal, (n,), or state -> weight,
+    with 0 for all other states; by default diag(1/nominal²) R: (m, m), or its diagonal, (m,), or
+    input -> weight, for every input; by default diag(1/nominal²) delta: > 0; inf for LQR, without a
+    disturbance E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or
+    the identity if it has none
 
-    Raises BadInputError when a name is unknown, a weight is missing, or a matrix does not fit.
+    Raises BadInputError if a name is unknown, a weight is missing, or a matrix has a wrong shape.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -57,7 +55,15 @@ def game(
 
 
 def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
-    """Return the weights of states or inputs as a matrix, by default diag(1/nominal²)."""
+    """Return Q or R as a matrix, diag(1/nominal²) if none is given.
+
+    matrix: "Q" or "R", for messages
+    given: a matrix, its diagonal, name -> weight, or None
+    names: names of the states or inputs
+
+    Raises BadInputError for an unknown name, a weight that is not a number, or an input without a
+    weight.
+    """
     if given is None:
         return nominal_weights(linear.model, names)
     if not isinstance(given, Mapping):

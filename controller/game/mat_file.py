@@ -23,7 +23,7 @@ def structures(path: Path) -> dict[str, Any]:
     """Return name -> array of a .mat file; a structure is a mapping.
 
     SciPy reads the file in a child process, because a damaged file may crash or hang it. Raises
-    ValueError that names the fault.
+    ValueError if the file cannot be read in time, or at all.
     """
     command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
     try:
@@ -40,9 +40,10 @@ def structures(path: Path) -> dict[str, Any]:
 
 
 def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Return name -> array, or a mapping for a structure.
+    """Return name -> array, with a mapping for each structure.
 
     arrays: the arrays "0", "1", ..., and the JSON text "paths" with the names that lead to each
+    array
     """
     entries: dict[str, Any] = {}
     for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):

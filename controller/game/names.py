@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 class PlantNames(NamedTuple):
-    """Names and units of a plant's states and inputs, or () where not known.
+    """Names and units of a plant's states and inputs. Unknown ones are ().
 
     states: n names
     inputs: m names
-    state_units: n units, "" where one is not known
-    input_units: m units, "" where one is not known
-    origin: name of the plant in a title
+    state_units: n units, with "" for an unknown unit
+    input_units: m units, with "" for an unknown unit
+    origin: name of the plant in the title of a report
     """
 
     states: tuple[str, ...] = ()
@@ -28,10 +28,10 @@ class PlantNames(NamedTuple):
     origin: str = "the plant"
 
     def completed(self, n: int, m: int) -> PlantNames:
-        """Return the names of n states and m inputs, with x1, x2, ..., u1, ... and "" where
-        unknown.
+        """Return names and units for n states and m inputs.
 
-        Raises BadInputError where the numbers of names differ from n and m.
+        Unknown states are named x1, x2, ..., unknown inputs u1, u2, ..., and unknown units are "".
+        Raises BadInputError if known names or units are not as many as the states or inputs.
         """
         return PlantNames(
             _as_many("states", self.states, numbered("x", n)),
@@ -43,8 +43,10 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the texts, or the default ones without texts. Raises BadInputError for a wrong
-    number."""
+    """Return the texts, or `usual` if there are none.
+
+    Raises BadInputError, which names the entry `key`, if the two differ in number.
+    """
     if not texts:
         return usual
     if len(texts) != len(usual):
@@ -56,6 +58,9 @@ UNNAMED = PlantNames()
 
 
 def names_of_linear(linear: LinearModel) -> PlantNames:
-    """Return the names and units of a linear model's states and inputs, and its condition."""
+    """Return the names and units of a linear model's states and inputs.
+
+    Their origin names the model and its flight condition.
+    """
     origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
     return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

@@ -1,6 +1,6 @@
-"""Files with one matrix each, named after the matrix: .npy and .csv.
+"""Files with one matrix each, .npy and .csv, named after the matrix.
 
-The files of a plant are in one folder.
+All files of a plant are in one folder.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ CRITIC = ("W", "P", "K", "weights")
 
 
 def matrices(path: Path) -> dict[str, Any]:
-    """Return name -> matrix of a file and of the files that belong to it.
+    """Return name -> matrix of a file and, for A, of the plant's other files in the same folder.
 
-    A .csv file also gives names and units. A .npy file with a name of neither a plant nor a critic
-    is stored under `UNKNOWN`.
+    The result of a .csv file also contains names and units. A .npy file that is not named after a
+    matrix of a plant or critic is stored under `UNKNOWN`.
     """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))
@@ -36,7 +36,11 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Return name -> file of `path` and, for A, of the plant's other matrices in its folder."""
+    """Return name -> file for `path` and, if it contains A, for the plant's other files in its
+    folder.
+
+    Raises ValueError if the file is not named after a matrix.
+    """
     if path.stem not in (*PLANT[:1], *CRITIC):
         called = "a .csv holds one matrix and is named after it: A and B in one folder, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")

@@ -8,7 +8,7 @@ import numpy as np
 def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
     """Return the first time, s, from which all sizes are within the limit.
 
-    The result is inf when the last one is not.
+    The result is inf if the last size exceeds the limit.
 
     times: (N,), s
     sizes: (N,)

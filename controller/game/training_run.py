@@ -1,4 +1,4 @@
-"""Results of learners: weights over time and the rank of the data, without a judgment."""
+"""Results of learners: weights over time and the rank of the data. They contain no verdict."""
 
 from __future__ import annotations
 
@@ -27,17 +27,13 @@ _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
 
 @dataclass(frozen=True)
 class Excitation(Result):
-    """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 +
-    σ'σ).
+    """Excitation of recorded data: Σ = Σ_j σ̄_j σ̄_j', σ̄ = σ / sqrt(1 + σ'σ) (paper Assumption 1).
 
-    rank: rank of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says
-        why), singular values below `recording.RANK_TOLERANCE` times the largest counting as 0
-    size: M
-    samples: N_h
-    smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0)
-    condition: largest singular value over smallest of that matrix
-    rounding: effect of rounding alone on a smallest eigenvalue of 0, (N_h ε)² times the largest
-        eigenvalue of Σ
+    rank: rank of the (N_h, M) matrix with the rows ψ(z_j)/|ψ(z_j)|; singular values below
+    `recording.RANK_TOLERANCE` times the largest count as 0 size: M samples: N_h
+    smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0) condition: ratio of the largest to the
+    smallest singular value of the same matrix rounding: value that rounding alone can give to a
+    smallest eigenvalue of 0: (N_h ε)² times the largest eigenvalue of Σ
     """
 
     rank: int
@@ -50,23 +46,15 @@ class Excitation(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingRun(Result, Reported):
-    """The training run of one learner on one game.
+    """Training run of one learner on one game.
 
-    law: the name of the learner
-    basis: the name of the basis ψ
-    time: (N,), s
-    weights: (N, M), W with V = W'ψ(z), in the units of the model
-    residual_norm: (N,), Bellman residual of the game over the stack, |e| / |z'Qz|
-    law_residual_norm: (N,), the residual that the learner itself drives to zero at that time, in
-        its own normalization and stage
-    settling_residual: (N,), |e| over the size of the terms that cancel in it
-    K: (m, n), the gain of the last weights
-    excitation: the rank of the data
-    settings: settings of the learner
-    seed: seed of the data
-    diagnostics: further numbers by name
-    names: names of the states and inputs of the game
-    clock: the unit of `time`: s, or iterations
+    law: name of the learner basis: name of the basis ψ time: (N,), s weights: (N, M), W with V =
+    W'ψ(z), in the units of the model residual_norm: (N,), Bellman residual of the game on the
+    recorded data, |e| / |z'Qz| law_residual_norm: (N,), residual that the learner minimizes at each
+    time, with the learner's own normalization and stage settling_residual: (N,), |e| divided by the
+    magnitude of the terms that cancel in it K: (m, n), gain of the last weights excitation: rank of
+    the data settings: settings of the learner seed: seed of the data diagnostics: name -> further
+    number names: names of the states and inputs of the game clock: unit of `time`: s, or iterations
     """
 
     schema = "hfa.learning-result/1"
@@ -93,18 +81,18 @@ class TrainingRun(Result, Reported):
 
     @property
     def times(self) -> Vector:
-        """`time`, under its name in version 0.3."""
+        """Name of `time` in version 0.3."""
         return self.time
 
     def critic(self, game: Game) -> Critic:
-        """Return the critic of the last weights on a game."""
+        """Return the critic of the last weights for the given game."""
         from controller.critic.weights import from_weights
 
         return from_weights(game, self.weights[-1], self.basis)
 
     @property
     def P(self) -> Matrix:
-        """P of the quadratic part z'P z of the last weights, (n, n)."""
+        """Matrix P (n, n) of the quadratic part z'P z of the last value."""
         return basis(self.basis, self.K.shape[1]).matrix(self.weights[-1])
 
     @property
@@ -116,7 +104,7 @@ class TrainingRun(Result, Reported):
     def weight_units(self) -> list[str]:
         """Unit of each weight, for V without a unit: 1/((ft/s) (rad)).
 
-        The list is empty where the units of the states are unknown.
+        The list is empty if the units of the states are unknown.
         """
         state_units = self.names.state_units
         if not any(state_units):
@@ -131,21 +119,23 @@ class TrainingRun(Result, Reported):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the residual stays settled, s, or inf."""
+        """First time from which `settling_residual` remains below `SETTLED`, in units of `clock`,
+        or inf.
+        """
         return settled_at(self.time, self.settling_residual, SETTLED)
 
     @property
     def settled(self) -> bool:
         """True if the data determine the weights and the residual has settled.
 
-        A settled critic may be wrong. Only the judge, which uses A, decides.
+        A settled critic may be wrong. Only `check_critic`, which uses A, can decide.
         """
         has_rank = self.excitation.rank >= self.excitation.size
         return has_rank and math.isfinite(self.settling_time)
 
     @property
     def outcome(self) -> str:
-        """ "settled", or the reason for not being settled."""
+        """"settled", or a sentence with the reason why the run has not settled."""
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not math.isfinite(self.settling_time):
@@ -154,11 +144,11 @@ class TrainingRun(Result, Reported):
         return "settled"
 
     def report(self, *, history: bool = False) -> Report:
-        """Return the report of the outcome, the data, P and K.
+        """Return a report with the outcome, the rank of the data, P and K.
 
-        The data contain the last weights as `W`, which `hfa verify --weights` reads.
+        The data of the report contain the last weights as `W`, which `hfa verify --weights` reads.
 
-        history: whether the data also contain all rows over time
+        history: whether the data also contain the weights and residuals at all times
         """
         m, n = self.K.shape
         names = self.names.completed(n, m)
@@ -189,7 +179,9 @@ class TrainingRun(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """Return one row for each recorded tick: time, residuals, weights."""
+        """Return a table with the time, the residuals and the weights, one row for each recorded
+        time.
+        """
         columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
         units = self.weight_units
         if units:

@@ -1,4 +1,4 @@
-"""Plants in users' files: matrices, names and units."""
+"""Reading of plant files: matrices, names and units."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 
 @dataclass(frozen=True)
 class Defaults:
-    """Defaults for entries of a game that its file does not have.
+    """Defaults for the entries that are missing in a game's file.
 
-    values: E, Q, R, delta -> default, where there is one
-    words: by the same keys, the source of the default for a note: "as in the paper"
+    values: E, Q, R, delta -> default; entries without a default are omitted
+    words: same keys -> source of the default, for a note: "as in the paper"
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -39,14 +39,12 @@ class Defaults:
 
 
 class StoredGame(NamedTuple):
-    """Game in a file, with notes.
+    """Game read from a file, with notes.
 
-    notes: unused entries, and defaults that were used
-    provenance: origin of the plant in the file: entry -> text
-    discrete: for a plant in discrete time the game with the step `game`, made by its package; else
-        None
-    has_time: whether the file states continuous or discrete time
-    stated: names of the entries A, B, E, Q, R and delta in the file
+    notes: unused entries, and defaults that were used provenance: entry -> text on the origin of
+    the plant, as stored in the file discrete: for a plant in discrete time, the discrete-time game
+    whose step is `game`; otherwise None has_time: True if the file declares continuous or discrete
+    time stated: names of the entries A, B, E, Q, R and delta that the file contains
     """
 
     game: Game
@@ -58,7 +56,7 @@ class StoredGame(NamedTuple):
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return no defaults, for a plant of unknown kind."""
+    """Return empty defaults, for a plant about which nothing else is known."""
     return Defaults()
 
 
@@ -71,15 +69,17 @@ def stored_game(
 ) -> StoredGame:
     """Return the game of the plant in a file with A, B, Q, R and optionally E and delta.
 
-    found: entries already read by `read_arrays`
-    defaults: (parts, names) -> defaults for missing entries
-    changes: Q, R, delta in place of those of the file, where not None
+    found: entries already read by `read_arrays`; otherwise the file is read
+    defaults: (entries, names) -> defaults for missing entries
+    changes: Q, R, delta that replace the entries of the file, where not None
 
     An argument overrides the file, and the file overrides the defaults. Without any of them, E is
-    the identity and delta is inf (no disturbance: the linear quadratic regulator). A structure with
-    A and B is read where the top level of the file has neither. With time = "discrete" the plant is
-    a step of a game in discrete time, with `discount` and cross weights `N` where the file has
-    them. Raises a BadInputError that names the file.
+    the identity and delta is inf (no disturbance: the linear quadratic regulator). If A and B are
+    not at the top level, they are read from the only structure that contains both. With time =
+    "discrete" the game is in discrete time, with the optional entries `discount` and `N` (cross
+    weights).
+
+    Raises BadInputError with the name of the file.
     """
     contents = read_arrays(path) if found is None else found
     with said_of(path):
@@ -112,19 +112,18 @@ def stored_game(
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
-    """Return whether a file, or a structure in it, has these entries."""
+    """Return whether a file, or one structure in it, contains all these entries."""
     structures = [found, *(value for value in found.values() if isinstance(value, dict))]
     return any(set(names) <= set(structure) for structure in structures)
 
 
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return the entries of a plant by the names of this project, and notes on them.
+    """Return the entries of a plant under this project's names, and notes for the user.
 
-    found: arrays read by `read_arrays`
-    needed: entries that the plant must have. If the file lacks them but one of its structures
-        contains all, the entries of the structure are returned.
+    found: arrays read by `read_arrays` needed: required entries; if the file has none of them, they
+    are read from the only structure that contains all
 
-    Raises BadInputError where python-control's `dt` indicates discrete time.
+    Raises BadInputError if the entry `dt` of python-control denotes discrete time.
     """
     notes: list[str] = []
     if not needed & set(found):
@@ -149,7 +148,10 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Return whether a plant declares time = "discrete". Raises BadInputError for another word."""
+    """Return whether the file of a plant contains time = "discrete".
+
+    Raises BadInputError if `time` is neither "discrete" nor "continuous".
+    """
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
         raise BadInputError(f'time is {shortened(time[0])}; it must be "continuous" or "discrete"')
@@ -157,7 +159,10 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
 
 
 def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
-    """Return the game in discrete time of which this is a step, or None in continuous time."""
+    """Return the discrete-time game whose step is `game`, or None in continuous time.
+
+    Raises BadInputError if a plant in continuous time has entries for discrete time.
+    """
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
@@ -189,9 +194,9 @@ def one_number(name: str, value: Any) -> float:
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """Return a note that names the unused entries, or [] without any.
+    """Return a list with one note on the unused entries of the file, or [] if all are used.
 
-    Files of this project, whose `schema` begins with "hfa.", have further entries and get no note.
+    Files that this project wrote (`schema` begins with "hfa.") get no note.
     """
     schema = words(stored, "schema")
     if schema and schema[0].startswith("hfa."):
@@ -207,7 +212,10 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
-    """Return the names and units in a file, and append a note where their number is wrong."""
+    """Return the names and units in a file.
+
+    An entry with a wrong number of texts is ignored, with a note appended to `notes`.
+    """
     names: dict[str, tuple[str, ...]] = {}
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
         texts = words(stored, key)
@@ -224,7 +232,10 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
-    """Return the game, completed by defaults, for which notes are appended."""
+    """Return the game, with defaults for the missing entries, and append a note that lists them.
+
+    Raises BadInputError if Q or R is missing and has no default.
+    """
     n, m = parts["B"].shape
     values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
     described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
@@ -242,9 +253,10 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Return the texts of the provenance in a file.
+    """Return the texts on the origin of the plant in a file: name -> text.
 
-    It is a structure in JSON and .mat, and entries `provenance.version` and so on in .npz.
+    JSON and .mat files store them as the structure `provenance`, and .npz files as
+    `provenance.version` and so on.
     """
     block = stored.get("provenance", {})
     entries = dict(block) if isinstance(block, dict) else {}

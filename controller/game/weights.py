@@ -1,4 +1,4 @@
-"""Default weights of a game, and the report of weights in one line."""
+"""Default weights of a game, and one-line text of weights."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ _SHOWN = 40
 
 
 def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
-    """Return diag(1/nominal²) of states or inputs; a deviation of nominal size then costs 1."""
+    """Return diag(1/nominal²) for these states or inputs.
+
+    With these weights, the cost rate of a deviation of nominal size is 1.
+    """
     return np.diag([model.signals[name].nominal ** -2.0 for name in names])
 
 
 def weights_line(
     Q: np.ndarray, R: np.ndarray, delta: float, whose: Mapping[str, str] | None = None
 ) -> str:
-    """Return the weights as a line: "Q diag(1, 2) (given), R diag(1) (default), delta inf
+    """Return the weights as one line: "Q diag(1, 2) (given), R diag(1) (default), delta inf
     (default)".
 
-    whose: "Q", "R", "delta" -> source, or None for a game given as a whole
+    whose: "Q", "R", "delta" -> source; None if all weights were given with the game
     """
     texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
     whose = whose or dict.fromkeys(texts, "of the game")
@@ -31,7 +34,10 @@ def weights_line(
 
 
 def _matrix_text(matrix: np.ndarray) -> str:
-    """Return a matrix on one line: "diag(1, 2)" for a diagonal matrix."""
+    """Return a matrix as one line: "diag(1, 2)" or "[1 0; 3 2]".
+
+    A matrix with more than `_SHOWN` entries is summarized by their number and range.
+    """
     diagonal = np.diag(matrix)
     is_diagonal = np.array_equal(matrix, np.diag(diagonal))
     shown = diagonal if is_diagonal else matrix

@@ -1,4 +1,4 @@
-"""Zero-sum games on a linear model: costs, and policies implied by a value."""
+"""Zero-sum games on a linear model: the cost, and the policies that follow from a value."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ SEMIDEFINITE = 1e-12
 class Game(ByValue, Reported):
     """Zero-sum game J = ∫ z'Qz + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
 
-    u minimizes and d maximizes J.
+    The input u minimizes J, and the disturbance d maximizes J.
 
     A: (n, n)
     B: (n, m)
     E: (n, k), disturbance matrix; by default the identity, as in the paper
     Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
     R: (m, m), symmetric positive definite; or its diagonal, (m,)
-    delta: > 0; by default inf: no disturbance, LQR
-    names: names of the states and inputs, for reports; by default x1, x2, ... and u1, u2, ...
+    delta: δ > 0; by default inf (LQR without a disturbance)
+    names: names of the states and inputs in reports; by default x1, x2, ... and u1, u2, ...
 
-    Raises BadInputError when a shape, a sign or a number is wrong.
+    Raises BadInputError if a matrix has a wrong shape, is not definite as required, or contains a
+    number that is not finite or is too large.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -70,7 +71,7 @@ class Game(ByValue, Reported):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check all fields once, so that no solver has to."""
+        """Check all fields, so that solvers need not, and replace diagonals by matrices."""
         if self.Q is None or self.R is None:
             raise BadInputError("Q or R is missing; give both, each as a matrix or as its diagonal")
         if self.E is None:
@@ -97,11 +98,11 @@ class Game(ByValue, Reported):
         object.__setattr__(self, "names", self.names.completed(n, m))
 
     def __hash__(self) -> int:
-        """Return a hash of a few numbers, equal for equal games."""
+        """Return a hash of the sums of A, Q and R and of delta. Equal games have equal hashes."""
         return hash((*map(np.sum, (self.A, self.Q, self.R)), self.delta))
 
     def report(self) -> Report:
-        """Return the report of the matrices, with the names of their rows and columns."""
+        """Return a report with the matrices of the game; rows and columns are named."""
         from controller.game.game_report import game_report
 
         return game_report(self)
@@ -113,12 +114,12 @@ class Game(ByValue, Reported):
 
     @cached_property
     def S_control(self) -> np.ndarray:
-        """B R⁻¹ B', (n, n), the quadratic term of the control."""
+        """B R⁻¹ B', (n, n), the term of the control in S."""
         return self.B @ self.R_inverse_B_transposed
 
     @cached_property
     def S_disturbance(self) -> np.ndarray:
-        """E E', (n, n), the quadratic term of the disturbance without the factor δ⁻²."""
+        """E E', (n, n), the term of the disturbance in S without the factor δ⁻²."""
         return self.E @ self.E.T
 
     @cached_property
@@ -127,12 +128,14 @@ class Game(ByValue, Reported):
         return self.S_control - self.S_disturbance / self.delta**2
 
     def gain(self, P: np.ndarray) -> np.ndarray:
-        """Return K = R⁻¹ B' P, (m, n); the policy of the value z'Pz is u = -K z."""
+        """Return K = R⁻¹ B' P, (m, n). The policy that follows from the value z'Pz is u = -K z."""
         return self.R_inverse_B_transposed @ P
 
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
-        """Return K as floats. Raises BadInputError for another shape than that of B', or complex
-        numbers."""
+        """Return K as an array of floats.
+
+        Raises BadInputError if K is not m x n or is complex.
+        """
         K = numbers_in("K", K)
         n, m = self.B.shape
         if K.shape != (m, n):
@@ -144,21 +147,22 @@ class Game(ByValue, Reported):
         return K
 
     def disturbance_gain(self, P: np.ndarray) -> np.ndarray:
-        """Return L = δ⁻² E' P, (k, n); the worst disturbance for the value z'Pz is d = L z."""
+        """Return L = δ⁻² E' P, (k, n). The worst disturbance for the value z'Pz is d = L z."""
         return self.E.T @ P / self.delta**2
 
     def residual(self, P: np.ndarray) -> np.ndarray:
-        """Return A'P + P A + Q - P S P, (n, n), which is zero at a solution of the game Riccati
-        equation."""
+        """Return the residual A'P + P A + Q - P S P, (n, n), of the game's Riccati equation."""
         return self.A.T @ P + P @ self.A + self.Q - P @ self.S @ P
 
     def with_delta(self, delta: float) -> Game:
-        """Return the game with another disturbance weight."""
+        """Return a copy of the game with this delta."""
         return replace(self, delta=delta)
 
 
 def _with_diagonal(name: str, weights: Any) -> Any:
-    """Return the diagonal matrix (n, n) of a list of numbers, or any other value unchanged."""
+    """Return the diagonal matrix (n, n) of a one-dimensional list or array. Return other values
+    unchanged.
+    """
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
     else:
@@ -167,8 +171,15 @@ def _with_diagonal(name: str, weights: Any) -> Any:
 
 
 def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
-    """Return the value as a read-only array of floats. Raises BadInputError where it is not
-    numeric, not finite, or too large."""
+    """Return the value as a read-only array of floats.
+
+    name: name of the matrix in messages
+    largest: largest permitted magnitude of an entry
+    ndim: required number of dimensions, or None for any
+
+    Raises BadInputError if the value is not numeric, not finite, too large, or has other
+    dimensions.
+    """
     array = numbers_in(name, value)
     if ndim not in (None, array.ndim):
         raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
@@ -196,9 +207,10 @@ def _checked_delta(delta: float) -> float:
 
 
 def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """Raise BadInputError unless a matrix is symmetric and positive semidefinite.
+    """Raise BadInputError unless the matrix is symmetric and positive semidefinite (up to
+    rounding).
 
-    strictly: whether it must be positive definite by more than rounding
+    strictly: whether it must be positive definite (by more than rounding)
     """
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
@@ -218,27 +230,31 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
 
 
 def is_semidefinite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix (n, n) is positive semidefinite except for rounding.
+    """Return whether a symmetric matrix (n, n) is positive semidefinite up to rounding.
 
-    The decision does not depend on units. It is made where the diagonal is 1: there the rounding of
-    a sum of squares C'C is that of numbers of size 1, and weights of very different size cannot
-    hide a negative one.
+    The matrix is first scaled to a unit diagonal, so that the result does not depend on units.
+    Large weights cannot hide a small negative one, and the rounding of a sum of squares C'C is that
+    of numbers of size 1.
     """
     return least_scaled_eigenvalue(matrix) >= -SEMIDEFINITE
 
 
 def is_definite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix (n, n) is positive definite by more than rounding, in any
-    units."""
+    """Return whether a symmetric matrix (n, n) is positive definite by more than rounding.
+
+    The result does not depend on units.
+    """
     smallest_diagonal = np.diag(matrix).min(initial=np.inf)
     rounding = 10 * len(matrix) * np.finfo(float).eps
     return bool(smallest_diagonal >= 1.0 / LARGEST and least_scaled_eigenvalue(matrix) > rounding)
 
 
 def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
-    """Return the smallest eigenvalue of M_ij / sqrt(M_ii M_jj), without rows and columns of zeros.
+    """Return the smallest eigenvalue of M_ij / sqrt(M_ii M_jj), for a symmetric M without its zero
+    rows.
 
-    The result is -inf where a diagonal entry is negative, or is 0 in a nonzero row.
+    The result is 0 for a zero matrix. It is -inf if a diagonal entry is negative, or is 0 in a
+    nonzero row, or if the scaled matrix is not finite.
     """
     diagonal = np.diag(matrix)
     if (diagonal < 0.0).any():
@@ -256,5 +272,5 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
 
 
 def shape_text(shape: tuple[int, ...]) -> str:
-    """Return the shape as text, "5 x 6"."""
+    """Return a shape as text, (5, 6) as "5 x 6"."""
     return " x ".join(map(str, shape))

@@ -1,1 +1,2 @@
-"""Learning of critics from recorded data: the data, the laws and the runner of their ticks."""
+"""Learning of critics from recorded data: the data, the learning laws, and the loop that runs them.
+"""

@@ -1,4 +1,4 @@
-"""Bellman residual of every recorded sample as a function of the weights, in scaled coordinates."""
+"""Bellman residuals of recorded samples as functions of the weights, in scaled coordinates."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ MOST_REFINEMENTS = 20
 
 
 class PartialGame(NamedTuple):
-    """Auxiliary game on the way to the final one.
+    """Auxiliary game between the discounted LQ problem (share 0) and the final game (discount 0,
+    share 1).
 
     discount: β >= 0, 1/s
-    share: s in [0, 1], the share of the final 1/δ²
+    share: s in [0, 1], the fraction of the final 1/δ²
     """
 
     discount: float
@@ -34,7 +35,7 @@ GAME = PartialGame(0.0, 1.0)
 
 
 class Residuals(NamedTuple):
-    """Bellman residuals of a stack at given weights.
+    """Bellman residuals of the recorded samples for given weights.
 
     regressors: σ_j, (N_h, M)
     residuals: e_j, (N_h,)
@@ -47,27 +48,28 @@ class Residuals(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """|e| divided by the size of the terms that cancel in it."""
+        """Norm of the residuals divided by the norm of `size`."""
         return float(np.linalg.norm(self.residuals) / np.linalg.norm(self.size))
 
 
 @dataclass(frozen=True, eq=False)
 class StackEquations:
-    """Bellman residuals e_j(W) of a recorded stack, in the coordinates y = z / scales.
+    """Bellman residuals e_j(W) of recorded samples, in the coordinates y = z / scales.
 
-    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j,  σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j),
-    S_s = S_u - s S_d/δ².
+    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j
+    σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j)
+    S_s = S_u - s S_d/δ²
 
-    P is the quadratic part of W. Its extremal policies are u = -R⁻¹B'P z and d = s δ⁻²E'P z, so
-    that for a quadratic basis this is the paper's residual (Eq. 32-34) with policies re-evaluated
-    at the stored states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the discounted plant A -
-    βI. β = 0, s = 1 is the game itself.
+    P is the quadratic part of W. Its extremal policies are u = -R⁻¹B'P z and d = s δ⁻²E'P z. For a
+    quadratic basis this is the paper's residual (Eq. 32-34), with the policies evaluated again at
+    the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the discounted plant A - βI.
+    β = 0 and s = 1 give the game itself.
 
-    control: G, (n, m), with S_u = G G'. Where few inputs hold a large P in check, P S_u P is a
-        small difference of large numbers and |G'P z|² is not.
-    disturbance: (n, k), the root of S_d/δ²
-    drift_matrix: least-squares fit of F = A z to the stack, used only to test whether a policy
-        stabilizes
+    states, drifts: z_j and F_j, (N_h, n), scaled gradient: ∂ψ_j, (N_h, M, n) control: G, (n, m),
+    with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P is a small difference
+    of large numbers, but |G'P z|² is not. disturbance: (n, k), a square root of S_d/δ²
+    drift_matrix: A fitted to F = A z by least squares, used only to test whether a policy
+    stabilizes
     """
 
     basis: Basis
@@ -82,7 +84,13 @@ class StackEquations:
 
     @classmethod
     def build(cls, game: Game, basis: Basis, stack: Stack, scales: np.ndarray) -> StackEquations:
-        """Return the equations of a stack. Of the game only B, E, Q, R and δ are read, never A."""
+        """Return the equations of recorded samples of a game.
+
+        The equations contain B, E, Q, R and δ of the game, but not A.
+
+        stack: recorded states and drifts
+        scales: (n,), scales of the states
+        """
         states = stack.states / scales
         drifts = stack.drifts / scales
         outer = np.outer(scales, scales)
@@ -99,16 +107,17 @@ class StackEquations:
         )
 
     def excitation(self, weights: np.ndarray) -> Excitation:
-        """Return the richness of the stack at scaled weights (M,), with the policies of the
-        game."""
+        """Return the excitation of the samples for scaled weights (M,), under the policies of the
+        game.
+        """
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
-        """Return the regressors and residuals of all samples at scaled weights (M,).
+        """Return the regressors and residuals of all samples for scaled weights (M,).
 
-        The last result is cached, because a law uses the same weights several times a tick; so the
-        weights must not be changed in place.
+        The last result is cached, because a law uses the same weights several times per tick.
+        Therefore the weights must not be changed in place.
         """
         last_weights, last_problem, last_residuals = self._last
         if last_weights is weights and last_problem == problem:
@@ -125,7 +134,9 @@ class StackEquations:
 
     @cached_property
     def _last(self) -> list[Any]:
-        """Weights, problem and result of the last call of `at`."""
+        """Weights, problem and result of the last call of `at`, or three None before the first
+        call.
+        """
         return [None, None, None]
 
     @cached_property
@@ -136,7 +147,7 @@ class StackEquations:
     def _policies(
         self, half_gradient: np.ndarray, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the effect of both extremal policies on the state, and their cost.
+        """Return the effect of both extremal policies on the rate of the state, and their cost.
 
         They are S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,).
 
@@ -156,9 +167,10 @@ class StackEquations:
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return l and q, (N_h,) each, of the exact e_j(W - f N) = e_j(W) + f l_j + f² q_j.
+        """Return l and q, (N_h,) each, with e_j(W - f N) = e_j(W) + f l_j + f² q_j, without
+        approximation.
 
-        For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j).
+        For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j), with P_N the matrix of N.
 
         weights: W, scaled
         step: N
@@ -176,31 +188,34 @@ class StackEquations:
         return linear, quadratic
 
     def along(self, rates: np.ndarray) -> np.ndarray:
-        """Return the derivatives of ψ_j along given rates of the state, ∂ψ_j rates_j, (N_h, M).
+        """Return the rates of the basis functions, ∂ψ_j rates_j, (N_h, M).
 
-        rates: (N_h, n)
+        rates: rates of the state, (N_h, n)
         """
         product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
         return product
 
     def closed_loop_eigenvalues(self, weights: np.ndarray, problem: PartialGame) -> np.ndarray:
-        """Return the eigenvalues of A - βI - S_s P with A fitted to the stack, (n,), 1/s."""
+        """Return the eigenvalues of A - βI - S_s P, (n,), 1/s, with A fitted to the recorded
+        drifts.
+        """
         pushed, _ = self._policies(self.basis.matrix(weights), problem)
         return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 
     def margin(self, weights: np.ndarray, problem: PartialGame) -> float:
-        """Return the distance of the closed-loop eigenvalues from the imaginary axis, 1/s.
+        """Return the stability margin, the negative of the largest real part of the eigenvalues,
+        1/s.
 
-        It is positive for a stable loop.
+        It is positive for a stable closed loop.
         """
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 
     def scaled(self, weights: np.ndarray) -> np.ndarray:
-        """Return weights for y = z / scales from weights for the model's coordinates z."""
+        """Convert weights of the model's coordinates z to weights of y = z / scales."""
         return weights * self._scaling
 
     def unscaled(self, weights: np.ndarray) -> np.ndarray:
-        """Return weights for the model's coordinates z from weights for y = z / scales."""
+        """Convert weights of y = z / scales to weights of the model's coordinates z."""
         return weights / self._scaling
 
     @cached_property
@@ -208,15 +223,14 @@ class StackEquations:
         return self.basis.scaling(self.scales)
 
     def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
-        """Return the reported norms of the residual e of the game's Hamilton-Jacobi-Isaacs
+        """Return two relative norms of the residual e of the game's Hamilton-Jacobi-Isaacs
         equation.
 
         e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V with ∇V = ∂ψ'W (paper Eq. 33 with the extremal policies).
 
-        residual_norm: |e| divided by |z'Qz|
-        settling_residual: |e| divided by the size of the terms that cancel in e, in [0, 1]. It
-            decides whether a critic has settled, because relative to z'Qz alone rounding would
-            exceed the limit where Q is small compared with the value.
+        residual_norm: |e| divided by |z'Qz| settling_residual: |e| divided by the magnitude of the
+        terms that cancel in e, in [0, 1]. It decides whether a critic has settled. If Q is small
+        compared with the value, rounding alone would make `residual_norm` exceed the limit.
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts
@@ -231,26 +245,27 @@ class StackEquations:
 
 
 def _squares(rows: np.ndarray) -> np.ndarray:
-    """Return |row|² for each row."""
+    """Return the squared Euclidean norm of each row."""
     return np.asarray(np.einsum("ji,ji->j", rows, rows))
 
 
 def control_root(game: Game) -> np.ndarray:
-    """Return G with G G' = B R⁻¹B', (n, m)."""
+    """Return the square root G, (n, m), with G G' = B R⁻¹B'."""
     root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
     return root
 
 
 def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
-    """Return N with σ̄ N = ē in the least-squares sense, (M,); W - N is the full policy-iteration
-    step.
+    """Return the least-squares solution N, (M,), of σ̄ N = ē, with σ̄ = σ/n and ē = e/n.
 
-    σ̄ = σ/n and ē = e/n are solved by QR of (σ̄, ē) without dropping singular values. Near the
-    limit of stability σ̄ is nearly singular, and a pseudo-inverse with a tolerance would drop the
-    decisive direction. Raises numpy.linalg.LinAlgError when σ̄ is singular.
+    W - N is the full step of policy iteration. The equation is solved by QR of (σ̄, ē) without
+    dropping singular values: near the limit of stability σ̄ is nearly singular, and a
+    pseudo-inverse with a tolerance would drop the decisive direction.
 
     found: regressors σ and residuals e
     normaliser: n, (N_h,)
+
+    Raises numpy.linalg.LinAlgError if σ̄ is singular.
     """
     from scipy.linalg.lapack import dtrtrs
 
@@ -265,15 +280,16 @@ def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
 
 
 class Riccati(NamedTuple):
-    """Riccati equation A'P + PA + Q - PSP = 0 with S = G G' - D D', from recorded drifts.
+    """Riccati equation A'P + PA + Q - PSP = 0 with S = G G' - D D', and A fitted to recorded
+    drifts.
 
     A: (n, n), fitted to the drifts
     control: G, (n, m)
     disturbance: D, (n, k)
     Q: (n, n)
 
-    P S P is computed from its roots. Where few inputs stabilize a plant with a large P, S P is a
-    small difference of large numbers, unlike |G'P|.
+    P S P is computed from G'P and D'P. If a few inputs stabilize a plant with a large P, S P is a
+    small difference of large numbers, but G'P is not.
     """
 
     A: np.ndarray
@@ -288,11 +304,10 @@ class Riccati(NamedTuple):
         return self.A.T @ P + P @ self.A + self.Q - pushed @ pushed.T + disturbed @ disturbed.T
 
     def correction(self, P: np.ndarray) -> np.ndarray:
-        """Return N, (n, n), with (A - S P)'N + N (A - S P) = `residual`; P - N is the next policy
-        iteration.
+        """Return the Newton correction N, (n, n), with (A - S P)'N + N (A - S P) = `residual`.
 
-        It is the solution of n² linear equations. Raises numpy.linalg.LinAlgError when they are
-        singular.
+        P - N is the next iterate of policy iteration. N is computed from n² linear equations.
+        Raises numpy.linalg.LinAlgError if they are singular.
         """
         closed = (
             self.A
@@ -305,7 +320,10 @@ class Riccati(NamedTuple):
         return np.asarray(step + step.T) / 2.0
 
     def refined(self, P: np.ndarray) -> np.ndarray:
-        """Return P after corrections P <- P - N, repeated until they no longer halve (rounding)."""
+        """Return P after Newton corrections P <- P - N.
+
+        They end when a correction is not less than half of the last one (rounding).
+        """
         last = np.inf
         for _ in range(MOST_REFINEMENTS):
             try:

@@ -1,4 +1,4 @@
-"""Recorded stacks (z_j, F_j): their sources, the choice of samples, and their rank."""
+"""Recorded samples (z_j, F_j) of a plant: their generation, selection and rank."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Stack(Reported):
     drifts: F_j = z' - B u - E d, (N_h, n)
 
     F must not contain the reference forcing r(t) = A x_d - x_d', because the value z'Pz belongs to
-    F = A z alone. Raises BadInputError when the shapes differ or a number is not finite.
+    F = A z alone. Raises BadInputError if the shapes differ or a number is not finite.
     """
 
     how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
@@ -40,7 +40,10 @@ class Stack(Reported):
     drifts: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check both arrays and make them read-only."""
+        """Check both arrays and make them read-only.
+
+        Raises BadInputError if the shapes differ or a number is not finite.
+        """
         for name in ("states", "drifts"):
             object.__setattr__(
                 self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST)
@@ -57,15 +60,15 @@ class Stack(Reported):
         return int(self.states.shape[0])
 
     def drift_fit(self) -> np.ndarray:
-        """Return Â with F = Â z in the least-squares sense, (n, n)."""
+        """Return the least-squares fit Â (n, n) of F = Â z."""
         fit: np.ndarray = np.linalg.lstsq(self.states, self.drifts, rcond=None)[0].T
         return fit
 
     def linear(self) -> tuple[Stack, float]:
-        """Return the stack with the drifts Â z_j, and the misfit |F - Â z| / |F|.
+        """Return the samples with the drifts Â z_j, and the misfit |F - Â z| / |F|.
 
-        The misfit is rounding when the drifts are exact; otherwise it has the size of the noise or
-        of a reference forcing.
+        For exact drifts the misfit is of the order of rounding. Otherwise it has the size of the
+        noise or of a reference forcing.
         """
         fitted = self.states @ self.drift_fit().T
         size = float(np.linalg.norm(self.drifts))
@@ -73,9 +76,9 @@ class Stack(Reported):
         return Stack(self.states, fitted), misfit
 
     def channel_scales(self) -> np.ndarray:
-        """Return the root mean square of each state, (n,), the scales of the learning laws.
+        """Return the root mean square of each state, (n,), used as its scale.
 
-        Raises BadInputError when a state is zero in every sample, because its effect cannot be
+        Raises BadInputError if a state is zero in every sample, because its effect cannot be
         learned.
         """
         scales = np.sqrt(np.mean(self.states**2, axis=0))
@@ -88,9 +91,10 @@ class Stack(Reported):
 
 @checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
-    """Return the stack F_j = A z_j of a game at given states (N, n), without noise.
+    """Return the samples (z_j, A z_j) of a game at the given states (N, n), without noise.
 
-    Raises BadInputError for states of another shape."""
+    Raises BadInputError if the states are not (N, n).
+    """
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(
@@ -101,12 +105,14 @@ def record(game: Game, states: np.ndarray) -> Stack:
 
 @checks_arguments
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
-    """Return `count` states drawn uniformly from a box, with their drifts.
+    """Return `count` states drawn uniformly from a box, with their drifts A z.
 
     game: the game, with A
     count: number of states
     seed: the same seed gives the same states
-    half_widths: (n,), by default `natural_spread`
+    half_widths: half-widths of the box, (n,); by default `natural_spread`
+
+    Raises BadInputError if a half-width is not a positive number, or their number is not n.
 
     >>> import hfa
     >>> from controller import random_pool
@@ -131,10 +137,10 @@ def natural_spread(game: Game) -> np.ndarray:
     It is the square root of the diagonal of X with
 
         (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
-        β = max(abscissa of A, 0) + 10 % of the spectral radius.
+        β = max(largest real part of the eigenvalues of A, 0) + 10 % of the spectral radius.
 
-    It scales with the units of the states, so that the samples do not depend on the units. The
-    deviation of a state that no input or disturbance reaches is 1.
+    It changes with the units of the states, so that the choice of samples does not depend on them.
+    It is 1 for a state that no input or disturbance affects.
     """
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
@@ -149,16 +155,16 @@ def natural_spread(game: Game) -> np.ndarray:
 
 
 def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
-    """Return the `samples` most different rows of a pool.
+    """Return the `samples` samples of a pool that differ most from each other.
 
-    They are found by pivoted QR on the unit basis vectors ψ(z_j)/|ψ(z_j)|. Each sample has the
-    largest component outside the span of the samples before it. After M samples the next M are
-    chosen in the same way from the rest, and so on. All rows have length 1, so that the first row
-    left begins each round; rounding, which differs between processors, would otherwise decide.
-    Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
+    They are found by pivoted QR of the unit vectors ψ(z_j)/|ψ(z_j)|: each sample has the largest
+    component outside the span of the samples before it. After M samples, the next M are chosen in
+    the same way from the remaining ones, and so on. All vectors have length 1. Therefore a slightly
+    longer first vector begins each round; otherwise rounding, which differs between processors,
+    would decide. Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
 
-    Raises BadInputError when samples < M, when the pool is smaller, or when the rank of the chosen
-    rows is below M.
+    Raises BadInputError if `samples` is below M or above the size of the pool, or if the rank of
+    the chosen vectors is below M.
     """
     from scipy.linalg import qr
 
@@ -185,27 +191,26 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
 
 
 def unit_rows(matrix: np.ndarray) -> np.ndarray:
-    """Return each row divided by its length; a row of zeros is unchanged."""
+    """Return the matrix with each row divided by its Euclidean norm. Zero rows are unchanged."""
     lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
     return matrix / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def rank(rows: np.ndarray) -> int:
-    """Return the number of singular values above RANK_TOLERANCE times the largest."""
+    """Return the number of singular values above `RANK_TOLERANCE` times the largest."""
     values = np.linalg.svd(rows, compute_uv=False)
     return int(np.sum(values > RANK_TOLERANCE * values[0]))
 
 
 def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
-    """Return the richness of a stack.
+    """Return the excitation of recorded samples.
 
-    regressors: σ_j, (N_h, M). The eigenvalues are those of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ / sqrt(1
-        + σ'σ).
-    samples: ψ(z_j), (N_h, M). Rank and condition are those of unit rows of ψ.
+    regressors: σ_j, (N_h, M). The smallest eigenvalue is that of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ /
+    sqrt(1 + σ'σ). samples: ψ(z_j), (N_h, M). Rank and condition are computed from the rows ψ/|ψ|.
 
-    σ = L'ψ with L the Lyapunov operator of the closed loop, which is invertible for every
-    stabilizing policy. So the rank of the regressors equals that of ψ, which does not depend on
-    rounding when the closed loop is stiff.
+    σ = L'ψ, with L the Lyapunov operator of the closed loop, which is invertible for every
+    stabilizing policy. Therefore the regressors have the same rank as ψ. The rank of ψ is used
+    because rounding does not affect it when the closed loop is stiff.
     """
     rows = unit_rows(samples)
     count, size = rows.shape
@@ -224,7 +229,9 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
 
 
 def _singular_values(matrix: np.ndarray) -> np.ndarray:
-    """Return the M singular values of an (N_h, M) matrix, descending, and 0 beyond N_h."""
+    """Return M singular values of an (N_h, M) matrix, descending. If N_h < M, the last M - N_h are
+    0.
+    """
     values = np.zeros(matrix.shape[1])
     computed = np.linalg.svd(matrix, compute_uv=False)
     values[: len(computed)] = computed
@@ -232,9 +239,11 @@ def _singular_values(matrix: np.ndarray) -> np.ndarray:
 
 
 def refuse_poor(found: int, needed: int, what: str) -> None:
-    """Raise BadInputError unless the rank is full.
+    """Raise BadInputError if the rank `found` is below `needed`.
 
-    With a lower rank a small residual does not determine the weights.
+    With a lower rank, a small residual does not determine the weights.
+
+    what: name of the data in the message
     """
     if found < needed:
         raise BadInputError(

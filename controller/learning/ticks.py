@@ -1,4 +1,4 @@
-"""Runner of learners: ticks, history, progress and the resulting training run."""
+"""Loop that runs a learner tick by tick, with history, progress and the resulting training run."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ SILENCE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Finished run of ticks.
+    """Finished run of a learner.
 
     memory: memory after the last tick
-    history: name -> rows, (rows, ...)
+    history: name -> values at the recorded ticks, (rows, ...)
     """
 
     memory: Any
@@ -35,15 +35,17 @@ class Run:
 
 
 def run(learner: Any, *, progress: Progress | None = None) -> Run:
-    """Run all ticks of a learner, any object with the four members below.
+    """Run all ticks of a learner. Return its last memory and the history.
 
-    ticks: number of ticks
-    start(): returns the memory before the first tick, any object that is passed from tick to tick
-    advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), a pure
-        function
-    observe(tick, memory): returns the row after `tick` ticks (0 .. ticks), with "time", s, and
-        further values under constant names. "law_residual_norm", the residual that the learner
-        drives to zero, is shown as progress.
+    learner: any object with these four members:
+        ticks: number of ticks
+        start(): returns the memory before the first tick, any object
+        advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
+          side effects
+        observe(tick, memory): returns the row of the history after `tick` ticks (0 .. ticks):
+          "time", s, and further values, with the same names in each row. "law_residual_norm", the
+          residual that the learner minimizes, is printed as progress.
+    progress: called with (fraction done, 1, text)
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
@@ -72,6 +74,7 @@ def training_run(
 ) -> TrainingRun:
     """Return the training run of a finished history.
 
+    history: name -> values at the recorded ticks (`run`)
     rest: settings, seed, diagnostics
     """
     P = equations.basis.matrix(history["weights"][-1])
@@ -91,8 +94,7 @@ def training_run(
 
 
 def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
-    """Return a row of the history, with inf for an overflow; the learner itself reports its
-    failure."""
+    """Return a row of the history. A number that overflows is inf, without a warning."""
     with np.errstate(over="ignore", invalid="ignore"):
         return learner.observe(tick, memory)
 

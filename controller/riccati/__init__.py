@@ -1,1 +1,1 @@
-"""Exact solution of games, certified by two independent derivations."""
+"""Exact solutions of games, each certified by two independent derivations."""

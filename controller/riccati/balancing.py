@@ -1,5 +1,4 @@
-"""Balancing: matrices and games in units in which their entries have similar size, and
-eigenvalues."""
+"""Balancing of matrices and games, so that their entries have similar size, and eigenvalues."""
 
 from __future__ import annotations
 
@@ -20,9 +19,9 @@ MAYBE_ON_AXIS = 1e-6
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of a matrix M, sorted by real part, then imaginary part.
+    """Eigenvalues of a matrix M, sorted by real part, then by imaginary part.
 
-    balanced: M balanced by a diagonal similarity
+    balanced: M after balancing by a diagonal similarity transformation
     """
 
     eigenvalues: np.ndarray
@@ -34,23 +33,23 @@ class Spectrum(NamedTuple):
         return float(self.eigenvalues.real.max())
 
     def axis_distance(self) -> float:
-        """Relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, accurate to `SHARP` or
-        to rounding. This is the distance of M, relative to its norm, from the nearest matrix with
-        an eigenvalue on the imaginary axis.
+        """Relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M from the imaginary axis.
 
-        Unlike |Re λ| it does not mislead when an eigenvalue is badly conditioned. A double
-        eigenvalue on the axis is computed with |Re λ| of about 1e-8 ‖M‖, but its axis_distance is
-        of the order of rounding, 1e-16."""
+        It is the size of the smallest change of M, relative to its norm, that puts an eigenvalue on
+        the axis. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, it does not mislead for a
+        badly conditioned eigenvalue: a double eigenvalue on the axis is computed with |Re λ| of
+        about 1e-8 ‖M‖, but its distance is of the order of rounding, 1e-16.
+        """
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
-        """`axis_distance`, and the frequency ω >= 0 at which it is attained, rad/s.
+        """Return `axis_distance`, and the frequency ω >= 0 at which it is attained, rad/s.
 
-        The search begins at the imaginary parts of the eigenvalues that seem nearest. σ_min crosses
-        a level only where jω is an eigenvalue of [[M, -level I], [level I, -M']]; between two of
-        these frequencies it may be lower. Source: Byers, SIAM J. Scientific and Statistical
-        Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and Control Letters 15 (1990),
-        1-7.
+        The search begins at the imaginary parts of the eigenvalues nearest to the axis
+        (`_likely_frequencies`). σ_min crosses a level only where jω is an eigenvalue of [[M, -level
+        I], [level I, -M']]. Between two such frequencies it may be lower. Source: Byers, SIAM J.
+        Scientific and Statistical Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and
+        Control Letters 15 (1990), 1-7.
         """
         n = len(self.balanced)
         norm = float(np.linalg.norm(self.balanced, 2))
@@ -72,10 +71,11 @@ class Spectrum(NamedTuple):
         return distance / norm, frequency
 
     def _likely_frequencies(self) -> np.ndarray:
-        """Return the imaginary parts of the eigenvalues nearest to the axis, rad/s.
+        """Return the magnitudes of the imaginary parts of the eigenvalues nearest to the axis,
+        rad/s.
 
-        The distance is |Re λ| over the condition of λ, to first order. For few eigenvalues all are
-        returned.
+        To first order, the distance of λ is |Re λ| divided by its condition number. If there are at
+        most `FEW` magnitudes, all are returned.
         """
         if len(np.unique(np.abs(self.eigenvalues.imag))) <= FEW:
             return np.unique(np.abs(self.eigenvalues.imag))
@@ -85,7 +85,7 @@ class Spectrum(NamedTuple):
         return np.unique(np.abs(values.imag[nearest]))
 
     def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
-        """Return the least σ_min(M - jω I) over these frequencies, and its frequency."""
+        """Return the least σ_min(M - jω I) over these frequencies, and its frequency, rad/s."""
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
         index = int(np.argmin(smallest))
@@ -93,28 +93,33 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:
-    """Return the eigenvalues of a matrix (n, n), complex even where all are real."""
+    """Return the eigenvalues of a matrix (n, n), as complex numbers even if all are real."""
     scaled, _ = balanced(matrix)
     eigenvalues = np.linalg.eigvals(scaled).astype(complex)
     return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
 
 
 def is_hurwitz(matrix: np.ndarray) -> bool:
-    """Return whether every eigenvalue has a negative real part."""
+    """Return whether every eigenvalue of the matrix has a negative real part."""
     return spectrum(matrix).abscissa < 0.0
 
 
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return D⁻¹ M D, with rows and columns of similar size, and the diagonal of D, powers of two.
+    """Return D⁻¹ M D, with rows and columns of similar size, and the diagonal of D, (n,).
 
-    LAPACK is called directly, because SciPy's `matrix_balance` is ten times slower.
+    The diagonal consists of powers of two. LAPACK is called directly, because SciPy's
+    `matrix_balance` is ten times slower.
     """
     scaled, scalings = balanced_stack(matrix[None])
     return scaled[0], scalings[0]
 
 
 def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return `balanced` of each matrix (N, n, n), and the diagonals, (N, n)."""
+    """Return the balanced form D⁻¹ M D of each matrix M of (N, n, n), and the diagonals of D, (N,
+    n).
+
+    The diagonals consist of powers of two.
+    """
     from scipy.linalg.lapack import dgebal
 
     found = [dgebal(matrix, scale=1, permute=0) for matrix in np.asarray_chkfinite(matrices)]
@@ -122,23 +127,23 @@ def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Return [[A, -S], [-Q, -A']], (..., 2n, 2n)."""
+    """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (..., 2n, 2n)."""
     rows = [np.concatenate(row, axis=-1) for row in ([A, -S], [-Q, -A.mT])]
     return np.concatenate(rows, axis=-2)
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Return units u (..., n), powers of two, with which the Hamiltonian in y, z_i = u_i y_i, is
+    """Return units u (..., n) for which the Hamiltonian in the coordinates y, z_i = u_i y_i, is
     balanced.
 
     A: (..., n, n)
     S: (..., n, n)
     Q: (..., n, n)
 
-    Powers of two make the change of units free of rounding. The units follow from the game and not
-    from P, so that an entry of P that is zero up to rounding stays small. Without costs (Q = 0)
-    they make |S P| = |A|. Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J.
-    Sci. Comput. 22 (2001).
+    The units are powers of two, so that the change of units causes no rounding. They depend on the
+    game and not on P, so that an entry of P that is zero up to rounding remains small. Without a
+    cost (Q = 0) they make |S P| = |A|. Source: Benner, Symplectic balancing of Hamiltonian
+    matrices, SIAM J. Sci. Comput. 22 (2001).
     """
     n = A.shape[-1]
     matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)
@@ -156,11 +161,11 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 
 def largest(matrices: np.ndarray) -> np.ndarray:
-    """Return max |M_ij| of each matrix, (...)."""
+    """Return max |M_ij| of each matrix (..., n, m)."""
     return np.abs(matrices).max(axis=(-2, -1))
 
 
 def largest_or_1(matrices: np.ndarray) -> np.ndarray:
-    """Return the largest entry of each matrix, or 1 where all entries are 0."""
+    """Return max |M_ij| of each matrix, or 1 for a zero matrix."""
     sizes = largest(matrices)
     return np.where(sizes > 0.0, sizes, 1.0)

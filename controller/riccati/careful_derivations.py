@@ -1,6 +1,7 @@
-"""Solutions X of the Riccati equation of one normal form with as many digits as possible, untested.
+"""Accurate solutions X of the Riccati equation of one normal form, by the Schur form and by
+doubling.
 
-They are computed by the Schur form and by doubling.
+They are not tested here.
 """
 
 from __future__ import annotations
@@ -25,20 +26,21 @@ _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
 
 def by_schur(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, refined with twice the
-    digits.
+    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, refined in twice the
+    precision.
 
-    Raises NoSolutionError when the stable subspace does not exist or is not a graph. Source: Laub,
-    IEEE Trans. Automatic Control 24 (1979), 913-921.
+    Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, or V1 is
+    singular. Source: Laub, IEEE Trans. Automatic Control 24 (1979), 913-921.
     """
     return refined(form, unrefined(form))
 
 
 def unrefined(form: NormalForm) -> np.ndarray:
-    """Return X by the Schur form to about ten digits, much faster than `by_schur`, for a search.
+    """Return X, (n, n), by the Schur form to about ten digits, for a search.
 
-    X is 0 where Q = 0 and A is Hurwitz, because the Schur form would give rounding in its place.
-    Raises NoSolutionError when the stable subspace is not a graph.
+    It is much faster than `by_schur`. If Q = 0 and A is Hurwitz, X is exactly 0, because the Schur
+    form would return rounding errors. Raises NoSolutionError if the stable subspace [V1; V2] does
+    not have dimension n, or V1 is singular.
     """
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)
@@ -55,9 +57,9 @@ def unrefined(form: NormalForm) -> np.ndarray:
 def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
     """Return X after Kleinman's steps Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0.
 
-    For an equation with a condition near 1e16 the corrections shrink and grow again. The X after
-    the smallest correction is returned. Raises NoSolutionError when the equation of a step is
-    singular within rounding.
+    If the condition number of the equation is near 1e16, the corrections decrease and then
+    increase. The X after the smallest correction is returned. Raises NoSolutionError if the
+    equation of a step is singular within rounding.
     """
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
@@ -85,9 +87,9 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
 
 
 def by_refined_doubling(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), by doubling, then `refined`.
+    """Return X, (n, n), by doubling, followed by `refined`.
 
-    Raises NoSolutionError where no solution is left by rounding.
+    Raises NoSolutionError if the equation of a refinement step is singular within rounding.
     """
     with np.errstate(all="ignore"):
         X = by_doubling(form[None], np.linalg.eigvals(form.hamiltonian[None]))

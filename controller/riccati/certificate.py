@@ -1,8 +1,8 @@
 """Certificate of a game solution: tests that distinguish the value of the game from other roots.
 
-A root P of the Riccati equation can have a residual of 1e-13 and still be worthless. It may be
-non-stabilizing, indefinite (delta below its minimum), or the solution of another game. Only all
-tests together suffice. Everything is measured in normal form, so that the verdict does not depend
+A root P of the Riccati equation with a residual of 1e-13 may not be the value of the game. It may
+be non-stabilizing, indefinite (delta below its minimum), or the solution of another game. Only all
+tests together are sufficient. All are computed in normal form, so that the verdict does not depend
 on the user's units. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou,
 Doyle and Glover, Chapter 13.
 """
@@ -77,9 +77,10 @@ Measured = dict[str, Any]
 
 @dataclass(frozen=True)
 class Certificate(Checked, Result):
-    """The tests of P, which is accepted only if all of them hold.
+    """Tests of a solution P. P is accepted if all of them pass.
 
-    checks: the tests of P"""
+    checks: the tests
+    """
 
     json_keys = "ok checks"
 
@@ -87,7 +88,7 @@ class Certificate(Checked, Result):
 
 
 class Loops(NamedTuple):
-    """Both closed loops of a solution X, for one game or for a stack.
+    """Closed loops A - S X and A - B K of a solution X, for one game or for a stack of games.
 
     game: (..., n), eigenvalues of A - S X
     control: (..., n), eigenvalues of A - B K, K = B'X
@@ -104,7 +105,9 @@ class Loops(NamedTuple):
 class Certified(NamedTuple):
     """Solution X (n, n) of one normal form, with the tests that it passed.
 
-    form: normal form of the game, or of the game in coordinates in which X is accurate
+    form: normal form of the game, or of the game in the coordinates in which X is accurate
+    certificate: the tests
+    loops: closed loops of X
     """
 
     X: np.ndarray
@@ -116,9 +119,9 @@ class Certified(NamedTuple):
 def certified_solution(form: NormalForm) -> Certified:
     """Return the certified solution of the normal form of one game.
 
-    Eigenvectors and doubling are tried first. Where these lack digits, the Schur form and refined
-    doubling decide, in coordinates in which X is of moderate size. Raises a NoSolutionError with
-    the reason of the first failed test.
+    Eigenvectors and doubling are tried first. If they are not accurate enough, the Schur form and
+    refined doubling are used, in coordinates in which X is of moderate size. Raises NoSolutionError
+    with the reason of the first failed test.
     """
     stack = certified_stack(form[None])
     if stack.holds[0]:
@@ -128,10 +131,10 @@ def certified_solution(form: NormalForm) -> Certified:
 
 
 class CertifiedStack(NamedTuple):
-    """Solutions of N games by the fast derivations.
+    """Solutions of N games by eigenvectors and doubling, with their tests.
 
-    X: (N, n, n), nan where a test fails, possibly only by rounding
-    holds: (N,), whether all tests hold
+    X: (N, n, n), nan if a test fails, possibly only by rounding
+    holds: (N,), whether all tests pass
     measured: name of a test -> its values, (N,)
     loops: closed loops of X
     """
@@ -142,7 +145,7 @@ class CertifiedStack(NamedTuple):
     loops: Loops
 
     def checks(self, index: int) -> tuple[Check, ...]:
-        """Return the checks of one game."""
+        """Return the checks of the game with this index."""
         values = {name: array[index] for name, array in self.measured.items()}
         distance = values["hamiltonian_axis_distance"]
         stable = values["hamiltonian_split"]
@@ -153,7 +156,7 @@ class CertifiedStack(NamedTuple):
 
 
 def certified_stack(form: NormalForm) -> CertifiedStack:
-    """Return the solutions of a stack of normal forms by the fast derivations."""
+    """Return the tested solutions of a stack of normal forms, by eigenvectors and doubling."""
     _refuse_overflow(form)
     with np.errstate(all="ignore"):  # what overflows is not certified
         derived = by_eigenvectors(form)
@@ -178,9 +181,10 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 
 
 def carefully_certified(form: NormalForm) -> Certified:
-    """Return `certified_solution` by the Schur form and refined doubling.
+    """Return the certified solution of one game by the Schur form and refined doubling.
 
-    Raises a NoSolutionError with the reason in the last coordinates where all fail.
+    The coordinates of `turned` are tried first, then those of `levelled`. Raises NoSolutionError
+    with the reason in the last coordinates if both fail.
     """
     _refuse_overflow(form)
     reached = reach_checks(form)
@@ -198,15 +202,15 @@ def carefully_certified(form: NormalForm) -> Certified:
 
 
 def reach_checks(form: NormalForm) -> tuple[Check, ...]:
-    """Return the check that inputs reach every mode that does not decay, by more than rounding.
+    """Return the check that the inputs reach every mode that does not decay, by more than rounding.
 
-    form: not turned, because turning hides the entries that are 0
+    form: normal form before `turned`, which would hide the entries that are 0
     """
     return checks_of(TEST_OF_REACH, {"reach": sought_reach(form[None])[0]})
 
 
 def sought_reach(form: NormalForm) -> np.ndarray:
-    """Return `least_reach` of a stack of normal forms, (N,)."""
+    """Return the `least_reach` of each normal form in a stack, (N,)."""
     from controller.riccati.reach import least_reach
 
     return least_reach(form.A, form.B)
@@ -215,10 +219,10 @@ def sought_reach(form: NormalForm) -> np.ndarray:
 def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
     """Return a lower bound of the least reach of each game, (N,), from its closed loop.
 
-    For w*w = 1 and Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI) is no smaller than the
-    distance of λ from the eigenvalues of A - B K over the condition of its eigenvectors (Bauer and
-    Fike), less rounding. Relative to |A| + |B| + |λ| it is least where |λ| is the decay rate beyond
-    the largest eigenvalue.
+    For w*w = 1 and Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI). Its norm is at least the
+    distance of λ from the eigenvalues of A - B K, divided by the condition number of the
+    eigenvectors (Bauer and Fike). Rounding is subtracted. Relative to |A| + |B| + |λ| the bound is
+    least if |λ| is the decay rate plus the largest eigenvalue magnitude.
     """
     decay = -loops.control.real.max(axis=-1)
     condition = norms(loops.right) * norms(loops.left)
@@ -234,6 +238,8 @@ def _certified_in(
     """Return X in these coordinates, the form, and the tests of X.
 
     given: as for `hamiltonian_checks`
+
+    Raises NoSolutionError with the reason of the first failed test.
     """
     from controller.riccati.careful_derivations import by_refined_doubling, by_schur
 
@@ -252,8 +258,8 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
     There must be n eigenvalues on each side of the imaginary axis, and none near it.
 
-    given: the form of which `form` is the levelled one. Levelling enlarges the rounding of the
-        given entries, which must not be able to move an eigenvalue to the axis.
+    given: the original form, if `form` is its levelled form. Levelling enlarges the rounding of the
+    given entries. A further check shows that this rounding cannot move an eigenvalue to the axis.
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)
@@ -275,10 +281,11 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
     """Return the smallest relative change of entries that may give the Hamiltonian an eigenvalue
     jω.
 
-    The entries are those of A, B B', E E' and Q; ω is the most critical of the frequencies. The
-    result is 1 / ρ(|(H - jω I)⁻¹| |H|), with the inverse computed in the levelled coordinates and
-    |H| the sizes of the terms of its entries. It does not depend on units. Source: Higham, Accuracy
-    and Stability of Numerical Algorithms, Section 7.2.
+    The entries are those of A, B B', E E' and Q. ω is the most critical of the frequencies. The
+    result is 1 / ρ(|(H - jω I)⁻¹| |H|), where the inverse is computed in the levelled coordinates
+    and |H| contains the magnitudes of the terms of its entries. It does not depend on units, and is
+    0 if H - jω I is singular. Source: Higham, Accuracy and Stability of Numerical Algorithms,
+    Section 7.2.
     """
     n = len(given.A)
     into = levelled.T * given.units  # from given to levelled
@@ -315,7 +322,10 @@ def _hamiltonian_checks(
 
 def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
     """Return the checks of the solution X of one game: equation, symmetry, sign, and both closed
-    loops."""
+    loops.
+
+    If X is not finite, only the first check is returned, and it fails.
+    """
     if not np.all(np.isfinite(X)):
         reason = "P has entries that are not finite"
         return (at_most("residual", np.nan, RESIDUAL, reason),)
@@ -323,14 +333,14 @@ def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def agreement_checks(X: np.ndarray, second_X: np.ndarray) -> tuple[Check, ...]:
-    """Return the check that two derivations agree: max |X - X2| / max |X|."""
+    """Return the check that two derivations of X agree: max |X - X2| / max |X|."""
     return checks_of(TEST_OF_AGREEMENT, measured_agreement(X, second_X))
 
 
 def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None) -> Loops:
-    """Return the closed loops of finite solutions X, for one game or for a stack.
+    """Return the closed loops of finite solutions X, for one game or for a stack of games.
 
-    game: eigenvalues of A - S X, where they are known
+    game: eigenvalues of A - S X, if already known
     """
     if game is None:
         game = np.linalg.eigvals(form.A - form.S @ X)
@@ -339,7 +349,9 @@ def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None
 
 
 def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured:
-    """Return the values of `TESTS_OF_P` for finite X, for one game or for a stack."""
+    """Return the measured values of `TESTS_OF_P` for finite X, for one game or for a stack of
+    games.
+    """
     size = largest_or_1(X)
     return {
         "residual": form.relative_residual(X),
@@ -351,12 +363,15 @@ def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured
 
 
 def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
-    """Return the value of `TEST_OF_AGREEMENT`, for one game or for a stack."""
+    """Return the measured value of `TEST_OF_AGREEMENT`, for one game or for a stack of games."""
     return {"second_derivation": largest(X - second_X) / largest_or_1(X)}
 
 
 def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> tuple[Check, ...]:
-    """Return the checks of one game from its measured values."""
+    """Return the checks of one game from its measured values.
+
+    tests: name -> (relation, limit, reason for a failure)
+    """
     checks = []
     for name, (relation, limit, reason) in tests.items():
         value = float(measured[name])

@@ -1,4 +1,4 @@
-"""Cost of a pair of linear policies, and the loss of a gain compared with the exact one."""
+"""Cost of a linear policy under its worst disturbance, compared with the optimum."""
 
 from __future__ import annotations
 
@@ -25,18 +25,15 @@ LOSS_TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class FlightCost(Result):
-    """Cost of u = -K z above the optimum, percent of z'P*z.
+    """Cost of u = -K z above the optimum, in percent of the optimal cost z'P*z.
 
-    Each policy is under its worst disturbance. The cost is inf where it has no bound, because the
-    gain is not below delta or the loop is not stable.
+    Both costs are those under the worst disturbance of the policy. The excess is inf if the cost
+    has no bound, because the L2 gain is not below delta or the loop is unstable.
 
-    worst: largest over the initial conditions.
-    mean: mean over initial conditions of equal optimal cost.
-    gain: L2 gain, which must be below delta.
-    exact_gain: L2 gain of the optimum.
-    distance: the smallest change that gives A - B K an undamped mode, relative to its norm in
-        balanced units, or 0 for an unstable loop.
-    exact_distance: this distance for the optimum.
+    worst: largest over the initial conditions mean: mean over initial conditions of equal optimal
+    cost gain: L2 gain, which must be below delta exact_gain: L2 gain of the optimum distance:
+    smallest change of A - B K that gives it an undamped mode, relative to its norm in balanced
+    units; 0 for an unstable loop exact_distance: the same distance for the optimum
     """
 
     json_keys = (
@@ -54,8 +51,11 @@ class FlightCost(Result):
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost, L2 gain and distance to instability of a gain K (m, n), compared with the
-    optimum."""
+    """Return the cost, L2 gain and distance to instability of a gain K (m, n), and those of the
+    optimum.
+
+    exact: solution of the game
+    """
     exact_gain = bounded_real_gain(game, exact.K)
     exact_distance = spectrum(game.A - game.B @ exact.K).axis_distance()
     is_moderate = np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY)
@@ -74,9 +74,10 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
 
 def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
-    """Return the largest and the mean eigenvalue of P*⁻¹ D, on the states with a positive cost.
+    """Return the largest and the mean eigenvalue of P*⁻¹ D, with D the `loss_matrix`.
 
-    D is the `loss_matrix`.
+    Only states with a positive optimal cost are included. Both are inf if the cost has no bound. If
+    no state has a cost, both are inf for D ≠ 0, and otherwise 0.
     """
     D = loss_matrix(game, exact, K)
     if D is None:
@@ -94,13 +95,15 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
-    """Return D >= 0, (n, n): under u = -K z the worst disturbance costs z'(P* + D) z.
+    """Return D >= 0, (n, n), such that the worst disturbance under u = -K z costs z'(P* + D) z.
 
     F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
 
-    This is the cost equation of K minus that of K*, so that small losses keep their digits. It is
-    solved by Newton steps from D = 0. The result is None where the cost has no bound.
+    This is the cost equation of K minus the cost equation of K*, so that small losses keep their
+    digits. It is solved by Newton steps from D = 0. The result is None if the cost has no bound or
+    the steps do not converge.
 
+    exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing
     """
     from scipy.linalg import solve_continuous_lyapunov

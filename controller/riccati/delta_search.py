@@ -1,7 +1,8 @@
-"""Search for the smallest δ with a solution, from answers that may stay open.
+"""Search for the smallest δ with a solution, where existence at a δ may be undecided.
 
-Rounding can hide whether a solution exists at a δ. An `Answer` is then open; it is "no" only where
-non-existence is shown. `smallest_delta` is the only search on such answers.
+Rounding can hide whether a solution exists at a δ. The result at this δ is then undecided.
+Non-existence is reported only if it is shown. `smallest_delta` is the only search that uses such
+results.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ BELOW = (0.9, 0.5, 0.1, 0.01)
 class Answer(NamedTuple):
     """Existence of a solution at one δ.
 
-    exists: True or False where shown, None where rounding leaves it open
-    reason: why no solution exists, or why it is open, or "" where one exists
-    condition: the condition for a solution that fails or is open, if there are several
-    gain: no δ up to it has a solution
+    exists: True or False if shown; None if rounding leaves it undecided
+    reason: reason why no solution exists or why existence is undecided; "" if a solution exists
+    condition: name of the condition that fails or is undecided, if there are several
+    gain: a lower bound of the smallest δ: no δ up to it has a solution
     """
 
     exists: bool | None
@@ -38,10 +39,10 @@ class Answer(NamedTuple):
 
 
 class Bracket(NamedTuple):
-    """Bracket refused < inf{δ : a solution exists} <= value; both are 0 where every δ has one.
+    """Bracket refused < inf{δ : a solution exists} <= value. Both are 0 if every δ has a solution.
 
-    refused: largest δ below `value` shown to have no solution, or 0 without one
-    ending: answer just below `value`
+    refused: largest δ below `value` shown to have no solution, or 0 if there is none
+    ending: existence just below `value`
     """
 
     value: float
@@ -50,39 +51,39 @@ class Bracket(NamedTuple):
 
 
 class _Answers:
-    """Answers of a search, which tries each δ once."""
+    """Existence at each δ of a search. Each δ is evaluated once."""
 
     def __init__(self, ask: Callable[[float], Answer]) -> None:
         self._ask = ask
         self._known: dict[float, Answer] = {}
 
     def at(self, delta: float) -> Answer:
-        """Return the answer at a δ."""
+        """Return the existence of a solution at a δ, evaluated or from memory."""
         if delta not in self._known:
             self._known[delta] = self._ask(delta)
         return self._known[delta]
 
     @property
     def good(self) -> float:
-        """Smallest δ found to have a solution, inf without one."""
+        """Smallest δ found to have a solution, or inf if there is none."""
         return min(self._deltas(True), default=math.inf)
 
     @property
     def refused(self) -> float:
-        """Largest δ shown to have no solution, below every δ with one; 0 without one.
+        """Largest δ below `good` shown to have no solution, or 0 if there is none.
 
-        A solution below a refusal shows that the refusal was rounding.
+        A larger δ is ignored: a solution below it shows that its refusal was due to rounding.
         """
         return max((delta for delta in self._deltas(False) if delta < self.good), default=0.0)
 
     @property
     def next_to_good(self) -> float:
-        """Largest δ below `good` that was tried, 0 without one."""
+        """Largest δ below `good` that was evaluated, or 0 if there is none."""
         return max((delta for delta in self._known if delta < self.good), default=0.0)
 
     @property
     def next_to_refused(self) -> float:
-        """Smallest δ above `refused` that was tried."""
+        """Smallest δ above `refused` that was evaluated."""
         return min(delta for delta in self._known if delta > self.refused)
 
     def _deltas(self, exists: bool) -> list[float]:
@@ -97,11 +98,11 @@ def smallest_delta(
 ) -> Bracket:
     """Return the bracket of the smallest δ with a solution, by bisection of log δ.
 
-    ask: answer at a δ; the set of δ with a solution is an interval (δ_min, inf]
+    ask: δ -> existence; the set of δ with a solution is an interval (δ_min, inf]
     begin: a δ that should have a solution
-    tolerance: relative width of the bracket, where no answer is open
+    tolerance: relative width of the bracket, if no δ is undecided
 
-    Raises NoSolutionError where no δ up to `MOST` times the first has a solution.
+    Raises NoSolutionError if no δ up to `MOST` times `begin` has a solution.
     """
     report = progress or (lambda *_: None)
     answers = _Answers(ask)
@@ -126,7 +127,10 @@ def smallest_delta(
 
 
 def _climb(answers: _Answers, begin: float) -> None:
-    """Increase δ from trial to trial until a solution exists."""
+    """Multiply δ by 4 until a solution exists.
+
+    Raises NoSolutionError if none exists up to `MOST` times `begin`.
+    """
     delta = begin
     while not answers.at(delta).exists:
         last = answers.at(delta)
@@ -145,14 +149,20 @@ def _climb(answers: _Answers, begin: float) -> None:
 
 
 def _descend(answers: _Answers, least: float) -> None:
-    """Decrease δ until no solution exists, also past open answers."""
+    """Divide δ by 4 until it is shown that no solution exists, or δ is below `least`.
+
+    Undecided δ do not end the search.
+    """
     delta = answers.good / 4.0
     while delta >= least and answers.at(delta).exists is not False:
         delta /= 4.0
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Bisect between the ends until they are close."""
+    """Bisect log δ between two ends until their ratio is at most 1 + tolerance.
+
+    ends: returns the present ends
+    """
     low, high = ends()
     while low and high > low * (1.0 + tolerance):
         answers.at(math.sqrt(low * high))

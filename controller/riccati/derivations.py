@@ -1,6 +1,6 @@
-"""Fast solutions X of the Riccati equation of stacks of normal forms, untested.
+"""Fast solutions X of the Riccati equations of many normal forms, by eigenvectors and by doubling.
 
-They are computed from eigenvectors and by doubling.
+They are not tested here.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ LAST = 2.0**-4
 
 
 class FromEigenvectors(NamedTuple):
-    """Solutions from the eigenvectors of the Hamiltonians of a stack, nan without one.
+    """Solutions from the eigenvectors of N Hamiltonians, with data for their tests.
 
-    X: (N, n, n)
+    X: (N, n, n), nan if there is no solution
     correction: (N,), last Newton step, relative to X
     stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
     axis_distance: (N,), lower bound of `Spectrum.axis_distance` of the Hamiltonian
-    eigenvalues: (N, 2n), of the Hamiltonian
+    eigenvalues: (N, 2n), eigenvalues of the Hamiltonian
     loop: (N, n), eigenvalues of A - S X
-    spread: (N,), possible change of these due to rounding of their eigenvectors
+    spread: (N,), bound of the error of `loop` due to rounding of the eigenvectors
     """
 
     X: np.ndarray
@@ -52,10 +52,11 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     """Return X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, after Newton
     steps.
 
-    V1 has the eigenvectors of A - S X. They also solve the Lyapunov equation of a step, and V1⁻¹ (A
-    - S X) V1 is diagonal except for rounding. The distance to the axis is bounded by the condition
-    of all eigenvectors (Bauer and Fike). Those of the other eigenvalues are [U; X U + (V1')⁻¹], and
-    the rows of the inverse are as long. Source: Zhou, Doyle and Glover, Section 13.2.
+    V1 contains the eigenvectors of A - S X. They also solve the Lyapunov equation of a Newton step,
+    and V1⁻¹ (A - S X) V1 is diagonal up to rounding. The condition number of all eigenvectors of
+    the Hamiltonian bounds its distance to the imaginary axis (Bauer and Fike). The eigenvectors of
+    the other eigenvalues are [U; X U + (V1')⁻¹], and the rows of the inverse matrix have the same
+    norms. Source: Zhou, Doyle and Glover, Section 13.2.
     """
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)
@@ -96,16 +97,17 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 
 
 def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
-    """Return X, (N, n, n), the limit of the costs of 2^k steps with the final cost p I.
+    """Return X, (N, n, n), the limit of the optimal costs over 2^k steps with the final cost p I.
 
-    T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 gives a game in
-    discrete time with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling is X <-
-    X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0 except for
-    rounding. The X of the game is p I + X. With p > 0 an unstable mode without cost has a final
-    cost. c differs slightly from the geometric mean of the largest and the smallest |λ|, where an
-    eigenvalue may be. Source: Chu, Fan and Lin, Linear Algebra Appl. 396 (2005), 55-80.
+    T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 defines a
+    discrete-time game with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling
+    replaces X <- X + E'X V E, G <- G + E V G E', E <- E V E, with V = (I + G X)^-1, until E is 0 up
+    to rounding. The solution of the given game is p I + X. With p > 0, an unstable mode without a
+    running cost has a final cost. c is slightly below the geometric mean of the largest and the
+    smallest |λ|, because an eigenvalue may be at the mean itself. Source: Chu, Fan and Lin, Linear
+    Algebra Appl. 396 (2005), 55-80.
 
-    eigenvalues: λ of the Hamiltonians, (N, 2n), on which only the number of doublings depends
+    eigenvalues: λ of the Hamiltonians, (N, 2n); they affect only the number of doublings
     """
     n = form.A.shape[-1]
     one = np.eye(n)
@@ -129,16 +131,13 @@ def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
 
 
 def norms(matrices: np.ndarray) -> np.ndarray:
-    """Return the Frobenius norm of each matrix, (...)."""
+    """Return the Frobenius norm of each matrix (..., n, m)."""
     entries = matrices.reshape(*matrices.shape[:-2], -1)
     return np.sqrt(np.vecdot(entries, entries).real)
 
 
 def inverses(matrices: np.ndarray) -> np.ndarray:
-    """Return the inverses, (..., n, n), or nan where a matrix is singular.
-
-    One singular matrix must not stop the others.
-    """
+    """Return the inverse of each matrix, (..., n, n), with nan for a singular one."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:

@@ -1,9 +1,9 @@
-"""Sums and products of matrices with twice the digits of double precision, from doubles alone.
+"""Matrix sums and products with twice the digits of double precision, computed with doubles.
 
-A number is the sum of a pair (high, low), |low| <= 2^-53 |high|. Each matrix is cut into slices so
-short that products of slices are free of rounding, whatever the order of summation. All functions
-accept one matrix or stacks (..., n, m).
-Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118.
+A number is the sum of a pair (high, low), |low| <= 2^-53 |high|. Each matrix is split into slices
+of so few bits that products of slices have no rounding error, in any order of summation. All
+functions accept one matrix or stacks (..., n, m). Source: Ozaki, Ogita, Oishi and Rump, Numerical
+Algorithms 59 (2012), 95-118.
 """
 
 from __future__ import annotations
@@ -19,18 +19,23 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def exact(matrix: np.ndarray) -> Pair:
-    """Return doubles as a pair."""
+    """Return a matrix of doubles as a pair (matrix, 0)."""
     return matrix, np.zeros_like(matrix)
 
 
 def add(left: Pair, right: Pair) -> Pair:
-    """Return left + right to about 2^-104 of the larger one (Knuth's error-free sum of the
-    highs)."""
+    """Return left + right with an error of about 2^-104 of the larger one.
+
+    The high parts are added by Knuth's error-free sum.
+    """
     return _sum(left[0], right[0], left[1] + right[1])
 
 
 def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
-    """Return left + right + low, where low has the size of the rounding of left + right."""
+    """Return left + right + low as a pair.
+
+    low: terms of the size of the rounding error of left + right
+    """
     high = left + right
     back = high - left
     low = (left - (high - back)) + (right - back) + low
@@ -39,7 +44,9 @@ def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
 
 
 def product(left: Pair, right: Pair) -> Pair:
-    """Return left right to about 2^-104 of the largest entry of the row times that of the column.
+    """Return the matrix product left right as a pair.
+
+    The error is about 2^-104 of the product of the largest entries of the row and the column.
 
     left: (..., p, n)
     right: (..., n, q)
@@ -49,7 +56,7 @@ def product(left: Pair, right: Pair) -> Pair:
 
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
-    """Return `product` of plain doubles."""
+    """Return the matrix product of two matrices of doubles as a pair, as accurate as `product`."""
     p = left.shape[-2]
     slices, left_over = _slices(np.concatenate([left, right.mT], axis=-2))
     rows = [each[..., :p, :] for each in (*slices, left_over[-1])]
@@ -65,14 +72,14 @@ def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
 
 
 def transposed(pair: Pair) -> Pair:
-    """Return the transpose of a pair."""
+    """Return the transposed matrix of a pair."""
     return pair[0].mT, pair[1].mT
 
 
 def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return total - left right', (..., p, q), accurate except for the rounding of left.
+    """Return total - left right', (..., p, q), with an error of the order of the rounding of left.
 
-    A diagonal right causes no rounding at all (Dekker's product).
+    If right is diagonal, the products have no rounding error (Dekker's product).
 
     left: (..., p, n)
     right: (q, n)
@@ -89,16 +96,18 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
 
 
 def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two summands of 26 bits each for every number."""
+    """Split each number into two summands of at most 26 bits."""
     scaled = numbers * (2.0**27 + 1.0)
     high = scaled - (scaled - numbers)
     return high, numbers - high
 
 
 def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return slices of rows, and the remainders of the rows before each slice and after the last.
+    """Split rows into slices. Return the slices, and the remainders before each slice and after the
+    last.
 
-    The entries of a row have one scale, and sums of products of two rows are free of rounding.
+    All entries of a row have the same scale, so that sums of products of two rows have no rounding
+    error.
     """
     bits = (53 - (SLICES * rows.shape[-1]).bit_length()) // 2
     largest = np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)

@@ -1,4 +1,4 @@
-"""Decision whether the value of a game exists: yes, no, or left open by rounding."""
+"""Decision whether the value of a game exists. Rounding can leave it undecided."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class StableSubspace(NamedTuple):
     """Stable subspace of a Hamiltonian.
 
     basis: (2n, n), orthonormal
-    error: largest rotation, rad, due to rounding of the Hamiltonian, to first order
+    error: largest rotation of the subspace by rounding of the Hamiltonian, rad, to first order
     """
 
     basis: np.ndarray
@@ -36,11 +36,12 @@ class StableSubspace(NamedTuple):
 
 
 def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """Return the stable subspace of the Hamiltonian, with its error.
+    """Return the stable subspace of the Hamiltonian with an error bound, or None if its dimension
+    is not n.
 
-    The result is None where its dimension is not n. The error is |D| / sep, with D a relative
-    change `BACKWARD` of the terms of the Hamiltonian, and sep the separation of the two halves of
-    its Schur form. Source: Golub and Van Loan, Theorem 7.2.4.
+    The error is |D| / sep. D is a relative change `BACKWARD` of the terms of the Hamiltonian, and
+    sep is the separation of the stable and unstable blocks of its Schur form. Source: Golub and Van
+    Loan, Theorem 7.2.4.
     """
     basis, separation = ordered_basis(form.hamiltonian, job=b"V")
     if basis is None:
@@ -50,11 +51,11 @@ def stable_subspace(form: NormalForm) -> StableSubspace | None:
 
 
 class Found(NamedTuple):
-    """Existence of the value of a game.
+    """Existence of the value of a game, with the data of the decision.
 
-    answer: whether it exists
-    form: the game in the coordinates of that decision
-    subspace: stable subspace of its Hamiltonian, or None where not known
+    answer: whether the value exists
+    form: the game in the coordinates in which this was decided
+    subspace: stable subspace of its Hamiltonian, or None if unknown
     """
 
     answer: Answer
@@ -65,23 +66,27 @@ class Found(NamedTuple):
 def existence(form: NormalForm) -> Answer:
     """Return whether the value of a game exists.
 
-    It exists where the Hamiltonian splits and X1'X2 > 0 for the basis [X1; X2] of its stable
-    subspace, or where every test of P holds. Where X1 is regular, P = X2 X1⁻¹ is the stabilizing
-    solution, and X1'X2 = X1'P X1 has its signs. As delta falls to its minimum, P grows without
-    bound while X1 and X2 stay bounded: an eigenvalue of X1'X2 passes through zero. So the minimum
-    is visible where P itself is lost. Where P is singular, an eigenvalue is zero at every delta;
-    there the tests of P can show existence, but not refute it.
+    Let [X1; X2] be a basis of the stable subspace of the Hamiltonian. The value exists if the
+    Hamiltonian has n eigenvalues on each side of the imaginary axis and X1'X2 > 0, or if every test
+    of P passes. If X1 is regular, P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has
+    the signs of P. As delta falls to its minimum, P grows without bound while X1 and X2 remain
+    bounded, and an eigenvalue of X1'X2 passes through zero. Therefore the minimum can be found
+    although P cannot be computed there. If P is singular, an eigenvalue is zero at every delta; the
+    tests of P can then show existence, but not refute it.
 
-    It does not exist where an eigenvalue of X1'X2 is below 0 by more than rounding, or where the
-    gain from the disturbance exceeds delta at some frequency for every input. Source: Basar and
+    The value does not exist if an eigenvalue of X1'X2 is below 0 by more than rounding, or if at
+    some frequency the gain from the disturbance exceeds delta for every input. Source: Basar and
     Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
     """
     return value_found(form).answer
 
 
 def value_found(form: NormalForm) -> Found:
-    """Return `existence` with its coordinates, the first of three in which rounding does not leave
-    it open."""
+    """Return whether the value exists, and the coordinates in which this was decided.
+
+    The given coordinates, `turned` and `levelled` are tried in this order, until the existence is
+    decided.
+    """
     found = _found_in(form)
     if found.answer.exists is None:
         found = _found_in(form.turned())
@@ -91,7 +96,7 @@ def value_found(form: NormalForm) -> Found:
 
 
 def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
-    """Return `value_found` in these coordinates alone.
+    """Return whether the value exists, decided in these coordinates alone.
 
     given: as for `hamiltonian_checks`
     """
@@ -131,12 +136,12 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
 
 
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
-    """Return P of the first derivation, (n, n), where every test of P holds, else None.
+    """Return P, (n, n), by the Schur form if every test of P passes, otherwise None.
 
-    It serves a search, without a certificate. The tests bound the residual of P, not its error, so
-    that within about 1e-6 of the smallest delta of a stiff plant rounding can pass them. A bound of
-    the error by Lyapunov matrices, with rounding of every entry in it, leaves plants open that 60
-    digits solve.
+    It is used in a search and has no certificate. The tests bound the residual of P, not its error.
+    Therefore rounding can pass them within about 1e-6 of the smallest delta of a stiff plant. A
+    bound of the error by Lyapunov matrices, including the rounding of every entry, would leave
+    undecided some plants that arithmetic with 60 digits solves.
     """
     try:
         X = by_schur(form)
@@ -148,17 +153,18 @@ def solution_that_holds(form: NormalForm) -> np.ndarray | None:
 
 
 def shown_gain(form: NormalForm) -> tuple[float, float]:
-    """Return a lower bound of the gain from the disturbance under all inputs, and its frequency,
+    """Return a lower bound of the gain from the disturbance under every input, and its frequency,
     rad/s.
 
-    Rounding is subtracted; the result is 0 where no gain is shown. The least of |Q^½ x|² + |u|²
-    over all u, where x follows from u and w at the frequency ω, is w*Φ w with Φ = -[0 E'] (H - jω
-    I)⁻¹ [E; 0] and H the Hamiltonian at δ = inf. No δ up to the root of an eigenvalue of Φ has a
-    value. At that root the Hamiltonian has the eigenvalue jω, and below it another one on the axis.
-    The frequencies are those of the eigenvalues at this δ, and others between them and 0. The bound
-    of the error covers rounding in the terms of every entry of H and E: |rows| |H| |columns|
-    (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2). Source: Zhou, Doyle and
-    Glover, Section 13.4.
+    At the frequency ω the least |Q^½ x|² + |u|² over all u, with x determined by u and w, is w*Φ w.
+    Here Φ = -[0 E'] (H - jω I)⁻¹ [E; 0], and H is the Hamiltonian at δ = inf. No δ up to the square
+    root of an eigenvalue of Φ has a value. At this δ the Hamiltonian has the eigenvalue jω, and for
+    smaller δ another eigenvalue on the axis. The frequencies tried are 0, those of the
+    Hamiltonian's eigenvalues at the given δ, and the midpoints between them.
+
+    Rounding is subtracted, and the result is 0 if no gain is shown. The error bound includes
+    rounding in the terms of every entry of H and E: |rows| |H| |columns| (Higham, Accuracy and
+    Stability of Numerical Algorithms, Section 7.2). Source: Zhou, Doyle and Glover, Section 13.4.
     """
     n, k = form.disturbance.shape
     if not k or math.isinf(form.delta):

@@ -1,8 +1,8 @@
 """L2 gain of a closed loop from its bounded-real Hamiltonian.
 
 The closed loop is z' = (A - B K) z + E d with the output y = (Q^½ z, R^½ u) and u = -K z. Its gain
-is sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game guarantees a gain
-below δ. `gain_sweep.py` computes the gain by a sweep.
+is sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The solution of the game
+has a gain below δ. `gain_sweep.py` computes the gain independently, by a frequency sweep.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 def level_crossings(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float
 ) -> np.ndarray:
-    """Return the frequencies at which a singular value of C (jω I - A)⁻¹ B + D may cross a level.
+    """Return all frequencies at which a singular value of C (jω I - A)⁻¹ B + D may equal a level.
 
-    They are in rad/s, ascending, and there are no others. The level must not be a singular value of
-    D. The frequencies are |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian, on the axis
-    or not. Source: Zhou, Doyle and Glover, Section 4.7.
+    They are in rad/s, ascending: |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian,
+    whether or not it is on the axis. The level must not be a singular value of D. Source: Zhou,
+    Doyle and Glover, Section 4.7.
     """
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
     by_output = np.linalg.solve(free, D.T @ C)
@@ -46,10 +46,12 @@ def level_crossings(
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
-    """Return a gain of T = C (sI - A)⁻¹ B + D at some frequency, above the level if any gain is.
+    """Return a gain of T = C (sI - A)⁻¹ B + D that exceeds the level if any frequency's gain does.
 
-    T is evaluated at each of `level_crossings`, between each two, below and above. A must be
-    Hurwitz. Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
+    The result is the largest gain of T at the `level_crossings`, at the frequencies of the poles,
+    and at frequencies between, below and above them. If σ_max(D) is not below the level, σ_max(D)
+    is returned. A must be Hurwitz. Source: Bruinsma and Steinbuch, Systems and Control Letters 14
+    (1990), 287-293.
     """
     through = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if not through < level:
@@ -70,7 +72,7 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
 
 @checks_arguments
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
-    """Return the L2 gain of the loop of u = -K z by `system_gain`.
+    """Return the L2 gain of the closed loop with u = -K z (`system_gain`).
 
     K: (m, n)
     """
@@ -82,6 +84,8 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
     """Return A - B K, E, and C with C'C = Q + K'R K, for u = -K z.
 
     K: (m, n)
+
+    Raises BadInputError if K is not m x n or is complex.
     """
     K = game.checked_gain(K)
     C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
@@ -89,10 +93,10 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Return the largest gain of C (sI - A)⁻¹ B + D, to 1e-9 relative, or inf when A is not
-    Hurwitz.
+    """Return the largest gain of C (sI - A)⁻¹ B + D over all frequencies.
 
-    It is approached by `peak_gain`.
+    The relative error is 1e-9. The result is inf if A is not Hurwitz. The level is raised to the
+    `peak_gain` until no gain exceeds it.
     """
     if not is_hurwitz(A):
         return math.inf
@@ -107,9 +111,9 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Return (jω I - loop)⁻¹ B, (N, n, m).
+    """Return (jω I - loop)⁻¹ B, (N, n, m), at N frequencies ω, rad/s.
 
-    Raises NoSolutionError where a pole of the loop is on the axis within rounding.
+    Raises NoSolutionError if a pole of the loop is on the imaginary axis within rounding.
     """
     resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
     try:
@@ -121,6 +125,9 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:
-    """Return M^½ of a symmetric positive semidefinite matrix."""
+    """Return the symmetric M^½ of a symmetric positive semidefinite matrix M.
+
+    Negative eigenvalues, due to rounding, are replaced by 0.
+    """
     values, vectors = np.linalg.eigh(matrix)
     return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

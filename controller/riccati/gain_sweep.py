@@ -1,5 +1,5 @@
-"""L2 gain of a closed loop by a sweep over frequencies, independent of the method that it
-checks."""
+"""L2 gain of a closed loop by a frequency sweep, independent of the method in `frequency_response`.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ POINTS = 20
 
 
 class SweptGain(NamedTuple):
-    """Largest gain found on the imaginary axis, and its frequency, rad/s."""
+    """Largest gain found in a frequency sweep, and its frequency, rad/s."""
 
     gain: float
     frequency: float
 
 
 def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
-    """Return the largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid and then on finer ones.
+    """Return the largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid, refined around the peak.
 
-    The result is inf when the loop is not Hurwitz.
+    If the loop is not Hurwitz, the gain is inf at the frequency of the pole with the largest real
+    part.
     """
     poles = spectrum(loop)
     if poles.abscissa >= 0.0:
@@ -50,10 +51,10 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 
 
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
-    """Return frequencies that resolve every resonance, rad/s.
+    """Return frequencies that resolve every resonance, rad/s, ascending.
 
-    They are 0, a logarithmic grid over the moduli of the eigenvalues and two decades beyond, and
-    finer grids about each resonance, from its width on.
+    They are 0, a logarithmic grid from 1 % of the smallest to 100 times the largest eigenvalue
+    magnitude, and points around each resonance that begin within its width.
     """
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))

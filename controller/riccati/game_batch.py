@@ -1,4 +1,4 @@
-"""Exact solutions of many games that differ in A and B."""
+"""Exact solutions of many games with different A and B and the same weights."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ TOGETHER = 200
 class GameBatch(Reported):
     """Solutions of N games.
 
-    P: (N, n, n), nan where not certified
-    K: (N, m, n), nan where not certified
-    certified: (N,)
-    reasons: N lines, "" where certified
+    P: (N, n, n), nan if not certified
+    K: (N, m, n), nan if not certified
+    certified: (N,), whether the solution is certified
+    reasons: N lines, each the reason why a solution is not certified, or "" if it is
     """
 
     P: np.ndarray
@@ -35,10 +35,11 @@ class GameBatch(Reported):
 
 @checks_arguments
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
-    """Return the solutions of the games on plants A (N, n, n), B (N, n, m).
+    """Return the solutions of games on plants A (N, n, n), B (N, n, m).
 
-    E, Q, R and delta are those of `like`. The reason for refusing a game is its failed test. Raises
-    BadInputError that names the wrong model.
+    E, Q, R and delta are those of the game `like`. A game without a certified solution gets the
+    failed test as its reason, and nan. Raises BadInputError, which names the faulty plant, for
+    wrong shapes or numbers.
     """
     A = np.asarray(A, dtype=float)
     B = np.asarray(B, dtype=float)
@@ -68,8 +69,8 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """Raise BadInputError for stacks that do not fit, and for the first model with an invalid
-    number."""
+    """Raise BadInputError if the shapes do not fit, or for the first plant with an invalid number.
+    """
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
             f"A has shape {A.shape} and B has shape {B.shape}; give stacks (N, n, n) and (N, n, m)"

@@ -1,5 +1,5 @@
-"""Exact certified solution of the zero-sum game on a linear model, or the reason why none
-exists."""
+"""Certified exact solution of the zero-sum game on a linear model, or the reason why none exists.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +33,12 @@ if TYPE_CHECKING:
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
-    P: (n, n), value z'P z
-    K: (m, n), gain, u = -K z
-    disturbance_gain: L, (k, n), of the worst disturbance w = L z
-    game: the game
-    certificate: the tests that hold
-    closed_loop_eigenvalues: eigenvalues of A - B K, the flight without disturbance, 1/s
-    worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the flight against the worst
-        disturbance
-    abscissa_error: change of the abscissa of A - B K that rounding of A, B and K may cause, 1/s, to
-        first order
+    P: (n, n), of the value z'P z K: (m, n), of the policy u = -K z disturbance_gain: L, (k, n), of
+    the worst disturbance d = L z game: the game certificate: the tests that P passed
+    closed_loop_eigenvalues: eigenvalues of A - B K, the loop without disturbance, 1/s
+    worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the loop under the worst
+    disturbance, 1/s abscissa_error: largest change of the real parts' maximum, for A - B K, by
+    rounding of A, B and K, 1/s, to first order
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -77,7 +73,9 @@ class Solution(Result, Reported):
 
     @property
     def closed_loop(self) -> control.StateSpace:
-        """System z' = (A - B K) z + E d with the outputs z, as python-control's `StateSpace`."""
+        """Return the system z' = (A - B K) z + E d with the outputs z, as a python-control
+        `StateSpace`.
+        """
         import control
 
         game = self.game
@@ -91,25 +89,27 @@ class Solution(Result, Reported):
 
     @property
     def is_stable(self) -> bool:
-        """True if A - B K is stable beyond rounding."""
+        """True if every eigenvalue of A - B K has a real part below -`abscissa_error`."""
         return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
 
     def margins(self) -> dict[str, dict[str, float]]:
-        """Return input -> gain, phase (deg) and disk margins."""
+        """Return input -> margins of its loop: gain (factors), phase (deg), delay (s) and disk."""
         from controller.riccati.loop_margins import margins_of_inputs
 
         return margins_of_inputs(self.names, certified(NormalForm.of(self.game)))
 
     def cost(self, z: ArrayLike) -> float:
-        """Return z'P z, the value of the game from the state z, (n,). Raises BadInputError for
-        another shape."""
+        """Return z'P z, the value of the game from the initial state z, (n,).
+
+        Raises BadInputError if z does not have shape (n,).
+        """
         state = numbers_in("z", z)
         if state.shape != (len(self.P),):
             raise BadInputError(f"z has shape {state.shape}; give ({len(self.P)},)")
         return float(state @ self.P @ state)
 
     def report(self) -> Report:
-        """Return the report of P, K, the closed loop and the certificate."""
+        """Return a report of P, K, the closed-loop eigenvalues and the certificate."""
         inputs = self.names.inputs
         states = self.names.states
         poles = [value for value in self.closed_loop_eigenvalues if value.imag >= 0]
@@ -136,11 +136,11 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
 
     game: the game
-    progress: called by the search for delta_min, where there is no solution
+    progress: called by the search for delta_min, which runs only if there is no solution
 
-    Raises a NoSolutionError with one line: the mode that rules out a solution at any delta, or the
-    test of the certificate that failed together with delta_min.
-    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    Raises NoSolutionError with one line. It names the mode for which no delta has a solution, or
+    the failed test of the certificate and delta_min. Source: Basar and Bernhard, H-infinity Optimal
+    Control, Theorem 4.11.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -152,7 +152,10 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
-    """Return `certified_solution`. Raises a NoSolutionError that names a sufficient delta."""
+    """Return the certified solution of a normal form.
+
+    Raises NoSolutionError with the failed test and, if a delta has a solution, the smallest one.
+    """
     try:
         return certified_solution(form)
     except NoSolutionError as failure:
@@ -162,9 +165,11 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
 
 
 def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
-    """Return the solution in the user's coordinates.
+    """Return a certified solution, converted to the user's coordinates.
 
     form: normal form of the game
+    certified: its solution
+    game: the game as the user gave it
     """
     X = certified.X
     accurate = certified.form
@@ -183,13 +188,13 @@ def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
 
 
 def _abscissa_error(form: NormalForm, certified: Certified) -> float:
-    """Return the possible change of the abscissa of A - B K due to rounding, 1/s, to first order.
+    """Return the largest change of the abscissa of A - B K by rounding, 1/s, to first order.
 
-    Rounding affects A, B and K. The result is inf where the matrix is defective. A change D of the
-    matrix moves the eigenvalue with the right eigenvector x and the left eigenvector y by y'D x /
-    y'x. The vectors are those of the form in which X is accurate. Rounding changes A by at most n ε
-    |A| in both coordinates, and the gain by at most n ε |K|. Source: Golub and Van Loan, Matrix
-    Computations, Section 7.2.2.
+    The abscissa is the largest real part of the eigenvalues. Rounding affects A, B and K. A change
+    D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector y by y'D x /
+    y'x. The eigenvectors are those of the form in which X is accurate. In both coordinates rounding
+    changes A by at most n ε |A|, and the gain by at most n ε |K|. The result is inf if the matrix
+    is defective. Source: Golub and Van Loan, Matrix Computations, Section 7.2.2.
     """
     form_of_X = certified.form
     A = form_of_X.A

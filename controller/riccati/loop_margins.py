@@ -1,6 +1,6 @@
-"""Margins of one loop with all others closed, or of several loops with equal changes.
+"""Margins of one loop with all other loops closed, or of several loops with equal changes.
 
-They are computed from the M of `margins`.
+They are computed from M = S - I/2 (`margins`).
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ Loci = Callable[[np.ndarray], np.ndarray]
 
 
 class LoopMargin(NamedTuple):
-    """Margins of one loop, or of several for one common factor, phase or delay.
+    """Margins of one loop, or of several loops for one common factor, phase shift or delay.
 
-    gain_low, gain_high: the loop stays stable while its gain is multiplied by a factor between them
-    phase: largest phase shift, deg, inf where all are tolerated
-    delay: largest delay of the signal, s, inf where all are tolerated
-    crossover: frequency where |l| = 1 with that phase, rad/s, nan where |l| is never 1
-    disk: α of `DiskMargin`, for gain and phase at once
+    gain_low, gain_high: the loop remains stable if its gain is multiplied by a factor between them
+    phase: largest tolerated phase shift, deg; inf if every one is tolerated crossover: frequency at
+    which this phase shift makes the loop unstable (|l| = 1), rad/s; nan if |l| is never 1 delay:
+    largest tolerated delay of the signal, s; inf if every one is tolerated disk: α of `DiskMargin`,
+    for simultaneous changes of gain and phase
     """
 
     gain_low: float
@@ -59,24 +59,28 @@ class LoopMargin(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Gain to the nearest instability, up or down, dB."""
+        """Smaller of the gain increase and the gain decrease that make the loop unstable, dB."""
         with np.errstate(divide="ignore"):
             return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
 
 
 def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
-    """Return the margins at each input of u = -K z, in order.
+    """Return the margins at each input of u = -K z, in the order of the inputs.
 
     K: (m, n)
 
-    Raises NoSolutionError when A - B K is not Hurwitz.
+    Raises NoSolutionError if A - B K is not Hurwitz.
     """
     loop = loop_at_inputs(game, K)
     return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
 
 
 def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[str, float]]:
-    """Return `named_margins` of the exact gain of a game."""
+    """Return the margins of the exact gain: input -> name of the margin -> value.
+
+    names: names of the plant
+    solved: certified solution of the game
+    """
     balanced = solved.form.game()
     return named_margins(names.inputs, loop_margins(balanced, balanced.gain(solved.X)))
 
@@ -84,7 +88,10 @@ def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[st
 def named_margins(
     inputs: Sequence[str], loops: Sequence[LoopMargin]
 ) -> dict[str, dict[str, float]]:
-    """Return input -> gain, phase (deg) and disk margins of its loop."""
+    """Return input -> name of the margin -> value, with the gain and phase (deg) of the disk added.
+
+    loops: margins of the inputs, in the same order
+    """
     found = {}
     for name, loop in zip(inputs, loops, strict=True):
         gain, phase = disk_sizes(loop.disk)
@@ -93,7 +100,7 @@ def named_margins(
 
 
 def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
-    """Return the margin of loop i, the others closed."""
+    """Return the margins of loop i with the other loops closed."""
     only = loop.only(i)
     zeros = np.unique(np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
@@ -109,7 +116,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
 
 
 def _peak_of(locus: Loci, grid: np.ndarray) -> float:
-    """Return the frequency of a grid at which |M| of one loop is largest."""
+    """Return the frequency at which |M| of one loop is largest, found from a grid by refinement."""
     for _ in range(_REFINEMENTS):
         peak = int(np.abs(locus(grid)).argmax())
         grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
@@ -119,8 +126,8 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
 def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
     """Return the function ω (N,) -> M(jω) (N, m, m), fast for many frequencies.
 
-    A is made triangular once, by its complex Schur form, so that each frequency requires n²
-    operations in place of n³.
+    A is made triangular once, by its complex Schur form. Each frequency then takes n² operations
+    instead of n³.
     """
     from scipy.linalg import schur
 
@@ -142,9 +149,11 @@ def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
-    """Return frequencies, rad/s, at which Re M (sign 1) or Im M (sign -1) of one loop may be 0.
+    """Return all frequencies, rad/s, at which Re M or Im M of one loop may be 0.
 
-    They are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a pencil.
+    They are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
+
+    sign: 1 for Re M, -1 for Im M
     """
     from scipy.linalg import eig
 
@@ -161,14 +170,13 @@ def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
 
 
 def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> LoopMargin:
-    """Return the margin of k loops that change alike.
+    """Return the margins of k loops under the same change.
 
-    loci: M of the loops, (N, k), in any order
-    grid: (N,), rad/s, with 0, fine enough for every resonance; the disk is that of these
-        frequencies
-    loop: the sampled loop of the loci, or None
+    loci: ω (N,) -> M of the loops, (N, k), in any order
+    grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on it
+    loop: the loop of the loci, for its M at infinite frequency and its sampling time; or None
 
-    Zeros of Im M and Re M are sought where the part changes its sign between frequencies of the
+    Zeros of Im M and Re M are searched for wherever their signs change between frequencies of the
     grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
     for _ in range(_HALVINGS):
@@ -202,9 +210,11 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 
 
 class _Crossings(NamedTuple):
-    """Sign changes of a part of M: their frequencies, M there, and the false steps of the grid.
+    """Sign changes of Re M or Im M.
 
-    A step is false where the sign changes only because two curves were exchanged.
+    frequencies: frequencies of the sign changes, rad/s values: M at these frequencies jumps:
+    indices of the grid intervals in which the sign changes only because two curves were
+    interchanged
     """
 
     frequencies: np.ndarray
@@ -215,10 +225,12 @@ class _Crossings(NamedTuple):
 def _crossings_of(
     part: Callable[[np.ndarray], np.ndarray], loci: Loci, grid: np.ndarray, seen: np.ndarray
 ) -> _Crossings:
-    """Return the sign changes of a part of M.
+    """Return the sign changes of Re M or Im M between frequencies of the grid.
 
-    part: Re or Im of M
-    seen: M on the grid, each column a curve
+    part: function that returns Re or Im of M
+    loci: as for `margin_of`
+    grid: (N,), rad/s
+    seen: M on the grid, (N, k), each column a continuous curve
     """
     # Where l is 0 or infinite except for rounding, signs of Im M change by rounding.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
@@ -251,8 +263,10 @@ def _crossings_of(
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """Return loci (N, k) with each column a curve; each row is ordered nearest to the row
-    before."""
+    """Reorder each row of loci (N, k) so that each column is a continuous curve.
+
+    Each row is assigned to the nearest values of the row before it.
+    """
     if loci.shape[1] == 1:
         return loci
     from scipy.optimize import linear_sum_assignment

@@ -1,8 +1,8 @@
 """Margins of a closed loop for simultaneous changes at all inputs, within disks.
 
-M = S - I/2 of the sensitivity S = (I + L)⁻¹ of a loop. A loop l = (1/2 - M) / (1/2 + M) is real
-where M is, and of size 1 where M is imaginary. Margins are factors (not dB), phases degrees,
-frequencies rad/s.
+They are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. A scalar loop
+l = (1/2 - M) / (1/2 + M) is real where M is real, and |l| = 1 where M is imaginary. Gain margins
+are factors (not dB), phases are in degrees and frequencies in rad/s.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ Piece = tuple[float, float]
 
 
 class DiskMargin(NamedTuple):
-    """Margin for all inputs at once, each multiplied by its own complex factor f.
+    """Margin for simultaneous changes of all inputs, each multiplied by its own complex factor f.
 
-    f = (2 + αε)/(2 - αε), |ε| < 1 complex.
+    f = (2 + αε)/(2 - αε), with any complex |ε| < 1.
 
-    disk: α, a lower bound; for more than three inputs the true margin may be slightly larger
-    gain: (2 + α)/(2 - α); a real f is in (1/gain, gain)
-    phase: 2 arctan(α/2), deg, for f of pure phase
-    frequency: rad/s, where the margin is smallest, or inf
+    disk: α, a lower bound of the margin; for more than three inputs the true margin may be slightly
+    larger gain: (2 + α)/(2 - α); real factors f are between 1/gain and gain phase: 2 arctan(α/2),
+    deg, the phase of factors f with |f| = 1 frequency: rad/s, at which the margin is smallest;
+    possibly inf
     """
 
     disk: float
@@ -62,10 +62,10 @@ class ClosedLoop(NamedTuple):
     """Stable closed loop M(s) = D + C (s I - A)⁻¹ B, (m, m).
 
     A: (n, n), stable
-    B: (n, m), where signals enter
-    C: (m, n), where they leave
+    B: (n, m)
+    C: (m, n)
     D: (m, m), M at infinite frequency
-    dt: s, for a sampled loop with s = (z - 1) / (z + 1); 0 in continuous time
+    dt: sampling time, s, of a sampled loop with s = (z - 1) / (z + 1); 0 in continuous time
     """
 
     A: np.ndarray
@@ -75,23 +75,29 @@ class ClosedLoop(NamedTuple):
     dt: float = 0.0
 
     def only(self, i: int) -> ClosedLoop:
-        """Return M of loop i, the others closed."""
+        """Return M of loop i, with the other loops closed."""
         one = slice(i, i + 1)
         return self._replace(B=self.B[:, one], C=self.C[one], D=self.D[one, one])
 
     def at(self, frequencies: np.ndarray) -> np.ndarray:
-        """Return M(jω), (N, m, m), at finite ω, (N,)."""
+        """Return M(jω), (N, m, m), at finite frequencies ω, (N,)."""
         return self.D + self.C @ responses(self.A, self.B, frequencies)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
-        """Return ω in rad/s of physical time; for a sampled loop z = exp(jω dt)."""
+        """Convert frequencies of s to physical frequencies, rad/s; for a sampled loop by z = exp(jω
+        dt).
+        """
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 
 def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> ClosedLoop:
     """Return M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
 
-    Raises NoSolutionError where a pole is not stable.
+    closed: (n, n), matrix of the closed loop
+    enters: (n, m)
+    leaves: (m, n)
+
+    Raises NoSolutionError if a pole is not stable.
     """
     abscissa = spectrum(closed).abscissa
     if abscissa >= 0.0:
@@ -103,36 +109,39 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
 
 
 def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
-    """Return M at all inputs of u = -K z."""
+    """Return M at all inputs of u = -K z.
+
+    Raises NoSolutionError if A - B K is not Hurwitz.
+    """
     K = game.checked_gain(K)
     return closed_at(game.A - game.B @ K, game.B, -K)
 
 
 @checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
-    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2), over independent complex factors.
+    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2), for independent complex factors.
 
-    μ is bounded above by D-scaling, μ(M) <= min_D σ_max(D M D⁻¹), D diagonal, over all frequencies
-    by level sets.
+    μ is bounded above by D-scaling, μ(M) <= min_D σ_max(D M D⁻¹) with D diagonal. Level sets extend
+    the bound to all frequencies.
 
     game: the plant
     K: (m, n)
 
-    Raises NoSolutionError when A - B K is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE
+    Raises NoSolutionError if A - B K is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE
     Control Systems Magazine 40 (2020), 78-95.
     """
     return disk_of(loop_at_inputs(game, K))
 
 
 def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
-    """Return the margin of `disk_margin` for any loop.
+    """Return the disk margin of any loop M.
 
-    near: estimate of the critical frequency, rad/s, which shortens the search
+    near: estimate of the critical frequency, rad/s, which shortens the search; 0 if unknown
 
-    σ_max(D M D⁻¹) crosses a level only at `level_crossings`. So the best D in the middle of an
-    interval of the axis shows that other intervals are below the level. The remaining intervals are
-    divided again, at a level above all bounds found, until none remains. Source: Lawrence, Tits and
-    Van Dooren, Automatica 36 (2000), 449-456.
+    σ_max(D M D⁻¹) crosses a level only at the `level_crossings`. Therefore the best D in the middle
+    of one frequency interval can show that other intervals are below the level. The remaining
+    intervals are divided further, at a level above all bounds found, until none remains. Source:
+    Lawrence, Tits and Van Dooren, Automatica 36 (2000), 449-456.
     """
     poles = np.linalg.eigvals(loop.A)
     ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
@@ -165,7 +174,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
 
 
 def _between(low: float, high: float) -> float:
-    """Return a frequency between two, of which the second may be infinite."""
+    """Return a frequency between `low` and `high`, where `high` may be infinite."""
     if math.isinf(high):
         return 4.0 * low or 1.0
     return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
@@ -174,9 +183,11 @@ def _between(low: float, high: float) -> float:
 def _above(
     loop: ClosedLoop, scaling: np.ndarray, level: float, pieces: list[Piece], cut: float
 ) -> Iterator[Piece]:
-    """Yield the parts of intervals of the axis where σ_max(D M D⁻¹) is above a level.
+    """Yield the parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
 
-    cut: a frequency at which it is not
+    scaling: log D, (m,)
+    pieces: frequency intervals
+    cut: a frequency at which σ_max(D M D⁻¹) is not above the level
     """
     D = np.exp(scaling)
     C = D[:, None] * loop.C
@@ -195,15 +206,15 @@ def _above(
 
 
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-    """Return log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal, the upper bound of μ(M).
+    """Return log D, (m,), of the diagonal D > 0 with the smallest σ_max(D M D⁻¹).
 
-    The bound is exact for m <= 3. The method is BFGS with a line search that needs no smoothness,
-    because the minimum is often at a kink where the two largest singular values are equal. Sources:
-    Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical Programming 141
-    (2013), 135-163.
+    This σ_max is an upper bound of μ(M), exact for m <= 3. It is minimized by BFGS with a line
+    search that does not need smoothness, because the two largest singular values are often equal at
+    the minimum. Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton,
+    Mathematical Programming 141 (2013), 135-163.
 
     M: (m, m), complex
-    start: log D to begin with, (m,); without it `_osborne_scaling`
+    start: initial log D, (m,); by default `_osborne_scaling`
     """
     start = _osborne_scaling(M) if start is None else start
     free = start[:-1] - start[-1]
@@ -244,9 +255,11 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
 
 
 def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,).
+    """Return σ = σ_max(D M D⁻¹) and its gradient ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,).
 
-    u, v are its singular vectors; D_m = 1.
+    u and v are the singular vectors of σ, and D_m = 1.
+
+    free: log D_1 ... log D_(m-1)
     """
     D = np.exp(np.append(free, 0.0))
     u, sizes, v = np.linalg.svd(D[:, None] * M / D)
@@ -254,15 +267,19 @@ def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
-    """Return σ_max(D M D⁻¹) of one matrix, or of a stack (..., m, m) with its scalings (..., m)."""
+    """Return σ_max(D M D⁻¹) of one matrix (m, m), or of each matrix of a stack (..., m, m).
+
+    log_D: (m,) or (..., m)
+    """
     scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
     return np.linalg.norm(scaled, 2, axis=(-2, -1))
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """Return log D that equalizes the norms of the rows and columns of D M D⁻¹ off the diagonal.
+    """Return log D, (..., m), for which the rows and columns of D M D⁻¹ have about equal norms.
 
-    It is an initial scaling, (..., m).
+    Diagonal entries are excluded from the norms. The result is an initial scaling for
+    `best_scaling`.
 
     M: (..., m, m), one matrix or a stack
     """
@@ -278,6 +295,6 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
 
 
 def disk_sizes(alpha: float) -> tuple[float, float]:
-    """Return the real gain and the phase, degrees, of a disk with margin α."""
+    """Return the gain (a factor) and the phase (deg) of the disk margin α."""
     gain = (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
     return gain, math.degrees(2.0 * math.atan(alpha / 2.0))

@@ -1,4 +1,4 @@
-"""Checks of the cost of a solution's policies, and of their L2 gain by two methods."""
+"""Checks of a solution: the cost of its policies, and their L2 gain by two methods."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SWEEP_TOLERANCE = 1e-6
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
-    """Return the checks that the policies cost z0'P z0, and that the L2 gain is below delta.
+    """Return the checks that the policies of P cost z0'P z0 and that their L2 gain is below delta.
 
     With delta = inf (no disturbance) the gain is not limited.
 
@@ -31,14 +31,14 @@ def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Chec
 
 
 def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """Return X, (n, n), with the cost z0'X z0 of u = -K z, d = L z.
+    """Return X, (n, n), such that u = -K z and d = L z cost z0'X z0.
 
     F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
 
     K: (m, n)
     L: (k, n)
 
-    Raises NoSolutionError when F is not Hurwitz, where the cost is not finite.
+    Raises NoSolutionError if F is not Hurwitz, because the cost is then not finite.
     """
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -58,7 +58,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 
 
 def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
-    """Return the check that the policies of P cost z0'P z0, by a Lyapunov equation.
+    """Return the check that the policies of P cost z0'P z0, computed from a Lyapunov equation.
 
     initial: z0, (n,)
     """
@@ -77,8 +77,11 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
 
 
 def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
-    """Return the checks that the gain of the loop is below delta, and that two methods agree on
-    it."""
+    """Return the checks that the L2 gain of u = -K z is below delta, and that two methods agree on
+    it.
+
+    If A - B K is not Hurwitz, only the first check is returned, and it fails.
+    """
     gain = bounded_real_gain(game, K)
     if math.isinf(gain):
         reason = "A - B K is not Hurwitz: the closed loop has no finite L2 gain"

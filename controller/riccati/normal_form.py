@@ -1,4 +1,4 @@
-"""Normal form of a game, on which every solver works: balanced units of the state, R = I, δ = 1."""
+"""Normal form of a game, which every solver uses: balanced units of the state, R = I, δ = 1."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
 class Sizes(NamedTuple):
-    """Magnitudes of the numbers from which A, B, E and Q of a game were computed, entry by entry.
+    """Magnitudes of the terms from which A, B, E and Q of a game were computed, entry by entry.
 
-    The size of a sum is the sum of the magnitudes of its terms. Rounding is relative to it, not to
-    the difference.
+    The magnitude of a sum is the sum of the magnitudes of its terms. Rounding is relative to it,
+    even if the terms cancel.
 
     A: (n, n)
-    B: (n, m), where R = I
+    B: (n, m), with R = I
     E: (n, k)
     Q: (n, n)
     """
@@ -51,7 +51,10 @@ class Sizes(NamedTuple):
     Q: np.ndarray
 
     def in_coordinates(self, T: np.ndarray, inverse: np.ndarray) -> Sizes:
-        """Return the sizes in the coordinates y = T z."""
+        """Return the magnitudes in the coordinates y = T z.
+
+        inverse: T⁻¹
+        """
         into = np.abs(T)
         back = np.abs(inverse)
         return Sizes(into @ self.A @ back, into @ self.B, into @ self.E, back.T @ self.Q @ back)
@@ -61,16 +64,12 @@ class Sizes(NamedTuple):
 class NormalForm:
     """Equation A'X + X A + Q - X S X = 0, S = B B' - E E', of one game or a stack, in y = T z.
 
-    A: (..., n, n)
-    inputs: (..., n, m), B of the game in y, before R = I; exact, because rounding would hide a mode
-        that it barely reaches
-    disturbance: (..., n, k), E of the game in y, before division by delta
-    Q: (..., n, n)
-    T: (..., n, n); the P of a game is T'X T
-    root: (m, m), lower triangular, R = root root'
-    delta: delta of the games
-    R: (m, m), R of the user
-    made_of: sizes of the terms of the matrices of one game, or None for given matrices
+    A: (..., n, n) inputs: (..., n, m), B of the game in y, before the scaling to R = I; stored
+    because rounding of the scaled B would hide a mode that the inputs barely reach disturbance:
+    (..., n, k), E of the game in y, before division by delta Q: (..., n, n) T: (..., n, n); the P
+    of a game is T'X T root: (m, m), lower triangular, R = root root' delta: delta of the games R:
+    (m, m), R of the user made_of: magnitudes of the terms of the matrices of one game, or None if
+    the matrices were given
     """
 
     A: np.ndarray
@@ -86,15 +85,15 @@ class NormalForm:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, game: Game) -> NormalForm:
-        """Return the normal form of one game, cached for each game."""
+        """Return the normal form of one game. It is cached for each game."""
         return cls.of_plants(game.A, game.B, game)
 
     @classmethod
     def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
         """Return the normal form of games on plants A (..., n, n), B (..., n, m).
 
-        E, Q, R and delta are those of `like`. Source of the scaling by R^-½: Zhou, Doyle and
-        Glover, Section 14.1.
+        E, Q, R and delta are those of the game `like`. Source of the scaling by R^-½: Zhou, Doyle
+        and Glover, Section 14.1.
         """
         root = np.linalg.cholesky(like.R)
         A = without_faint(A, FAINT)
@@ -120,7 +119,9 @@ class NormalForm:
         return form
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
-        """Return one game of a stack, or some of them. The index None gives a stack of one."""
+        """Return one game of a stack, or several of them. The index None turns one game into a
+        stack.
+        """
         part = replace(
             self,
             A=self.A[index],
@@ -133,39 +134,38 @@ class NormalForm:
         return part
 
     def with_delta(self, delta: float) -> Self:
-        """Return the game with another delta, in these coordinates."""
+        """Return the same game with another delta, in the same coordinates."""
         return replace(self, delta=delta)
 
     def game(self) -> Game:
-        """Return the game in y, with the R and delta of the user."""
+        """Return the game in the coordinates y, with the R and delta of the user."""
         return Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
 
     @cached_property
     def B(self) -> np.ndarray:
-        """B with R = I, (..., n, m)."""
+        """B scaled to R = I, (..., n, m)."""
         return np.linalg.solve(self.root, self.inputs.mT).mT
 
     @cached_property
     def B_over_R(self) -> np.ndarray:
-        """B R⁻¹ of the user's B and R, in y, (..., n, m)."""
+        """B R⁻¹ in the coordinates y, with R of the user, (..., n, m)."""
         return np.linalg.solve(self.root.T, self.B.mT).mT
 
     @cached_property
     def E(self) -> np.ndarray:
-        """E with δ = 1, (..., n, k)."""
+        """E scaled to δ = 1, (..., n, k)."""
         return self.disturbance / self.delta
 
     @cached_property
     def S(self) -> np.ndarray:
-        """B B' - E E', (..., n, n)."""
+        """S = B B' - E E', (..., n, n)."""
         return self.B @ self.B.mT - self.E @ self.E.mT
 
     @cached_property
     def rounded(self) -> np.ndarray:
-        """Change of B B' - E E' due to rounding of the root of R, of B and of E, (..., n, n), to
-        first order.
+        """Change of B B' - E E' by rounding of `root`, B and E, (..., n, n), to first order.
 
-        Near the smallest delta the two terms nearly cancel, and without this correction P would be
+        Near the smallest delta the two terms nearly cancel. Without this correction, P would be
         that of another game.
         """
         root = self.root
@@ -181,17 +181,18 @@ class NormalForm:
 
     @property
     def units(self) -> np.ndarray:
-        """Units u with z_i = u_i y_i, (n,), powers of two; the form must not be turned."""
+        """Units u with z_i = u_i y_i, (n,), powers of two. The form must not be `turned`."""
         return 1.0 / np.diag(self.T)
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
-        """Return X for one P or a stack of P in the user's coordinates; the form must not be
-        turned."""
+        """Convert P, or a stack of P, from the user's coordinates to X. The form must not be
+        `turned`.
+        """
         return P * np.outer(self.units, self.units)
 
     @property
     def is_finite(self) -> np.ndarray:
-        """Mask of the games with finite numbers in these units, (...)."""
+        """Mask (...) of the games whose Hamiltonian is finite in these units."""
         with np.errstate(all="ignore"):
             return np.isfinite(self.hamiltonian).all(axis=(-2, -1))
 
@@ -202,25 +203,28 @@ class NormalForm:
 
     @property
     def sizes(self) -> Sizes:
-        """`made_of`, or the magnitudes of the entries where it is None."""
+        """Magnitudes of the terms of the matrices: `made_of`, or those of the entries if it is
+        None.
+        """
         if self.made_of is not None:
             return self.made_of
         return Sizes(*(np.abs(each) for each in (self.A, self.B, self.disturbance, self.Q)))
 
     @property
     def hamiltonian_sizes(self) -> np.ndarray:
-        """Sizes of the entries of the Hamiltonian of one game, (2n, 2n)."""
+        """Magnitudes of the terms of the Hamiltonian of one game, (2n, 2n)."""
         A, B, E, Q = self.sizes
         E = E / self.delta
         return np.block([[A, B @ B.T + E @ E.T], [Q, A.T]])
 
     def residual(self, X: np.ndarray) -> np.ndarray:
-        """Return A'X + X A + Q - X S X, (..., n, n), computed with twice the digits.
+        """Return A'X + X A + Q - X S X, (..., n, n), computed in twice the precision.
 
-        Cancellation causes no rounding in it. Corrections of X by such residuals end at the
-        rounding of X itself, however badly conditioned the equation is (Wilkinson's iterative
-        refinement). In double precision they end at a relative error of 1e-16 times the condition,
-        which is 1e-6 a thousandth above the smallest δ of an ordinary game with ten states.
+        Cancellation therefore causes no rounding error. Corrections of X by such residuals converge
+        to the rounding of X, however badly conditioned the equation is (Wilkinson's iterative
+        refinement). In double precision they would converge to a relative error of 1e-16 times the
+        condition number: 1e-6 for an ordinary game with ten states and a δ 0.1 % above the
+        smallest.
 
         X: (..., n, n), symmetric
         """
@@ -236,11 +240,11 @@ class NormalForm:
         return total[0] + (mixed + mixed.mT + X @ self.rounded @ X)
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
-        """Return the largest residual of each game relative to its terms, (...).
+        """Return the largest residual of each game relative to the magnitude of its terms, (...).
 
-        It is max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|), |·| entry by
-        entry. |S| denotes |B B'| + |E E'|, so that cancellation between the two players does not
-        count as smallness.
+        It is max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|), with |·| entry
+        by entry. |S| denotes |B B'| + |E E'|, so that cancellation between control and disturbance
+        does not reduce the magnitude.
 
         X: (..., n, n), symmetric
         """
@@ -253,12 +257,12 @@ class NormalForm:
         return largest(residual) / largest_or_1(terms)
 
     def value(self, X: np.ndarray) -> np.ndarray:
-        """Return P in the user's coordinates, (..., n, n), symmetric."""
+        """Return P = T'X T in the user's coordinates, (..., n, n), symmetric."""
         P = self.T.mT @ X @ self.T
         return (P + P.mT) / 2.0
 
     def gain(self, X: np.ndarray) -> np.ndarray:
-        """Return K of u = -K z in the user's coordinates, (..., m, n)."""
+        """Return K of the policy u = -K z in the user's coordinates, (..., m, n)."""
         return self.B_over_R.mT @ X @ self.T
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
@@ -266,14 +270,15 @@ class NormalForm:
         return (self.E.mT @ X @ self.T) / self.delta
 
     def turned(self) -> Self:
-        """Return the game (n, n) in coordinates in which the P of its LQ problem is moderate.
+        """Return one game in coordinates in which P of its LQ problem is moderate.
 
-        The game itself is returned where P is moderate. A mode that the input reaches only by the
-        part r costs 1/r², and its rounding hides all other modes: the step T <- D W'T turns the
-        directions W of P into axes and chooses other units D for the expensive ones, computed with
-        twice the digits. With the basis [X1; X2] of the stable subspace X1 = W cos(θ) Z', and
-        tan(θ) are the eigenvalues of P. Source: Golub and Van Loan, Matrix Computations, Section
-        6.4.3 (angles between subspaces)."""
+        The game itself is returned if P is already moderate, or no such coordinates are found. A
+        mode that the inputs reach only by the small fraction r costs 1/r², and its rounding hides
+        all other modes. The step T <- D W'T turns the directions W of P into axes and selects other
+        units D for the expensive ones. It is computed in twice the precision. With the basis [X1;
+        X2] of the stable subspace, X1 = W cos(θ) Z', and tan(θ) are the eigenvalues of P. Source:
+        Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between subspaces).
+        """
         from controller.riccati.schur import stable_basis
 
         form = self
@@ -291,11 +296,11 @@ class NormalForm:
         return self
 
     def levelled(self) -> Self:
-        """Return the game (n, n) in coordinates in which the P of its LQ problem is near I.
+        """Return one game in coordinates in which P of its LQ problem is near I.
 
-        Fast and slow states together make a P with entries from 1e-11 to 1, in whose coordinates
-        rounding of the fast states hides the slow ones. A direction in which P is only rounding
-        keeps its unit. The game itself is returned where P is not found.
+        Fast and slow states together give a P with entries from 1e-11 to 1, and rounding of the
+        fast states then hides the slow ones. A direction in which P is only rounding keeps its
+        unit. If P cannot be computed, the result is that of `turned`.
         """
         from controller.riccati.schur import stable_basis
 
@@ -315,7 +320,7 @@ class NormalForm:
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
         """Return the game in the coordinates D W'y, rounded once at the end.
 
-        W: (n, n), orthogonal except for rounding
+        W: (n, n), orthogonal up to rounding
         D: (n,), powers of two
         """
         inverse = precise_inverse(W)
@@ -332,19 +337,26 @@ class NormalForm:
 
 
 def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
-    """Return (D W') M (D W')⁻¹, with W and D as for `_turned_by`."""
+    """Return (D W') M (D W')⁻¹ as a pair.
+
+    W: (n, n), orthogonal up to rounding
+    D: (n,), powers of two
+    """
     high, low = product(product(exact(W.T), matrix), precise_inverse(W))
     scale = D[:, None] / D
     return high * scale, low * scale
 
 
 def precise_inverse(W: np.ndarray) -> Pair:
-    """Return (W')⁻¹ for a W that is orthogonal except for rounding."""
+    """Return (W')⁻¹ as a pair, for a W that is orthogonal up to rounding."""
     high, low = product_of_doubles(W.T, W)
     defect = np.eye(len(W)) - high, -low
     return add(exact(W), product(exact(W), defect))  # a step of Newton's method
 
 
 def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
-    """Return the matrix with 0 in place of numbers so small that their products have no digits."""
+    """Return the matrix with entries below `least` in magnitude replaced by 0.
+
+    The products of such small numbers would have no correct digits.
+    """
     return np.where(np.abs(matrix) < least, 0.0, matrix)

@@ -1,4 +1,4 @@
-"""Distance of a plant from plants with a mode that no input reaches."""
+"""Distance of a plant from the nearest plant with an uncontrollable mode."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PASSES = 3
 def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Return the least relative change found of A and B that makes a mode uncontrollable, (N,).
 
-    The mode must not decay. The result is 1 where every mode decays.
+    Only modes that do not decay are considered. The result is 1 if every mode decays.
 
     A: (N, n, n)
     B: (N, n, m)
@@ -36,12 +36,12 @@ def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def not_decaying(values: np.ndarray) -> np.ndarray:
-    """Return the nearest eigenvalues with a real part of at least 0."""
+    """Return the nearest numbers with a nonnegative real part."""
     return np.maximum(values.real, 0.0) + 1j * values.imag
 
 
 def on_axis(values: np.ndarray) -> np.ndarray:
-    """Return the nearest eigenvalues on the imaginary axis."""
+    """Return the nearest numbers on the imaginary axis."""
     return 1j * values.imag
 
 
@@ -51,8 +51,13 @@ def loses_rank(
     value: complex,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> bool:
-    """Return whether `rank_distance` of one matrix (n, n), rows (p, n) and eigenvalue is within
-    `RANK`."""
+    """Return whether [A' - λI; rows] loses full column rank by a relative change of at most `RANK`.
+
+    A: (n, n)
+    rows: (p, n)
+    value: initial λ of the search
+    nearest: numbers -> nearest permitted λ
+    """
     return bool(rank_distance(A[None], rows[None], np.array([value]), nearest)[0] <= RANK)
 
 
@@ -62,19 +67,19 @@ def rank_distance(
     values: np.ndarray,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return the least relative change found with which [A' - λI; rows] loses full column rank,
+    """Return the least relative change found for which [A' - λI; rows] loses full column rank,
     (K,).
 
-    It is an upper bound, up to 1, attained by one vector.
+    The result is an upper bound, at most 1, attained by one vector.
 
     A: (K, n, n)
     rows: (K, p, n)
     values: (K,), initial λ of the search
-    nearest: function that returns the nearest allowed λ
+    nearest: numbers -> nearest permitted λ
 
-    Together with λ the vector of the smallest singular value is sought. Each row is divided by the
-    sizes of its terms, so that fast states do not hide entries of slow ones. Source: Higham,
-    Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager).
+    λ and the singular vector of the smallest singular value are searched for together. Each row is
+    divided by the magnitude of its terms, so that fast states do not hide entries of slow ones.
+    Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager).
     """
     n = A.shape[-1]
     both = np.concatenate([A.mT, rows], axis=1)
@@ -109,14 +114,14 @@ def rank_distance(
 
 
 def least_vectors(matrices: np.ndarray) -> np.ndarray:
-    """Return the right singular vectors of the least singular values by inverse iteration, (K, n,
-    1).
+    """Return the right singular vectors of the smallest singular values, (K, n, 1).
 
     matrices: (K, p, n), p >= n
 
-    A singular triangular factor is perturbed by rounding. Singular values are computed where its
-    inverse overflows (a chain of 20 integrators). Source: Golub and Van Loan, Matrix Computations,
-    Section 5.5.7.
+    They are computed by inverse iteration with the triangular factor of the QR decomposition. A
+    singular factor is perturbed by the size of rounding. If its inverse overflows (as for a chain
+    of 20 integrators), the singular value decomposition is used. Source: Golub and Van Loan, Matrix
+    Computations, Section 5.5.7.
     """
     from scipy.linalg.lapack import ztrtri
 

@@ -8,17 +8,17 @@ import numpy as np
 def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
     """Return an orthonormal basis (2n, n) of the stable subspace of a Hamiltonian.
 
-    The result is None where the dimension is not n.
+    The result is None if the dimension of the subspace is not n.
     """
     return ordered_basis(matrix, job=b"N")[0]
 
 
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """Return the basis of the stable subspace, or None without one of dimension n, and its
-    separation if requested by `job`.
+    """Return an orthonormal basis (2n, n) of the stable subspace, and its separation.
 
-    LAPACK is called directly, because SciPy's ordered Schur form calls Python for each eigenvalue
-    and prints two lines after a signal.
+    The basis is None if the dimension is not n. The separation is computed only for the LAPACK job
+    "V". LAPACK is called directly, because SciPy's ordered Schur form calls Python for each
+    eigenvalue and prints two lines after an interrupt.
     """
     from scipy.linalg.lapack import dgees, dtrsen
 

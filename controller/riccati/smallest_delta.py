@@ -1,4 +1,4 @@
-"""Smallest disturbance weight for which a game has a value, and reasons why none may exist."""
+"""Smallest delta for which a game has a value, and reasons why no delta has one."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ _NEAR_AXIS = 1e-6
 
 
 class DeltaMin(NamedTuple):
-    """Bracket refused < delta_min <= value of delta_min = inf{δ : a solution exists}.
+    """Bracket refused < delta_min <= value, with delta_min = inf{δ : a solution exists}.
 
-    value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`). Both are 0
-    when the disturbance does not affect the cost.
+    value / refused <= 1 + 1e-6, or more if rounding hides the minimum (`uncertain`). Both are 0 if
+    the disturbance does not affect the cost.
 
-    value: smallest delta with a solution, from above
-    refused: largest delta without a solution, from below
-    condition: for a generalized plant, the condition that fails below, or "none"
+    value: smallest delta found to have a solution
+    refused: largest delta shown to have no solution
+    condition: for a generalized plant, the condition that fails just below, or "none"
     """
 
     value: float
@@ -49,17 +49,18 @@ class DeltaMin(NamedTuple):
     condition: str = ""
 
     def margin(self, delta: float) -> float:
-        """Return delta / delta_min; above 1 the game has a value."""
+        """Return delta / delta_min, or inf if delta_min is 0. Above 1 the game has a value."""
         return delta / self.value if self.value > 0.0 else math.inf
 
     @property
     def uncertain(self) -> bool:
-        """True if rounding leaves delta_min open by more than the tolerance of the search."""
+        """True if rounding leaves delta_min uncertain by more than the tolerance of the search."""
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
     def advice(self, delta: float) -> str:
-        """Return delta relative to delta_min, and the change to make where a solution fails a
-        test."""
+        """Return a sentence that compares delta with delta_min and recommends a change if it is too
+        small.
+        """
         what = "; choose a larger delta"
         excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # there a value may exist or not
@@ -78,13 +79,14 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Return a bracket of the smallest δ of a game, to 1e-6 relative, independent of the game's own
-    delta.
+    """Return a bracket of the smallest δ for which a game has a value, to 1e-6 relative.
+
+    The delta of the game itself does not affect the result.
 
     progress: called during the search
 
-    Raises NoSolutionError when none exists, and names the mode that rules out every solution, if
-    one is found.
+    Raises NoSolutionError if no δ has a solution. The message names the responsible mode, if it is
+    found.
 
     >>> import hfa
     >>> from controller import minimum_delta
@@ -96,13 +98,13 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
 
 def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> DeltaMin:
-    """Return `minimum_delta` by bisection of log δ on `existence`.
+    """Return a bracket of the smallest δ of a normal form, by bisection of log δ on `existence`.
 
     The set of δ with a value is an interval (delta_min, inf], because a larger δ makes the
-    disturbance more expensive. The search starts above the L2 gain of the LQR policy, which is
-    never below delta_min because that policy attains it. Where this policy cannot be certified, the
-    policy of the game itself is used. Source: Basar and Bernhard, H-infinity Optimal Control,
-    Theorem 4.11.
+    disturbance more expensive. The search begins at twice the L2 gain of the LQR policy. This gain
+    is never below delta_min, because the LQR policy attains it. If the LQR policy cannot be
+    certified, the policy of the game itself is used. Source: Basar and Bernhard, H-infinity Optimal
+    Control, Theorem 4.11.
     """
     found = _some_solution(form)
     inside = found.form
@@ -136,11 +138,12 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
 
 
 def why_refused(form: NormalForm, failure: str, progress: Progress | None = None) -> str:
-    """Return why a game is refused, its delta compared with the smallest, and the remedy.
+    """Return a sentence with the reason why a game has no certified solution, and the change to
+    make.
 
-    failure: the test of the certificate that failed
+    failure: the failed test of the certificate
 
-    Raises NoSolutionError when no delta suffices.
+    Raises NoSolutionError if no delta has a solution.
     """
     smallest = smallest_delta_of(form, progress)
     verdict = f"not certified: {failure}"
@@ -150,7 +153,10 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
 
 def _some_solution(form: NormalForm) -> Certified:
-    """Return a solution of the game without disturbance, or else of the game."""
+    """Return the solution for delta = inf or, if it cannot be certified, for the delta of the game.
+
+    Raises NoSolutionError with the reason if there is neither.
+    """
     (reached,) = reach_checks(form)
     if not reached.ok:
         raise NoSolutionError(lqr_obstacle(form, reached.reason))
@@ -165,9 +171,10 @@ def _some_solution(form: NormalForm) -> Certified:
 
 
 def lqr_obstacle(form: NormalForm, failure: str) -> str:
-    """Return one line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
+    """Return the reason why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution, as one
+    line.
 
-    failure: the failed test of its certificate
+    failure: the failed test of the certificate
     """
     unreached = (
         "within rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave"
@@ -185,13 +192,13 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
 
 
 class Obstacle(NamedTuple):
-    """Reason why no solution exists at any delta.
+    """Reason why no delta has a solution, and the modes nearest to such a reason.
 
-    sentence: the reason, or ""
-    reach: least relative size with which the inputs reach an unstable mode
-    mode: name of that mode
+    sentence: the reason, or "" if there is none
+    reach: least relative change of A and B that makes an unstable mode uncontrollable
+    mode: name of this mode
     shown: least relative change of A and Q^½ that leaves an eigenvalue on the axis without cost
-    undamped: name of that mode
+    undamped: name of the mode of this eigenvalue
     """
 
     sentence: str
@@ -201,9 +208,10 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return the mode that is reached or observed too weakly, in words, or "" without one.
+        """Return a clause on the mode with too small a reach or cost, or "" if there is none.
 
-        reach, show: "the inputs reach" and "Q shows", or other words
+        reach: subject and verb for the reach, such as "the inputs reach"
+        show: subject and verb for the cost, such as "Q shows"
         """
         reached = self.reach, f"{reach} the {self.mode}"
         part, text = min(reached, (self.shown, f"{show} the {self.undamped}"))
@@ -216,14 +224,14 @@ class Obstacle(NamedTuple):
 def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     """Return the reason why no solution exists without disturbance.
 
-    unreached, hidden: sentences with {} for the mode
+    unreached, hidden: sentences with {} for the name of the mode
 
-    The Riccati equation without disturbance has a stabilizing solution exactly when two matrices
-    have full rank: [A - λI, B] for every eigenvalue λ of A with Re λ >= 0 (stabilizable; else
-    unreached), and [A - λI; Q] for every λ with Re λ = 0 (else hidden). An unstable mode outside Q
-    is not an obstacle: P is then the least cost among the policies with which the state converges
-    to 0. A mode that rounding may have moved off the axis is also searched for on it. Source: Zhou,
-    Doyle and Glover, Theorem 13.7.
+    The Riccati equation without disturbance has a stabilizing solution if and only if two matrices
+    have full rank: [A - λI, B] for every eigenvalue λ of A with Re λ >= 0 (stabilizable; otherwise
+    `unreached`), and [A - λI; Q] for every λ with Re λ = 0 (otherwise `hidden`). An unstable mode
+    without cost is not an obstacle: P is then the least cost among the policies for which the state
+    converges to 0. A mode that rounding may have moved off the axis is also treated as a mode on
+    the axis. Source: Zhou, Doyle and Glover, Theorem 13.7.
     """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     sentence = ""
@@ -253,10 +261,11 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
-    """Return each eigenvalue of A, with its possible change due to rounding of A, to first order.
+    """Return each eigenvalue of A and its largest change by rounding of A, to first order.
 
-    It is y'|D|x / |y'x| for a change D of the entries by rounding, at most `_NEAR_AXIS` of the size
-    of A, even where A is defective. Source: Golub and Van Loan, Section 7.2.2.
+    The change is y'|D|x / |y'x| for a change D of the entries by rounding. It is at most
+    `_NEAR_AXIS` times the norm `size` of A, which is used if A is defective. Source: Golub and Van
+    Loan, Section 7.2.2.
     """
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size
@@ -272,7 +281,7 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
 def _mode_text(eigenvalue: complex, error: float) -> str:
     """Return "mode with eigenvalue 0.5 ± 1i" for a message.
 
-    A part up to the error is printed as 0.
+    A real or imaginary part of at most `error` is treated as 0.
     """
     real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
@@ -282,10 +291,10 @@ def _mode_text(eigenvalue: complex, error: float) -> str:
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
-    """Return the smallest singular value of [A' - λI; rows], relative to the size of A.
+    """Return the smallest singular value of [A' - λI; rows], divided by the norm `size` of A.
 
-    The rows are scaled to the size of A first. The result is rounding where the matrix has no full
-    column rank.
+    The rows are first scaled to the norm of A. If the matrix does not have full column rank, the
+    result is of the order of rounding.
     """
     scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
     stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])

@@ -1,4 +1,4 @@
-"""Report of the exact solution of a game: its cost, its closed loop and its margins."""
+"""Exact solution of a game with the cost of its policies, its margins, and its report."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from trim.linear.linear_model import LinearModel
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedGame(Solution):
-    """Certified solution with the smallest delta, the cost of its policies and their margins.
+    """Certified solution with the smallest delta, the cost of its policies and its margins.
 
-    smallest: the smallest delta
-    meaning: the cost of the policies and the L2 gain, checked
+    smallest: bracket of the smallest delta
+    meaning: checks of the cost and the L2 gain of the policies
     loops: margins of each input
-    disk_margin: disk margin of all inputs at once
+    disk_margin: disk margin for all inputs together
     """
 
     schema = "hfa.game-solution/1"
@@ -49,31 +49,32 @@ class AnalysedGame(Solution):
     disk_margin: DiskMargin
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Yield K, P and the poles, as python-control's lqr: K, P, poles = hfa.lqr(A, B, Q, R)."""
+        """Yield K, P and the poles: K, P, poles = hfa.lqr(A, B, Q, R)."""
         return iter((self.K, self.P, self.poles()))
 
     def __getitem__(self, place: int) -> np.ndarray:
-        """Return K, P or the poles, by their place in `__iter__`."""
+        """Return K (0), P (1) or the poles (2)."""
         return (*self,)[place]
 
     @property
     def delta_min(self) -> float:
-        """The smallest delta with a solution, from above."""
+        """Smallest delta found to have a solution, an upper bound of the minimum."""
         return self.smallest.value
 
     @property
     def delta_margin(self) -> float:
-        """delta / delta_min."""
+        """Ratio delta / delta_min, or inf if delta_min is 0."""
         return self.smallest.margin(self.delta)
 
     @property
     def loop_margins(self) -> dict[str, dict[str, float]]:
-        """Input -> gain, phase (deg) and disk margins."""
+        """Input -> margins of its loop: gain (factors), phase (deg), delay (s) and disk."""
         return named_margins(self.names.inputs, self.loops)
 
     def report(self) -> Report:
-        """Return the report of the solution with delta_min, the cost of the policies and
-        margins."""
+        """Return a report of the solution with delta_min, the checked cost of the policies, and the
+        margins.
+        """
         solved = super().report()
         disk = self.disk_margin
         doubt = ""
@@ -98,7 +99,7 @@ class AnalysedGame(Solution):
 
     @property
     def solution(self) -> Solution:
-        """This object, under its name in version 0.3."""
+        """This object. Version 0.3 stored the solution under this name."""
         return self
 
 
@@ -106,13 +107,13 @@ class AnalysedGame(Solution):
 def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Return the certified solution of a game with its smallest delta, cost and margins.
 
-    Everything is computed in normal form, so that the verdict does not depend on the user's units.
-    The flight whose cost is compared starts at one unit of each state.
+    All checks are made in normal form, so that the verdict does not depend on the user's units. The
+    cost is compared for the initial state with one unit of each state.
 
     progress: called during the search for delta_min
 
-    Raises NoSolutionError when the game is not certified, or when its policies contradict the
-    certificate.
+    Raises NoSolutionError if the game is not certified, or if the cost or L2 gain of its policies
+    contradicts the certificate.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=2.0)
@@ -140,13 +141,17 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
 @checks_arguments
 def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> AnalysedGame:
-    """Return the linear-quadratic regulator u = -K z of lqr(linear, Q, R) or lqr(A, B, Q, R).
+    """Return the linear-quadratic regulator u = -K z, called as lqr(linear, Q, R) or lqr(A, B, Q,
+    R).
 
     It is the solution of `hfa.game(linear, Q, R)`, which has no disturbance.
 
     linear: the linear model, with A and B; or A
-    more: B after A; Q and R, as for `hfa.game`
-    weights: Q and R by name
+    more: B after A; then Q and R, as for `hfa.game`
+    weights: Q and R as keyword arguments
+
+    Raises BadInputError if B is missing or a weight does not fit, and NoSolutionError if there is
+    no certified solution.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -163,7 +168,7 @@ def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Analysed
 
 @checks_arguments
 def regulator(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
-    """Return the solution of the game on a linear model without a disturbance.
+    """Return the solution of the game without disturbance on a linear model.
 
     Q, R: as for `hfa.game`
     """
@@ -171,7 +176,7 @@ def regulator(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame
 
 
 def _margins_table(analysed: AnalysedGame) -> Table:
-    """Return the table of gain, phase and disk margins of each input."""
+    """Return a table with the gain, phase and disk margins of each input."""
     inputs = analysed.names.inputs
     rows = []
     for name, loop in zip(inputs, analysed.loops, strict=True):

@@ -1,4 +1,4 @@
-"""Critics in files of users: W, P and K, once or over time. Entries are read or refused."""
+"""Reading of critic files with W, P and K, once or over time, and refusal of faulty files."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) 
     ],
 )
 def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None:
-    """Each faulty critic file is refused by one line that names file and fault."""
+    """Each faulty critic file is refused by one line that names the file and the fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         critic_in(stored("a.json", **content), GAME)
     assert "\n" not in str(refusal.value)
@@ -78,7 +78,7 @@ def test_messages_on_suffixes_list_those_of_packages() -> None:
 
 
 def test_functions_of_a_critic_follow_its_matrices() -> None:
-    """The value and the policies of a critic are computed from its matrices."""
+    """Value, gradient and policy of a critic equal the formulas of its weights, or of its gain."""
     z = np.array([0.3, -0.2])
     weights = np.array([1.0, 2.0, 3.0, 0.5, -0.5])
     critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))
@@ -123,7 +123,7 @@ def test_rows_with_times_are_one_critic_each(
 
 @pytest.mark.parametrize("times", [{}, {"t": TIMES}])
 def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
-    """A single row of weights with P is one critic without a time."""
+    """A file with one row of weights and P is read as one critic without a time."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
     (critic,) = critics_in(stored("h.npz", W=W[0], P=P, **times), GAME)
     assert critic.time is None
@@ -131,7 +131,7 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
-    """The basis stored in the file applies unless the caller names another one."""
+    """The basis named in the file applies unless the caller names another one."""
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     basis = critic_in(path, GAME).basis
     assert basis is not None
@@ -169,7 +169,7 @@ def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> No
 
 
 def test_a_single_matrix_belongs_to_the_last_row() -> None:
-    """A file with a history of weights and one gain gives this gain to the last critic only."""
+    """In a history of weights with one gain, the gain applies only to the last critic."""
     first, second, last = critics_over_time(GAME, TIMES, W=W, K=K[2])
     np.testing.assert_array_equal(last.K, K[2])
     np.testing.assert_array_equal(second.weights, W[1])

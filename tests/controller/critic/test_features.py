@@ -1,4 +1,4 @@
-"""A basis given as functions of the states in a user's file."""
+"""Bases given as text that lists functions of the states."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa import BadInputError
     "text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""]
 )
 def test_a_wrong_basis_is_refused_and_not_run(text: str) -> None:
-    """A file without a valid basis is refused, and its text is not executed."""
+    """An invalid list of functions is refused by one line, and its text is not executed."""
     with pytest.raises(BadInputError, match="features") as caught:
         features_of(text, 6)
     assert "\n" not in str(caught.value)

@@ -1,5 +1,4 @@
-"""Files of matrices. Every format is read as the same mapping, a faulty file is refused in one
-line, and values are converted to the units of the plant.
+"""Files of matrices: every format gives the same mapping, and a faulty file is refused in one line.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ def read(content: bytes | str, name: str = "a.mat") -> dict[str, Any]:
 
 @pytest.mark.parametrize("content", [mat("4", **PLAIN), *(path.read_bytes() for path in FILES)])
 def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
-    """The reader of .mat files returns the numbers and texts of SciPy's loadmat."""
+    """The .mat reader returns the same numbers and texts as SciPy's loadmat."""
     arrays = read(content)
     for name, value in scipy.io.loadmat(io.BytesIO(content)).items():
         expected = value.toarray() if issparse(value) else value
@@ -74,7 +73,7 @@ def test_cells_of_text_and_structures() -> None:
 def test_a_damaged_file_is_refused_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A damaged file is refused in one line, also where SciPy crashes on it."""
+    """A damaged file is refused in one line, even if SciPy crashes or hangs on it."""
     whole = mat(**{**TREES, "full": NUMBERS})
     lines = []
     for seed in range(2):
@@ -99,7 +98,7 @@ def test_a_damaged_file_is_refused_in_one_line(
 
 
 def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Files that unpack to more than the limit are refused before they are unpacked."""
+    """Files whose content exceeds the size limit are refused before they are unpacked."""
     header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
     # The true limit needs a file of hundreds of megabytes.
@@ -112,8 +111,9 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_matrices_without_names_have_those_of_their_files() -> None:
-    """A.npy is read together with B.npy in its folder, and weights.npy alone. An array in a file of
-    any other name has no name.
+    """A .npy array is named after its file. A.npy is read together with B.npy in its folder.
+
+    An array in a file with any other name is stored as "the array".
     """
     for name, value in (
         ("A", -np.eye(2)),
@@ -159,7 +159,7 @@ def of(**texts: str) -> dict[str, Any]:
     ],
 )
 def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, list[str]]) -> None:
-    """A and B in CSV are read with or without names of rows and columns."""
+    """A and B are read from .csv files with or without names of rows and columns."""
     arrays = of(**texts)
     np.testing.assert_array_equal(arrays.pop("A"), A)
     np.testing.assert_array_equal(arrays.pop("B"), B)
@@ -186,6 +186,6 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
     ],
 )
 def test_what_is_no_matrix_is_said(texts: dict[str, str], said: str) -> None:
-    """CSV texts that are not matrices are refused with the reason."""
+    """.csv files that do not contain a matrix are refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
         of(**texts)

@@ -1,4 +1,4 @@
-"""Games built from linear models: names are kept, and weights are given by name."""
+"""Games on linear models: they keep the names, and accept weights by name."""
 
 from __future__ import annotations
 
@@ -61,8 +61,6 @@ def test_a_game_has_the_disturbances_of_the_model() -> None:
 def test_a_weight_that_does_not_fit_is_named(
     linear: LinearModel, weights: dict[str, object], words: str
 ) -> None:
-    """Unknown names, missing weights of inputs, and wrong shapes are refused, and the message names
-    them.
-    """
+    """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **weights)

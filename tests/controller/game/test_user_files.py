@@ -1,6 +1,4 @@
-"""Plants in files of users: entries are read, missing ones are filled in, and faulty ones are
-refused.
-"""
+"""Plant files of users: reading, defaults for missing entries, and refusal of faulty entries."""
 
 from __future__ import annotations
 
@@ -36,7 +34,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_every_format_gives_the_same_game() -> None:
-    """Every file format gives the same game and records its source."""
+    """Every file format gives the same game and the same record of its origin."""
     full = MODEL | {
         "E": np.eye(6)[:, :2],
         "Q": 2.0 * np.eye(6),
@@ -56,8 +54,7 @@ def test_every_format_gives_the_same_game() -> None:
 
 
 def test_what_is_missing_comes_from_the_paper() -> None:
-    """If E, Q, R or delta of the aircraft is missing, the value of the paper is used with a
-    warning.
+    """If a file of the aircraft lacks Q, R and delta, the paper's values are used with a warning.
     """
     stored("plant.npz", **MODEL)
     with pytest.warns(
@@ -67,8 +64,9 @@ def test_what_is_missing_comes_from_the_paper() -> None:
 
 
 def test_the_papers_game_in_meters() -> None:
-    """In metres, Q T⁻² and T E give the same game as Q and E in feet. A plant with other state
-    names gets no default from the paper.
+    """For a plant in metres, the paper's Q and E are converted from feet.
+
+    A plant with other state names has no default for Q.
     """
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
@@ -87,7 +85,7 @@ def test_the_papers_game_in_meters() -> None:
 
 
 def test_an_argument_counts_before_the_file() -> None:
-    """Q, R and delta given by the caller replace those of the file."""
+    """Arguments Q, R and delta override the entries of the file."""
     path = stored("plant.json", **PLANT, delta=5.0)
     assert stored_game(path).game.delta == 5.0
     assert stored_game(stored("inf.json", **PLANT, delta="inf")).game.delta == math.inf
@@ -97,7 +95,7 @@ def test_an_argument_counts_before_the_file() -> None:
 
 
 def test_misnamed_entries_and_defaults_are_noted() -> None:
-    """Misnamed entries, defaults, and a matrix of wind that is not used as E are noted."""
+    """Notes list the unused entries, the defaults, and an E that describes wind and is not used."""
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
@@ -117,9 +115,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
 
 
 def test_structures_are_read_where_nothing_stands_outside() -> None:
-    """Structures in a .mat file are searched for matrices only if none lies outside of a
-    structure.
-    """
+    """Matrices are read from a structure only if the top level contains none."""
     inside = PLANT | {"delta": 9.0}
     assert stored_game(stored("in.json", model=inside)).game.delta == 9.0
     with pytest.raises(BadInputError, match="there is no B"):
@@ -156,7 +152,7 @@ def test_structures_are_read_where_nothing_stands_outside() -> None:
 def test_bad_entries_are_refused_in_one_line(
     load: Callable[[str], Any], content: Any, message: str
 ) -> None:
-    """Each faulty plant file is refused by one line that names file and fault."""
+    """Each faulty plant file is refused by one line that names the file and the fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         load(stored("a.json", **content))
     assert "\n" not in str(refusal.value)
@@ -179,7 +175,7 @@ VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
     ],
 )
 def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: str) -> None:
-    """Damaged files of each format are refused by one line."""
+    """A damaged file of each format is refused by one line."""
     Path(name).write_bytes(content)
     with pytest.raises(BadInputError, match=said) as refusal:
         load_game(name)

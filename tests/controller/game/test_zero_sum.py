@@ -1,5 +1,4 @@
-"""The zero-sum game and its bases: refusals, policies, ψ(z) and its gradient, and the conversion
-between weights and matrix.
+"""Zero-sum games and bases: invalid input, policies, ψ(z), its gradient, and conversion of W and P.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
     ],
 )
 def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> None:
-    """Wrong shapes, signs and numbers of a game are refused by one line."""
+    """A game with a wrong shape, sign or number is refused by one line."""
     with pytest.raises(BadInputError, match=message) as refusal:
         Game(**(SMALL | change))
     assert "\n" not in str(refusal.value)
@@ -59,14 +58,14 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
     "R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]]
 )
 def test_weights_of_very_different_size_are_definite(R: Any) -> None:
-    """An R is accepted as definite if its entries are 1e40 apart, and also if it is almost
-    singular.
-    """
+    """An R whose entries differ by factors up to 1e40, or which is almost singular, is accepted."""
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
 def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
-    """E is the identity and delta inf by default; the solution is saved as a file."""
+    """Without E and delta the solution is the LQR, and it can be saved. A game without R is
+    refused.
+    """
     solution = solve_game(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
     np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
     solution.save(tmp_path / "solution.json")
@@ -76,10 +75,10 @@ def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
 
 
 def test_gains_are_extremals_of_the_hamiltonian() -> None:
-    """At u = -K z and d = L z, the gradient of z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) in u and d
-    is 0.
+    """u = -K z and d = L z are the extremals of the Hamiltonian, whose value there is z'
+    residual(P) z.
 
-    The value there is z' residual(P) z.
+    The Hamiltonian is z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed).
     """
     rng = np.random.default_rng(4)
     for game in (Game(**SMALL), *game_models().values()):
@@ -100,7 +99,7 @@ def test_gains_are_extremals_of_the_hamiltonian() -> None:
 
 
 def test_a_game_cannot_be_changed_from_outside() -> None:
-    """A game copies its matrices and makes them read-only."""
+    """A game copies its matrices, its copies are read-only, and `with_delta` does not change it."""
     A = np.array(SMALL["A"])
     game = Game(**(SMALL | {"A": A}))
     A[0, 0] = 7.0
@@ -112,7 +111,7 @@ def test_a_game_cannot_be_changed_from_outside() -> None:
 
 
 def test_published_game_has_the_settings_of_the_paper() -> None:
-    """Q, R, E and delta are those of the paper; other plants need their own Q."""
+    """The published game has the paper's Q, R, E and delta, and refuses a plant of another size."""
     model = published_models()[0]
     game = published_game(model.A, model.B)
     assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
@@ -133,8 +132,9 @@ ALL = [basis(name, 6) for name in BASES]
 def taylor_slope(
     psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray
 ) -> float:
-    """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|: 2 for a right gradient, 1 for a wrong
-    one.
+    """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|.
+
+    It is 2 for a correct gradient and 1 for a wrong one.
     """
     v = np.random.default_rng(3).normal(size=z.shape)
     steps = np.array([1e-2, 1e-3])
@@ -165,7 +165,8 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 @pytest.mark.parametrize("functions", ALL)
 def test_gradient_has_second_order_remainder(functions: Basis) -> None:
-    """Each basis agrees with its gradient to first order; a planted error does not."""
+    """The Taylor remainder of each basis is of second order, and not with an error in its gradient.
+    """
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
     assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)
@@ -174,7 +175,7 @@ def test_gradient_has_second_order_remainder(functions: Basis) -> None:
 
 
 def test_many_states_at_once_are_each_state_alone() -> None:
-    """Bases evaluated at many states equal those at each state, bit for bit."""
+    """A basis evaluated at many states equals its values at each state, bit for bit."""
     Z = np.random.default_rng(2).normal(size=(7, 6))
     for functions in ALL:
         assert np.array_equal(functions.psi(Z), np.array([functions.psi(z) for z in Z]))
@@ -182,7 +183,7 @@ def test_many_states_at_once_are_each_state_alone() -> None:
 
 
 def test_weights_and_matrix_agree_in_any_units() -> None:
-    """Weights and matrix give the same value in any units of the states."""
+    """Weights and matrix define the same value, also after a change of units."""
     rng = np.random.default_rng(4)
     root = rng.normal(size=(6, 6))
     P = root + root.T
@@ -211,9 +212,7 @@ def test_weights_and_matrix_agree_in_any_units() -> None:
     ],
 )
 def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: bool) -> None:
-    """A negative weight is not mistaken for the rounding error of a large weight in another
-    unit.
-    """
+    """A large weight in another unit does not hide a small negative weight."""
     matrix = np.asarray(matrix, dtype=float)
     assert is_semidefinite(matrix) is semidefinite
     n = len(matrix)
@@ -227,7 +226,7 @@ def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: b
 
 @pytest.mark.parametrize("rank", [1, 2, 5])
 def test_sums_of_squares_are_semidefinite_in_any_units(rank: int) -> None:
-    """C'C counts as semidefinite in units that differ by factors up to 1e16."""
+    """C'C is accepted as semidefinite in units that differ by factors up to 1e16."""
     rng = np.random.default_rng(rank)
     for _ in range(20):
         C = rng.standard_normal((rank, 6)) * 10.0 ** rng.uniform(-8.0, 8.0, 6)

@@ -1,6 +1,4 @@
-"""The certified law finds the exact solution in predefined time from any start, or refuses
-clearly.
-"""
+"""The certified law: it finds the exact solution in predefined time, or refuses with the reason."""
 
 from __future__ import annotations
 
@@ -57,7 +55,7 @@ from studies.update_law.integral_rl import probing_flight
 def test_published_models_settle_within_any_predefined_time(
     name: str, predefined_time: float, tick: float, start: float
 ) -> None:
-    """Both published games are learned to 1e-11 by the predefined time, at any tick."""
+    """Both published games are learned to 1e-11 by the predefined time, for each tick."""
     game, exact = published(name)
     result = learn(game, predefined_time=predefined_time, tick=tick, initial_weights=start)
     assert_exact(result, exact, limit=1e-11)
@@ -71,7 +69,7 @@ def test_published_models_settle_within_any_predefined_time(
 
 @pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
 def test_random_starts_end_at_the_solution(starts: int) -> None:
-    """Random initial weights, stabilizing or not, end at the exact solution."""
+    """Learning from random initial weights, stabilizing or not, converges to the exact solution."""
     stabilizing = 0
     for index in range(starts):
         game, exact = published(PUBLISHED[index // 4 % 2])
@@ -87,7 +85,7 @@ def test_random_starts_end_at_the_solution(starts: int) -> None:
 
 @pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
 def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
-    """Weights of functions beyond the quadratic ones vanish to 1e-9."""
+    """With a richer basis, the weights of functions that are not quadratic converge to 0 (1e-9)."""
     game, exact = published(PUBLISHED[0])
     result = learn(game, basis=name, tick=0.1)
     assert_exact(result, exact)
@@ -99,8 +97,7 @@ def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
 @pytest.mark.parametrize("games", [4, pytest.param(24, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
-    """On random games the law finds P to 1e-7 where the reference exists, and refuses all
-    others."""
+    """The law finds P of random games to 1e-7 if a solution exists, and refuses all other games."""
     rng = np.random.default_rng(5)
     solved = refused = 0
     for index in range(games):
@@ -119,7 +116,7 @@ def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) ->
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
-    """With delta infinite the learner finds the LQR solution."""
+    """With infinite delta the law finds the LQR solution."""
     game, exact = lq(name)
     assert_exact(learn(game, tick=0.1), exact)
 
@@ -129,9 +126,7 @@ def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
     "degrees", [5, *(pytest.param(i, marks=pytest.mark.slow) for i in range(21) if i != 5)]
 )
 def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
-    """The learner finds the exact solution at each dihedral angle with both variants of the
-    dynamics.
-    """
+    """The law finds the exact solution at each dihedral angle for both variants of the dynamics."""
     game = game_at(degrees, dynamics)
     assert_exact(learn(game), solve_game(game))
 
@@ -142,7 +137,7 @@ def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int
 @pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
 @pytest.mark.parametrize("start", [100.0, -3.0])
 def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) -> None:
-    """The residual decays from tick to tick by the closed form of the scalar law."""
+    """From tick to tick, the residual decays as the closed-form solution of the scalar law."""
     game, _ = published(name)
     law = certified_law(game, CertifiedSettings(initial_weights=start, tick=0.05), seed=0)
     residual = run(law).history["law_residual_norm"]
@@ -156,8 +151,10 @@ def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) 
 
 
 def test_riccati_residual_contracts_as_a_whole() -> None:
-    """The Riccati residual of the flow is R(P(t)) = c(t) R(P₀). The error of sub-steps decreases
-    with the tick.
+    """In stage 1 the Riccati residual remains a multiple of its initial value, R(P(t)) = c(t)
+    R(P₀).
+
+    The deviation, due to finite sub-steps, decreases with the tick.
     """
     game, exact = lq(PUBLISHED[1])
 
@@ -182,7 +179,7 @@ def test_riccati_residual_contracts_as_a_whole() -> None:
 
 
 def test_policies_are_stabilizing_throughout_stage_one() -> None:
-    """Policies of the first stage stabilize the discounted plant."""
+    """All policies of stage 1 stabilize the discounted plant."""
     game, _ = published(PUBLISHED[0])
     law = certified_law(game, CertifiedSettings(tick=0.05), seed=0)
     finished = run(law)
@@ -193,8 +190,7 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 
 
 def test_discount_only_where_the_start_does_not_stabilize() -> None:
-    """The initial discount is the instability of the start plus 0.5, or 0 for a stabilizing
-    start.
+    """The initial discount is the instability plus 0.5 1/s, or 0 if the initial weights stabilize.
     """
     for name in PUBLISHED:
         game, _ = published(name)
@@ -210,8 +206,9 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
 
 
 def test_learning_reads_the_recorded_data_and_not_A() -> None:
-    """A game with another A and the same recorded data gives the same bits. The check of the result
-    then refuses it.
+    """A game with another A and the same recorded data gives bit-identical weights.
+
+    `check_critic` then accepts the result only for the game with the true A.
     """
     game, _ = published(PUBLISHED[0])
     stack = random_pool(game, 200, seed=1)
@@ -228,7 +225,7 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("duration", [5.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
-    """States recorded on one probing flight suffice to learn the exact solution."""
+    """The states recorded in one probing flight are enough to learn the exact solution."""
     game, exact = published(name)
     for seed in range(2):
         states, _, _ = probing_flight(game, seed, np.linspace(0.0, duration, 500), (0.05, 0.05))
@@ -236,7 +233,7 @@ def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
 
 
 def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The learner calls none of SciPy's Riccati and Lyapunov solvers."""
+    """The law works without SciPy's Riccati solvers."""
     for name in ("solve_continuous_are", "solve_discrete_are"):
         monkeypatch.delattr(f"scipy.linalg.{name}")
     assert learn(published(PUBLISHED[0])[0], tick=0.2).settled
@@ -244,7 +241,7 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
-    """Noisy derivatives give a stabilizing gain, and the check of the result refuses it."""
+    """The gain learned from noisy derivatives is stabilizing, but `check_critic` refuses its P."""
     for name in PUBLISHED[: 1 if noise < 1e-3 else 2]:
         game, exact = published(name)
         pool = random_pool(game, 500, seed=3)
@@ -265,7 +262,7 @@ ETA = 0.8
 
 @pytest.mark.parametrize("start", [1e-3, 0.5, 3.0, 40.0])
 def test_step_is_exact(start: float) -> None:
-    """Before it settles, a step equals a numerical integration of y' = -k (y^(1-η) + y^(1+η))."""
+    """`after` equals a numerical integration of y' = -k (y^(1-η) + y^(1+η)) while y > 0."""
     settle = math.atan(start**ETA) / (ETA * RATE)
     times = np.linspace(0.0, 0.9 * settle, 7)
     flow = solve_ivp(
@@ -282,7 +279,8 @@ def test_step_is_exact(start: float) -> None:
 @pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
 @pytest.mark.parametrize("eta", [0.2, 0.8])
 def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
-    """The scalar law reaches 0 within theta T from any initial value, and this bound is sharp."""
+    """The scalar law reaches 0 by θT from any initial value, and from large ones not much earlier.
+    """
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
@@ -293,8 +291,7 @@ def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
 
 
 def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) -> np.ndarray:
-    """Return the Newton direction of the LQ problem in scaled coordinates, computed with 60
-    digits.
+    """Return the Newton direction of the LQ problem in scaled coordinates, computed with 60 digits.
     """
     scales = equations.scales
     eye = np.eye(len(game.A), dtype=int)
@@ -315,8 +312,9 @@ def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) 
 
 
 def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
-    """Near the edge of stability, directions by QR are right. A pseudo-inverse with a tolerance
-    drops the singular value that matters, and its directions are wrong.
+    """Near the edge of stability, Newton directions by QR are accurate, by a pseudo-inverse wrong.
+
+    The tolerance of the pseudo-inverse drops the decisive singular value.
     """
     game, exact = lq(PUBLISHED[1])
     errors = []
@@ -337,7 +335,7 @@ def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
     "margin", [1e-1, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-4, 1e-8)), 1e-12]
 )
 def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
-    """Runs from initial weights at the edge of stability end at the exact solution."""
+    """Learning from initial weights at the edge of stability converges to the exact solution."""
     for seed in range(4):
         game, exact = published(PUBLISHED[seed % 2])
         start = tuple(start_at_the_edge(game, exact.P, seed, margin))
@@ -347,8 +345,10 @@ def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
 def test_an_answer_without_the_discount_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A wrong answer is refused. It is produced by truncated directions and by trusting every start
-    with a negative spectral abscissa.
+    """Without the safeguards of the law, learning from the edge of stability fails or gives a wrong
+    P.
+
+    The safeguards are directions by QR, the stability test of each step, and the initial discount.
     """
 
     def truncated(found: Any, normaliser: np.ndarray) -> np.ndarray:
@@ -383,7 +383,7 @@ def test_an_answer_without_the_discount_is_refused(
 
 @pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
 def test_a_delta_too_small_is_refused(name: str) -> None:
-    """A delta below the smallest one is refused, and the message names the smallest delta."""
+    """A delta that is too small is refused, and the message names the smallest delta to 0.1 %."""
     game, _ = published(name)
     with pytest.raises(
         NoSolutionError, match=r"delta = 50 is not reached.*choose a delta"
@@ -398,7 +398,9 @@ def test_a_delta_too_small_is_refused(name: str) -> None:
 
 
 def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
-    """The error names the discount below which no policy stabilizes."""
+    """For a plant that no input stabilizes, the error names the discount that cannot be lowered
+    further.
+    """
     game = Game(
         A=np.diag([0.3, -1.0]), B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=np.inf
     )
@@ -431,6 +433,6 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
     ],
 )
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
-    """Wrong settings of the learner are refused by name."""
+    """A wrong setting of the law is refused, and the message names the setting."""
     with pytest.raises(BadInputError, match=message):
         learn(published(PUBLISHED[0])[0], **options)

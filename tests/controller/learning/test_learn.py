@@ -1,5 +1,4 @@
-"""One function for all learning laws: the same seed gives the same bits, results are plain data,
-and an independent check judges them.
+"""The function `learn`: reproducible by seed, with results as plain data and an independent check.
 """
 
 from __future__ import annotations
@@ -27,7 +26,9 @@ def short_run(seed: int = 4, **more: Any) -> TrainingRun:
 
 
 def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    """The callback gets increasing fractions up to 1 with one-line messages."""
+    """The callback receives increasing fractions up to 1 with one-line messages. Nothing is
+    printed.
+    """
     seen: list[tuple[float, str]] = []
     short_run(progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]
@@ -43,7 +44,7 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
 
 
 def test_the_seed_decides_every_bit() -> None:
-    """Runs with equal seeds agree in every bit; another seed changes the weights."""
+    """Runs with equal seeds are bit-identical. Another seed changes the weights."""
     first = short_run()
     same = short_run()
     second = short_run(seed=2)
@@ -62,7 +63,8 @@ def test_a_run_has_the_critic_of_its_last_weights() -> None:
 
 
 def test_results_are_plain_json() -> None:
-    """A run is written as strict JSON with its matrices, settings and units."""
+    """A run is written as strict JSON with its matrices and settings. Its report states the units.
+    """
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == "certified"
@@ -75,7 +77,10 @@ def test_results_are_plain_json() -> None:
 
 
 def test_the_default_number_of_samples_is_enough() -> None:
-    """The default number of samples suffices for the 55 weights of a stable chain of ten states."""
+    """The default number of samples is enough for the 55 weights of a game with ten states.
+
+    One sample fewer than the weights is refused.
+    """
     A = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1)
     end = np.eye(10)[:, -1:]
     game = Game(A=A, B=end, E=end, Q=np.eye(10), R=np.eye(1), delta=50.0)
@@ -88,7 +93,8 @@ def test_the_default_number_of_samples_is_enough() -> None:
 
 
 def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kept rows of a history are evenly spaced and include the start and the end."""
+    """If not all rows of a history are stored, they are evenly spaced, with the first and the last.
+    """
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     # The true number of rows needs a run of minutes.
@@ -103,7 +109,7 @@ def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_poor_stack_is_not_settled() -> None:
-    """A run on a rank-deficient stack does not count as settled, whatever its residual."""
+    """A run with rank-deficient data, or with a large residual, does not count as settled."""
     run = short_run()
     poor = replace(run, excitation=replace(run.excitation, rank=20))
     assert run.settled
@@ -114,8 +120,9 @@ def test_a_poor_stack_is_not_settled() -> None:
 
 
 def test_singular_weights_are_learned_and_pass() -> None:
-    """A game with a singular Q = C'C is learned and passes, although rounding makes the smallest
-    eigenvalue of Q and of P slightly negative or positive.
+    """Games with a singular Q = C'C are learned and pass the check.
+
+    Rounding makes the smallest eigenvalue of P negative in some of them and positive in others.
     """
     rng = np.random.default_rng(18)
     signs = set()
@@ -135,7 +142,7 @@ def test_singular_weights_are_learned_and_pass() -> None:
 
 
 def test_twelve_states_are_learned_without_a_disturbance() -> None:
-    """A random LQR with 12 states and 78 weights is learned, with full rank."""
+    """A random LQR problem with 12 states and 78 weights is learned from data of full rank."""
     rng = np.random.default_rng(1)
     A = rng.standard_normal((12, 12)) - np.diag(np.geomspace(1.0, 1e3, 12))
     game = Game(A, rng.standard_normal((12, 3)), np.eye(12), np.eye(12), np.eye(3), np.inf)
@@ -146,7 +153,7 @@ def test_twelve_states_are_learned_without_a_disturbance() -> None:
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
 def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
-    """A correct critic settles whatever the size of the costs."""
+    """A correct critic settles for small and large weights Q and R."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
     result = learn(game, tick=0.1)
     s = 1.0 / R - 1.0 / game.delta**2
@@ -156,10 +163,10 @@ def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
 
 
 def shift_by_rounding(game: Game, exact: np.ndarray) -> float:
-    """Return the relative change of P if each term of the Riccati equation changes by one rounding.
+    """Return the relative change of P if rounding changes each term of the Riccati equation.
 
-    To first order the change X solves (A - S P)'X + X (A - S P) = -w I, with w the sizes of the
-    terms.
+    To first order the change X solves (A - S P)'X + X (A - S P) = -w I, with w the sum of the
+    magnitudes of the terms.
     """
     A, S = np.linalg.norm(game.A, 2), np.linalg.norm(game.S, 2)
     P = np.linalg.norm(exact, 2)
@@ -170,7 +177,7 @@ def shift_by_rounding(game: Game, exact: np.ndarray) -> float:
 
 
 def assert_learned(game: Game, share: float, tick: float) -> None:
-    """Assert that a game is learned at `share` times its smallest delta."""
+    """Assert that a game is learned with `share` times its smallest delta."""
     game = game.with_delta(share * minimum_delta(game).value)
     result = learn(game, tick=tick)
     assert result.outcome == "settled", (game.A.shape, game.B.shape, game.E.shape)
@@ -191,7 +198,7 @@ def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_need_no_looser_limit(games: int) -> None:
-    """Random games of 1 to 8 states are learned within the default error limit."""
+    """Random games with 1 to 8 states are learned within the usual error limit."""
     rng = np.random.default_rng(21)
     for _ in range(games):
         n = int(rng.integers(1, 9))
@@ -203,7 +210,7 @@ def test_random_games_need_no_looser_limit(games: int) -> None:
 
 
 def test_the_correction_is_the_next_policy_iteration() -> None:
-    """The correction of P solves the Lyapunov equation of the Riccati residual."""
+    """The Newton correction of P solves the Lyapunov equation of the Riccati residual."""
     game = stable_game()
     exact = reference_solution(game).P
     P = exact + np.array([[0.02, 0.01], [0.01, -0.01]])

@@ -1,6 +1,4 @@
-"""The recorded stack: its data are exact, its samples are rich, and poor stacks are refused. Its
-residuals are computed correctly.
-"""
+"""Recorded samples: exact data, well-conditioned selection, refusal of poor data, and residuals."""
 
 from __future__ import annotations
 
@@ -25,7 +23,7 @@ def worst_condition(stack: Stack) -> float:
 
 
 def test_random_pool_follows_its_box_and_seed() -> None:
-    """A random pool of states stays in its box and is reproduced by its seed."""
+    """Random states fill their box, the seed reproduces them, and their drifts are A z."""
     game = stable_game()
     pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
     assert np.all(np.abs(pool.states) <= [2.0, 0.1])
@@ -36,7 +34,8 @@ def test_random_pool_follows_its_box_and_seed() -> None:
 
 
 def test_a_list_that_contains_itself_is_refused() -> None:
-    """A seed that is a list containing itself is refused. NumPy would overflow the stack on it."""
+    """A list that contains itself is refused as count, seed or box. NumPy would overflow the stack.
+    """
     endless: list[Any] = []
     endless.append(endless)
     for count, seed, box in ((endless, 0, None), (9, endless, None), (9, 0, endless)):
@@ -45,7 +44,7 @@ def test_a_list_that_contains_itself_is_refused() -> None:
 
 
 def test_natural_spread_follows_the_units() -> None:
-    """The natural spread of the states changes with their units."""
+    """The natural spread changes with the units of the states."""
     game, _ = published(PUBLISHED[0])
     units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
     rows = units[:, None]
@@ -61,8 +60,7 @@ def test_natural_spread_follows_the_units() -> None:
 
 
 def test_natural_spread_solves_its_equation() -> None:
-    """The natural spread equals the integral of the covariance over time, computed with small
-    steps.
+    """The natural spread equals the integral of the covariance over time, computed in small steps.
     """
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
@@ -84,7 +82,7 @@ def test_natural_spread_solves_its_equation() -> None:
 
 @pytest.mark.parametrize("samples", [21, 30, 60])
 def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
-    """Chosen samples are distinct and better conditioned than the first ones."""
+    """The chosen samples are distinct, and better conditioned than the first ones of the pool."""
     game, _ = published(PUBLISHED[0])
     pool = random_pool(game, 500, seed=0)
     chosen = choose(pool, QUADRATIC, samples)
@@ -97,7 +95,7 @@ def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("functions", ["quadratic", "paper"])
 def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
-    """A seed gives the same samples if the states change by rounding, as on another processor."""
+    """The same samples are chosen if the states change by rounding, as on another processor."""
     game, _ = published(name)
     pool = random_pool(game, 500, seed=0)
     rng = np.random.default_rng(1)
@@ -112,8 +110,9 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
 
 
 def test_pivoting_finds_the_rich_moments() -> None:
-    """Pivoting finds samples of full rank 21 in a free response of 20 s. Evenly spaced samples have
-    rank 10, because the fast modes decay early.
+    """Pivoted QR chooses samples of full rank 21 from a free response of 20 s.
+
+    Evenly spaced samples have a rank below 15, because the fast modes decay early.
     """
     game, _ = published("published-5")
     pool = record(game, probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))[0])
@@ -124,7 +123,7 @@ def test_pivoting_finds_the_rich_moments() -> None:
 
 
 def test_poor_stacks_are_refused() -> None:
-    """States that lie in a plane are refused, and the message states their rank."""
+    """States in a five-dimensional subspace are refused, and the message states their rank."""
     game, _ = published(PUBLISHED[0])
     rng = np.random.default_rng(0)
     in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
@@ -133,7 +132,8 @@ def test_poor_stacks_are_refused() -> None:
 
 
 def test_excitation_of_a_known_stack() -> None:
-    """Rank, smallest eigenvalue and condition number of a stack equal those computed by hand."""
+    """Rank, smallest eigenvalue and condition number of three samples equal hand-computed values.
+    """
     regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
     richness = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
     assert (richness.rank, richness.size, richness.samples) == (2, 2, 3)
@@ -143,7 +143,7 @@ def test_excitation_of_a_known_stack() -> None:
 
 
 def test_linear_fit_reports_noise_and_forcing() -> None:
-    """The linear fit removes noise, and reports the noise and a forcing."""
+    """The linear fit reduces noise, and its misfit shows noise and a reference forcing."""
     game, _ = published(PUBLISHED[1])
     exact = random_pool(game, 500, seed=0)
     fitted, misfit = exact.linear()
@@ -160,9 +160,7 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
 
 
 def test_malformed_stacks_are_refused() -> None:
-    """Wrong shapes, nan, a box without width, and a state without excitation are refused by
-    name.
-    """
+    """Wrong shapes, nan, a box without width, and a state that is always 0 are refused by name."""
     game = stable_game()
     with pytest.raises(BadInputError, match=r"both must be \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
@@ -183,10 +181,10 @@ def test_malformed_stacks_are_refused() -> None:
 
 @pytest.mark.parametrize("name", BASES)
 def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
-    """The derivative of the residual e_j by the weights is the regressor σ_j where the value is
-    quadratic.
+    """For a quadratic value, the regressor σ_j is the derivative of the residual e_j by the
+    weights.
 
-    The policy terms are re-evaluated, and the remainder is of second order.
+    The remainder of the linear approximation is of second order; with a wrong regressor it is not.
     """
     game, exact = published(PUBLISHED[0])
     equations = build(game, name)
@@ -212,9 +210,7 @@ def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
 
 @pytest.mark.parametrize("name", BASES)
 def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
-    """The predicted residual along a Newton step equals the residual computed anew, for every
-    basis.
-    """
+    """The residual predicted along a step, a parabola, equals the residual computed anew."""
     game, _ = published(PUBLISHED[1])
     equations = build(game, name)
     rng = np.random.default_rng(2)
@@ -230,7 +226,8 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
 
 
 def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
-    """Bellman residuals equal z' times the discounted Riccati residual times z."""
+    """Each Bellman residual equals z'R z, with R the residual of the discounted Riccati equation.
+    """
     game, exact = published(PUBLISHED[0])
     equations = build(game)
     P = 0.7 * exact.P

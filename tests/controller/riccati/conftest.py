@@ -1,4 +1,4 @@
-"""The games of the two printed models, on which the exact solution is tested."""
+"""Fixtures with the games of the two printed models."""
 
 from game_samples import first, game
 

@@ -1,6 +1,4 @@
-"""The certificate refuses each planted wrong answer for the right reason, and decides eigenvalues
-near the imaginary axis correctly.
-"""
+"""The certificate refuses each planted wrong solution for the right reason."""
 
 from __future__ import annotations
 
@@ -38,7 +36,10 @@ def named(certificate: Certificate) -> dict[str, Check]:
 
 
 def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
-    """Return the checks that `certified_solution` makes, applied to a P of another source."""
+    """Return the certificate of a given P, with the checks of `carefully_certified`.
+
+    second_P: result of the second derivation
+    """
     form = NormalForm.of(game)
     back = np.linalg.inv(form.T)
     X = back.T @ P @ back
@@ -49,13 +50,13 @@ def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
 
 
 def _by_schur(game: Game) -> np.ndarray:
-    """Return the P of the Schur form, without a certificate."""
+    """Return P by the Schur form, without a certificate."""
     form = NormalForm.of(game)
     return form.value(by_schur(form))
 
 
 def test_non_stabilizing_root_is_refused(game: Game) -> None:
-    """A root with a tiny residual fails because its game loop is not Hurwitz."""
+    """A root with a tiny residual fails if A - S P is not Hurwitz."""
     P = other_root(game)
     certificate = _certify(game, P, P)
     assert named(certificate)["residual"].value < 1e-13
@@ -66,7 +67,7 @@ def test_non_stabilizing_root_is_refused(game: Game) -> None:
 
 
 def test_indefinite_root_is_refused(game: Game) -> None:
-    """Just below delta_min the root, whose residual is tiny, is refused as indefinite."""
+    """Just below delta_min, a root with a tiny residual is refused as indefinite."""
     below = game.with_delta(minimum_delta(game).value * (1.0 - 1e-5))
     P = _by_schur(below)
     certificate = _certify(below, P, P)
@@ -77,8 +78,8 @@ def test_indefinite_root_is_refused(game: Game) -> None:
 
 
 def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
-    """An indefinite P with a small Riccati residual fails two checks: its sign, and the stability
-    of its loop.
+    """An indefinite P of a random game has a small residual, but fails the checks of sign and
+    stability.
     """
     rng = np.random.default_rng(8)
     refused = 0
@@ -98,7 +99,7 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
 
 
 def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
-    """The LQR's P fails by its residual and by the second derivation."""
+    """P of the LQR fails the checks of the residual and of the second derivation."""
     P = solve_game(game.with_delta(math.inf)).P
     assert failed_names(_certify(game, P, solve_game(game).P).checks) == {
         "residual",
@@ -107,7 +108,7 @@ def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
 
 
 def test_solution_of_another_game_is_refused(game: Game) -> None:
-    """A change of 1e-6 in A makes the residual too large."""
+    """P fails the check of the residual if every entry of A changes by 1e-6."""
     P = solve_game(game).P
     other = Game(game.A + 1e-6, game.B, game.E, game.Q, game.R, game.delta)
     assert "residual" in failed_names(_certify(other, P, P).checks)
@@ -129,7 +130,7 @@ def test_changed_solution_is_refused(game: Game, change: object, failed: str) ->
 
 
 def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
-    """Derivations that differ by 1e-7, or are not finite, fail."""
+    """Two derivations that differ by 1e-7, or of which one is not finite, fail."""
     P = solve_game(game).P
     assert failed_names(_certify(game, P, P * (1.0 + 1e-7)).checks) == {"second_derivation"}
     assert not _certify(game, P, np.full_like(P, np.nan)).ok
@@ -139,9 +140,7 @@ def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
 
 
 def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
-    """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it 1e-8 off the
-    imaginary axis.
-    """
+    """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it by 1e-8."""
     critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
     A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T
@@ -179,7 +178,7 @@ def test_the_value_is_exactly_0() -> None:
 
 @pytest.mark.parametrize("key", ["P", "K"])
 def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
-    """Where the optimum is 0, P = 0 and K = 0 pass, and entries of 0.001 fail."""
+    """If the optimum is 0, `hfa verify` accepts P = 0 and K = 0, and refuses entries of 0.001."""
     plant = stored("plant.npz", **STABLE)
     shape = (2, 2) if key == "P" else (1, 2)
     assert (
@@ -199,8 +198,8 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
 
 
 def test_a_value_without_stabilization_is_another() -> None:
-    """Without cost an unstable plant has two roots. The certified one is P = 2 a / s, whose policy
-    stabilizes the plant, and not P = 0.
+    """For an unstable plant without cost, the certified root is the stabilizing P = 2 a / s, not P
+    = 0.
     """
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
     assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
