@@ -135,7 +135,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def outcome(self) -> str:
-        """"settled", or a sentence with the reason why the run has not settled."""
+        """ "settled", or a sentence with the reason why the run has not settled."""
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not math.isfinite(self.settling_time):

@@ -1,6 +1,4 @@
-"""The physics does not depend on units or on a common scale of mass. A very stiff hinge gives the
-rigid aircraft.
-"""
+"""Invariance of the equations: units, a common scale of mass, and a very stiff hinge."""
 
 from __future__ import annotations
 
@@ -30,8 +28,10 @@ RATE_UNITS = tuple(map(hfa.aircraft().rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
-    """Return the number of new units in one old unit, for the units in `FIELDS` and
-    `vectors.py`.
+    """Return the number of new units in one old unit.
+
+    unit: a unit as in `FIELDS` and `vectors.py`
+    length, mass, time: number of new units in a foot, a slug and a second
     """
     base = {
         "ft": length,
@@ -53,8 +53,10 @@ def unit_size(unit: str, length: float, mass: float, time: float) -> float:
 def change_of_units_error(
     variant: Variant, parameters: Parameters, fields: Parameters, *new: float
 ) -> float:
-    """Return the largest relative error of the rates after everything is converted to units of
-    `new` sizes.
+    """Return the largest relative error of the rates after conversion to other units.
+
+    fields: declared units of the parameters
+    new: number of new units in a foot, a slug and a second
     """
 
     def converted(values: Any, units: Any) -> list[float]:
@@ -90,13 +92,13 @@ SI_WITH_MINUTES = (0.3048, 14.593902937206364, 1 / 60)
 def test_a_change_of_units_leaves_the_physics_alone(
     parameters: Parameters, variant: Variant, new: tuple[float, float, float]
 ) -> None:
-    """State derivatives are unchanged when mass, length and time have other units."""
+    """The state derivatives are unchanged if mass, length and time have other units."""
     assert change_of_units_error(variant, parameters, FIELDS, *new) <= 1e-12
 
 
 @pytest.mark.parametrize("name", Parameters._fields)
 def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
-    """A parameter declared with one unit of time too many fails the test of a change of units."""
+    """A parameter whose declared unit has a factor of time too many fails the change of units."""
     unit = re.sub(r"(/|$)", r" s\1", getattr(FIELDS, name).unit, count=1)
     wrong = FIELDS._replace(**{name: Field(unit, "")})
     assert change_of_units_error(Published(), parameters, wrong, *SI_WITH_MINUTES) > 1e-6
@@ -115,7 +117,7 @@ def scaled(
 
 
 def heavier(p: Parameters, factor: float) -> Parameters:
-    """Return the parameters with all masses and all forces multiplied by `factor`.
+    """Return the parameters with all masses and forces multiplied by `factor`.
 
     κ is divided by `factor`, because C_D = C_D0 + κ C_L².
     """
@@ -134,8 +136,7 @@ def heavier(p: Parameters, factor: float) -> Parameters:
 def longer_chord(p: Parameters, factor: float) -> Parameters:
     """Return the parameters with a longer chord and the same products of area and coefficient.
 
-    C_L and C_D0 are divided by `factor`, C_M (area times chord) twice, and the tail area is
-    multiplied by it.
+    C_L and C_D0 are divided by `factor`, C_M by its square, and the tail area is multiplied by it.
     """
     once = scaled(
         p,
@@ -148,9 +149,9 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
 def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
-    """Two scalings of the parameters leave trim, A and B unchanged; without the drag they do not.
+    """Two scalings of the parameters leave trim, A and B unchanged. Without the drag they do not.
 
-    The identification therefore has to fix these two freedoms.
+    Therefore the identification must fix two parameters.
     """
     other_aircraft = hfa.aircraft(
         hfa_model.variant_of(aircraft), change(hfa_model.parameters_of(aircraft), 1.7)
@@ -180,8 +181,8 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> No
 
 
 def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
-    """With a hinge stiffness k, the four other eigenvalues differ from those of the flat rigid
-    aircraft by an error of order 1/k.
+    """With hinge stiffness k, four eigenvalues differ from those of the rigid aircraft by order
+    1/k.
     """
     elastic = release(
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}

@@ -1,7 +1,7 @@
-"""An independent model of three panels in space. With locked hinges the aircraft is that rigid
-body, and symmetric conditions keep it in its plane.
+"""An independent model of three panels in space, for comparison with the equations of motion.
 
-The only function of the product that is used is the law of one panel's loads.
+With locked hinges the aircraft is this rigid body, and symmetric conditions keep it in its plane.
+Only the loads of one panel are computed by the product.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ SIDES = (0, 1, -1)
 
 
 class Body(NamedTuple):
-    """Force (lbf) without weight, moment (ft lbf) and inertia (slug ft^2), in body axes about the
-    center of mass.
+    """Force (lbf) without weight, moment (ft lbf) and inertia (slug ft^2) of the aircraft.
+
+    They are in body axes, about the center of mass.
     """
 
     force: np.ndarray
@@ -34,7 +35,10 @@ class Body(NamedTuple):
 def three_panels(
     x: State, u: Input, p: Parameters, winds: Winds, more_aileron_right: float = 0.0
 ) -> Body:
-    """Return the center, right and left panel, each with its place, motion, air and loads."""
+    """Return the force, moment and inertia of the aircraft, summed over its three panels.
+
+    more_aileron_right: additional aileron deflection of the right panel, rad
+    """
     center = np.array([0.0, 0.0, p.panel_span / 3 * np.sin(x.dihedral)])
     sinking = np.array([0.0, 0.0, p.panel_span / 3 * np.cos(x.dihedral) * x.dihedral_rate])
     path = x.speed * np.array([np.cos(x.alpha), 0.0, np.sin(x.alpha)])
@@ -79,7 +83,7 @@ def three_panels(
 
 
 def rigid_rates(x: State, body: Body, p: Parameters) -> np.ndarray:
-    """Return V', α', q' of a rigid body in its plane by Newton's and Euler's laws."""
+    """Return V', α' and q' of a rigid body in its plane, by Newton's and Euler's laws."""
     weight = p.gravity * np.array([-np.sin(x.pitch), 0.0, np.cos(x.pitch)])
     acceleration = body.force / (3 * p.panel_mass) + weight
     along = np.array([np.cos(x.alpha), 0, np.sin(x.alpha)])
@@ -99,9 +103,11 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
 
 
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
-    """Return the largest errors of V', α', q' compared with the rigid body.
+    """Return the largest errors of V', α', q' compared with the rigid body, (3,).
 
     They are relative to the rate or, near zero, to its scale.
+
+    change: applied to each random state
     """
     worst = np.zeros(3)
     scales = np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])
@@ -121,7 +127,9 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
 def test_with_locked_hinges_newton_is_the_rigid_aircraft(
     parameters: Parameters, dihedral: float
 ) -> None:
-    """With locked hinges, "newton" equals the rigid aircraft and "published" does not."""
+    """With locked hinges, the rates of "newton" equal the rigid body's. Those of "published" do
+    not.
+    """
 
     def locked(x: State) -> State:
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)
@@ -135,7 +143,7 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
 def test_moving_hinges_move_only_the_mass_center(
     parameters: Parameters,
 ) -> None:
-    """With moving hinges the center of mass, and nothing else, moves as that of a rigid body."""
+    """With moving hinges, V' and α' equal those of the rigid body, but q' does not."""
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3

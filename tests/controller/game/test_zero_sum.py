@@ -1,5 +1,4 @@
-"""Zero-sum games and bases: invalid input, policies, ψ(z), its gradient, and conversion of W and P.
-"""
+"""Zero-sum games and bases: invalid input, policies, ψ(z), its gradient, and conversion of W and P."""
 
 from __future__ import annotations
 
@@ -165,8 +164,7 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 @pytest.mark.parametrize("functions", ALL)
 def test_gradient_has_second_order_remainder(functions: Basis) -> None:
-    """The Taylor remainder of each basis is of second order, and not with an error in its gradient.
-    """
+    """The Taylor remainder of each basis is of second order, and not with an error in its gradient."""
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
     assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)

@@ -1,5 +1,4 @@
-"""The function `learn`: reproducible by seed, with results as plain data and an independent check.
-"""
+"""The function `learn`: reproducible by seed, with results as plain data and an independent check."""
 
 from __future__ import annotations
 
@@ -63,8 +62,7 @@ def test_a_run_has_the_critic_of_its_last_weights() -> None:
 
 
 def test_results_are_plain_json() -> None:
-    """A run is written as strict JSON with its matrices and settings. Its report states the units.
-    """
+    """A run is written as strict JSON with its matrices and settings. Its report states the units."""
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == "certified"
@@ -93,8 +91,7 @@ def test_the_default_number_of_samples_is_enough() -> None:
 
 
 def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If not all rows of a history are stored, they are evenly spaced, with the first and the last.
-    """
+    """If not all rows of a history are stored, they are evenly spaced, with the first and the last."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     # The true number of rows needs a run of minutes.

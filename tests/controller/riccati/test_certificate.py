@@ -207,7 +207,9 @@ def test_a_value_without_stabilization_is_another() -> None:
 
 @pytest.mark.parametrize(("entry", "stable"), [(-1e-300, True), (0.0, False), (1e-300, False)])
 def test_a_mode_on_the_axis_is_not_stable(entry: float, stable: bool) -> None:
-    """A mode counts as stable only if its eigenvalue is below 0, by however little."""
+    """A mode counts as stable only if the real part of its eigenvalue is below 0, by however
+    little.
+    """
     assert is_hurwitz(np.diag([-1.0, entry])) is stable
 
 
@@ -217,8 +219,9 @@ def hamiltonian(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Return a matrix with defective eigenvalues far from the imaginary axis at 1 rad/s, and simple
-    ones near it beyond 2 rad/s. The defective ones decide its distance.
+    """Return a matrix whose defective eigenvalues determine its distance to the imaginary axis.
+
+    They are far from the axis, at 1 rad/s. Simple eigenvalues beyond 2 rad/s are near the axis.
     """
     block = np.kron(np.eye(n // 4), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(n // 2, k=2)
     turns = np.kron(np.diag(rng.uniform(2.0, 9.0, n // 4)), [[0.0, 1.0], [-1.0, 0.0]])
@@ -233,9 +236,7 @@ def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
 def test_axis_distance_is_the_least_over_frequencies(
     make: Callable[[np.random.Generator, int], np.ndarray], n: int
 ) -> None:
-    """The distance to the imaginary axis equals, to 1e-6, the least on a fine grid of frequencies
-    about each eigenvalue.
-    """
+    """The distance to the imaginary axis equals, to 2e-6, the least value on fine frequency grids."""
     for seed in range(2):
         computed = spectrum(make(np.random.default_rng(seed), n))
         shifts = np.unique(np.abs(computed.eigenvalues.imag))
@@ -257,8 +258,10 @@ def least_singular_value(matrix: np.ndarray, shift: float) -> float:
 
 
 def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
-    """The least distance of three coupled oscillators of 1 rad/s in random axes is found at 0.991
+    """For three coupled oscillators of 1 rad/s, the distance to the axis is attained at 0.991
     rad/s.
+
+    At the frequencies of the eigenvalues the singular value is larger.
     """
     oscillators = np.kron(np.eye(3), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(6, k=2)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
@@ -275,7 +278,7 @@ def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
 
 
 def test_one_mode_on_the_axis_is_seen() -> None:
-    """One mode on the imaginary axis among many others is detected."""
+    """One mode on the imaginary axis among 29 damped ones is detected."""
     rng = np.random.default_rng(0)
     turn = np.linalg.qr(rng.standard_normal((60, 60)))[0]
     damped = np.kron(np.diag(rng.uniform(1.0, 9.0, 30)), [[-0.1, 1.0], [-1.0, -0.1]])
@@ -284,7 +287,7 @@ def test_one_mode_on_the_axis_is_seen() -> None:
 
 
 def test_the_frequency_belongs_to_the_distance() -> None:
-    """The frequency is that of the distance and not of the eigenvalue of least damping."""
+    """The returned frequency is where the distance is attained, not that of the least damped mode."""
     computed = spectrum(jordan(np.random.default_rng(0), 40))
     least_damped = computed.eigenvalues[np.argmax(computed.eigenvalues.real)]
     distance, frequency = computed.nearest_to_axis()

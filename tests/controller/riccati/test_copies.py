@@ -1,5 +1,7 @@
-"""Verdicts do not depend on the last bits, on the order of the states, on their units (powers of
-two), on an orthogonal change of coordinates, or on the number of threads.
+"""Verdicts on copies of a game.
+
+They must not depend on the last bits, the order of the states, their units (powers of two), an
+orthogonal change of coordinates, or the number of threads.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ def random_games(number: int) -> Iterator[Game]:
 
 
 def verdict(game: Game) -> bool | None:
-    """Return whether a game has a value, or None if that is undecided."""
+    """Return whether a game has a value, or None if this is undecided."""
     return existence(NormalForm.of(game)).exists
 
 
@@ -45,7 +47,12 @@ def is_solved(game: Game) -> bool:
 
 
 def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
-    """Return the numbers of copies, of opposite verdicts, and of undecided ones."""
+    """Return the number of copies, of changed verdicts, and of undecided ones ("open").
+
+    Each game is copied just below and just above its smallest delta.
+
+    count: number of copies of each game
+    """
     counts: Counter[str] = Counter()
     for seed, game in enumerate(games):
         smallest = minimum_delta(game)
@@ -63,9 +70,7 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
 
 
 def test_copies_agree_whether_a_value_exists() -> None:
-    """Copies of a game agree on the existence of its value, also at a relative distance of 1e-4
-    from delta_min and in units that differ by up to 1e8.
-    """
+    """128 copies of games near delta_min have the same verdict on existence as their originals."""
     changed = changed_verdicts(random_games(8), 4)
     assert changed["copies"] == 128
     assert (changed["changed"], changed["open"]) == (0, 0)
@@ -73,7 +78,7 @@ def test_copies_agree_whether_a_value_exists() -> None:
 
 @pytest.mark.slow
 def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
-    """Ten thousand copies of a game agree on the existence of its value."""
+    """Of 20,000 copies of games near delta_min none changes the verdict; at most 20 are undecided."""
     changed = changed_verdicts(random_games(250), 20)
     assert changed["copies"] == 20_000
     assert changed["changed"] == 0
@@ -84,7 +89,7 @@ def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
 def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
-    """All copies of a game have the same solution and the same smallest delta."""
+    """All copies of a game have the same smallest delta, a solution above it, and none below."""
     game = game_models()[name]
     smallest = minimum_delta(game)
     for copy in copies(game, 1, 4):
@@ -95,7 +100,7 @@ def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
 
 
 def test_a_copy_is_of_its_kind() -> None:
-    """Each copy differs from its original in the intended way."""
+    """Each copy differs from its original and has the solution of its original in its coordinates."""
     game = game_models()["published-15"]
     P = solve_game(game).P
     for copy in copies(game, 0, 8, {"P": P}):
@@ -128,9 +133,7 @@ print(json.dumps(found))
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processors cannot be chosen")
 def test_smallest_delta_is_the_same_with_one_thread() -> None:
-    """The smallest delta is the same with one thread of BLAS as with one thread for each
-    processor.
-    """
+    """The smallest delta is the same with one BLAS thread as with one for each processor."""
     values = []
     for threads in ("one", "all"):
         command = [sys.executable, "-c", IN_ONE_THREAD, threads]

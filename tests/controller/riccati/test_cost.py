@@ -1,6 +1,4 @@
-"""Costs of policies, the saddle point, and the loss of a critic in flight. Each is computed by a
-second method.
-"""
+"""Costs of policies and their excess over the optimum, each computed by a second method."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
-    """z'Pz equals the cost by the Lyapunov equation to 1e-12."""
+    """z'Pz equals the cost computed from the Lyapunov equation to 1e-12."""
     for initial in (INITIAL, np.array([-3.0, 0.1, -0.2, 0.3, 0.05, -0.4])):
         assert cost_check(game, solve_game(game).P, initial).value < 1e-12
 
@@ -27,13 +25,13 @@ def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
 def test_a_value_off_by_a_millionth_is_noticed(
     first: tuple[Game, np.ndarray],
 ) -> None:
-    """A value with a relative error of 1e-6 fails the check of its cost."""
+    """A value with a relative error of 1e-6 fails the cost check."""
     game, P = first
     assert not cost_check(game, P * (1.0 + 1e-6), INITIAL).ok
 
 
 def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
-    """Policies whose closed loop does not converge have no cost."""
+    """Policies that do not stabilize fail the cost check, and their cost matrix is refused."""
     game, P = first
     check = cost_check(game, -P, INITIAL)
     assert not check.ok
@@ -43,7 +41,7 @@ def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> N
 
 
 def test_cost_of_a_scalar_policy_in_closed_form() -> None:
-    """The cost of given policies of a scalar game equals its closed form."""
+    """The cost of given policies in a scalar game equals its closed form."""
     game = Game(
         [[-1.0]], [[1.0]], [[1.0]], [[2.0]], [[3.0]], 2.0
     )  # u = -z/2, d = z/4: z' = -1.25 z
@@ -54,9 +52,7 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
 
 @pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
 def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
-    """The exact solution of a plant with poles at -3e4 and 0.09 in random coordinates passes its
-    checks.
-    """
+    """The exact solution of a stiff plant, with poles at -3e4 and 0.09, passes the critic's checks."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     modes = rng.standard_normal((n, n))
@@ -85,9 +81,7 @@ NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 @pytest.mark.parametrize("size", [1e-3, 1e-1, 0.3])
 @pytest.mark.parametrize("delta", [200.0, math.inf])
 def test_loss_agrees_with_the_cost_equation(size: float, delta: float) -> None:
-    """P* + D is the value of the game in which the control is fixed at -K z and only the
-    disturbance is chosen.
-    """
+    """P* + D is the value of the game in which only the disturbance is free and u = -K z."""
     game = GAME.with_delta(delta)
     exact = solve_game(game)
     K = exact.K * (1.0 + size * NOISE)
@@ -100,7 +94,7 @@ def test_loss_agrees_with_the_cost_equation(size: float, delta: float) -> None:
 
 
 def test_loss_grows_with_the_squared_error() -> None:
-    """The loss grows with the square of the error."""
+    """The cost above the optimum grows with the square of the error of K."""
     single, ten = (
         flight_cost(GAME, EXACT, EXACT.K * (1.0 + size * NOISE)) for size in (1e-4, 1e-3)
     )
@@ -109,7 +103,7 @@ def test_loss_grows_with_the_squared_error() -> None:
 
 
 def test_a_start_costs_what_is_reported() -> None:
-    """The worst initial state that is found has the reported cost."""
+    """The reported worst and mean excess costs agree with those of 4,000 random initial conditions."""
     K = EXACT.K * (1.0 + 0.1 * NOISE)
     D = loss_matrix(GAME, EXACT, K)
     cost = flight_cost(GAME, EXACT, K)
@@ -128,7 +122,7 @@ def test_a_start_costs_what_is_reported() -> None:
 
 
 def test_the_exact_critic_costs_nothing() -> None:
-    """The exact gain is 0 % above the optimum, with the exact L2 gain and disk margin."""
+    """The exact gain costs 0 % above the optimum, and has the optimum's L2 gain and axis distance."""
     cost = flight_cost(GAME, EXACT, EXACT.K)
     assert (cost.worst, cost.mean) == (0.0, 0.0)
     assert cost.gain == cost.exact_gain == bounded_real_gain(GAME, EXACT.K)
@@ -136,7 +130,7 @@ def test_the_exact_critic_costs_nothing() -> None:
 
 
 def test_a_gain_beyond_delta_costs_without_bound() -> None:
-    """A gain that is unstable, or whose L2 gain exceeds delta, has an infinite cost."""
+    """The cost is infinite for a gain K that is unstable, and if the L2 gain is above delta."""
     tight = GAME.with_delta(151.0)
     loose = flight_cost(tight, solve_game(tight), 0.3 * solve_game(tight).K)
     assert loose.worst == loose.mean == math.inf
@@ -147,14 +141,15 @@ def test_a_gain_beyond_delta_costs_without_bound() -> None:
 
 
 def test_a_game_that_costs_nothing() -> None:
-    """If every flight costs 0, no gain is above the optimum."""
+    """In a game without state cost, zero gain is 0 % above the optimum."""
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
     assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0
 
 
 def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
-    """A state without cost has the value 0. An error of this value passes up to the limit and not
-    beyond.
+    """A slightly negative eigenvalue of P passes if it is within the limit of the check.
+
+    The exact eigenvalue is 0, because the state has no cost.
     """
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 0.0]), np.eye(2), 5.0)
     P = solve_game(game).P - np.diag([0.0, 1e-8])

@@ -1,6 +1,4 @@
-"""The search for a smallest delta where answers are wrong or undecided, and the evidence of a
-refusal.
-"""
+"""Search for the smallest delta with wrong or undecided results, and reasons for refusing a delta."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ def truth(delta: float) -> Answer:
 
 
 def test_the_bracket_is_as_narrow_as_asked() -> None:
-    """The bracket of sure answers is as narrow as requested."""
+    """The bracket of the smallest delta is as narrow as requested, for each initial delta."""
     for begin in (0.1, 1.0, 3e5):
         value, refused, ending = smallest_delta(truth, begin, 1e-6)
         assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
@@ -37,9 +35,7 @@ def test_the_bracket_is_as_narrow_as_asked() -> None:
 
 
 def test_a_solution_below_ends_the_refusal() -> None:
-    """The bisection ignores wrong refusals from 8 to 11.38, because a smaller delta has a
-    solution.
-    """
+    """The search ignores wrong refusals from 8 to 11.38, because a smaller delta has a solution."""
 
     def ask(delta: float) -> Answer:
         return Answer(False, "rounding") if 8.0 < delta < 11.379426 else truth(delta)
@@ -49,7 +45,7 @@ def test_a_solution_below_ends_the_refusal() -> None:
 
 
 def test_an_open_answer_is_neither_refused_nor_good() -> None:
-    """An undecided delta is neither refused nor called good."""
+    """The bracket contains all of an undecided interval that includes the smallest delta."""
 
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 0.4 < delta < 2.0 else truth(delta)
@@ -61,7 +57,7 @@ def test_an_open_answer_is_neither_refused_nor_good() -> None:
 
 
 def test_a_solution_within_what_is_open_is_found() -> None:
-    """The bracket of delta_min is found inside an undecided interval."""
+    """The smallest delta is found although larger values, from 1 to 9, are undecided."""
 
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 1.0 < delta < 9.0 else truth(delta)
@@ -71,7 +67,9 @@ def test_a_solution_within_what_is_open_is_found() -> None:
 
 
 def test_all_good_and_none_good_are_named() -> None:
-    """If every delta has a solution, the result is 0. If none has one, the message states it."""
+    """If every delta has a solution, the bracket is (0, 0). If none has, the error states the
+    reason.
+    """
     assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
     with pytest.raises(
         NoSolutionError, match=r"^the game has no solution for any delta up to 2\.749e\+11: shown; "
@@ -82,7 +80,7 @@ def test_all_good_and_none_good_are_named() -> None:
 
 
 def test_the_gain_shown_is_attained() -> None:
-    """The gain that a refusal states is attained, compared with the reference of 60 digits."""
+    """No delta below the gain stated in a refusal has a solution, by a 60-digit reference."""
     rng = np.random.default_rng(3)
     shown = 0
     for number in range(3):
@@ -98,7 +96,7 @@ def test_the_gain_shown_is_attained() -> None:
 
 
 def test_a_refusal_names_what_shows_it() -> None:
-    """A refusal states its evidence: the least gain of the disturbance, or an indefinite P."""
+    """A refusal states its evidence: the least gain from the disturbance, or an indefinite P."""
     game = game_models()["published-15"]
     low = existence(NormalForm.of(game.with_delta(80.0)))
     near = existence(NormalForm.of(game.with_delta(113.55)))
@@ -108,8 +106,10 @@ def test_a_refusal_names_what_shows_it() -> None:
 
 
 def chain(rates: list[float], coupling: float) -> Game:
-    """Return a chain of states with these rates. The input drives the first state and each state
-    the next one, so that the input reaches every mode.
+    """Return a game on a chain of states with these rates.
+
+    The input drives the first state, and each state drives the next. Thus the input reaches every
+    mode.
     """
     n = len(rates)
     A = np.diag(rates) + np.diag(np.full(n - 1, coupling), -1)
@@ -121,8 +121,9 @@ def chain(rates: list[float], coupling: float) -> Game:
     [([-1e8, 1e-2, -3.0], 1e-6), ([-1e7, -2.0, 1e-3], 1e-4), ([-1e9, 1e-4], 1e-8)],
 )
 def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupling: float) -> None:
-    """A stiff plant whose modes are all reached is solved, or refused for rounding. No message
-    calls a mode unreached or a nonzero pole 0.
+    """A stiff plant with reachable modes is solved, or refused because of rounding.
+
+    No message calls a mode unreachable or states the eigenvalue 0.
     """
     game = chain(rates, coupling)
     refusals = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
@@ -132,9 +133,7 @@ def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupl
 
 
 def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
-    """A slow decaying mode is not called undamped if a fast state makes rounding larger than its
-    rate.
-    """
+    """A slowly decaying mode is not called undamped, although rounding exceeds its rate."""
     game = Game(
         np.diag([-1e8, -1e-6, 100.0]),
         np.array([[60.0], [1.0], [1e-3]]),
@@ -148,8 +147,8 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
 def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
-    """In rotated coordinates, a slow mode with a fast state and a near neighbour (4e-9 apart) is
-    not called unreached.
+    """A slow mode counts as unreachable only if its reach is below rounding, in rotated
+    coordinates.
     """
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
@@ -160,9 +159,7 @@ def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> N
 
 @pytest.mark.parametrize("length", [2, 5, 30])
 def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
-    """An input at the last integrator of a chain reaches every state. An input at the first one
-    reaches this state alone.
-    """
+    """An input at the last integrator of a chain reaches every state. At the first it does not."""
     A = np.diag(np.ones(length - 1), 1)
     end = np.eye(length)[:, [-1]]
     begin = np.eye(length)[:, [0]]
@@ -171,8 +168,10 @@ def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
 def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
-    """An unreached unstable mode is refused in units up to 1e8 apart, where rounding of the entries
-    reaches it by a few ulp.
+    """An unreachable unstable mode is refused, although rounding of the entries reaches it
+    slightly.
+
+    The units of the states differ by factors up to 1e8.
     """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
@@ -191,10 +190,9 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
 def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
-    """The certificate of a plant with two unstable modes and one input states how well they are
-    reached.
+    """The certificate of a plant with two close unstable modes and one input states their reach.
 
-    The stated reach is at most the least relative change that was found to make a mode unreachable.
+    It is at most the least relative change found that makes a mode unreachable.
     """
     modes = np.diag([1.0, 1.0 + apart])
     game = Game(modes, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf)
@@ -207,9 +205,7 @@ def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> N
 
 
 def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
-    """The sequence of LQR problems converges near the smallest delta, where it once took over 300
-    steps.
-    """
+    """The second derivation agrees with the first at a delta 1e-5 above the smallest one."""
     rng = np.random.default_rng(5)
     for _ in range(4):
         n = 4
@@ -222,7 +218,7 @@ def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
 
 
 def refusal_of(solve: Callable[[], object]) -> str:
-    """Return the message of a refusal, or "" without one."""
+    """Return the message of a NoSolutionError with a line end, or "" if none is raised."""
     try:
         solve()
     except NoSolutionError as refusal:
@@ -231,7 +227,7 @@ def refusal_of(solve: Callable[[], object]) -> str:
 
 
 def test_an_unreached_mode_is_named_in_any_units() -> None:
-    """The message names an unreached mode in any units, also in the presence of fast states."""
+    """The message names an unreachable mode in any units, also if the plant has a fast mode."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
         turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]

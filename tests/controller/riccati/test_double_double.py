@@ -1,4 +1,4 @@
-"""Products of matrices with twice the digits of double precision."""
+"""Matrix products with twice the digits of double precision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from controller.riccati.double_double import product_of_doubles
 
 @pytest.mark.parametrize("n", [0, 1, 6, 100])
 def test_product_has_twice_the_digits(n: int) -> None:
-    """Each entry is exact to 2^-104 of the largest entries of its row and column."""
+    """The error of each entry is at most 2^-104 of the product of the largest factors.
+
+    They are the largest entries of its row and its column.
+    """
     random = np.random.default_rng(n)
     sizes = np.exp2(random.integers(-30, 30, (2, 3, n)))
     left, columns = random.normal(size=(2, 3, n)) * sizes

@@ -1,4 +1,4 @@
-"""The L2 gain by two methods, compared with formulas, python-control and delta_min."""
+"""The L2 gain by two methods, compared with closed forms, python-control and delta_min."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hfa import Game, solve_game
 
 
 def test_both_methods_put_the_gain_below_delta(game: Game) -> None:
-    """By both methods the L2 gain of the game policy is below delta."""
+    """The L2 gain of the game policy is below delta by both methods, which agree."""
     K = solve_game(game).K
     gain = bounded_real_gain(game, K)
     swept = swept_gain(*closed_loop(game, K))
@@ -55,7 +55,7 @@ def test_first_order_loop_has_its_known_gain() -> None:
 def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
     """The sweep finds the resonance gain 1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s.
 
-    A grid misses this frequency, and for small ζ also the narrow peak.
+    A coarse grid would miss this frequency, and for small ζ also the narrow peak.
     """
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
@@ -65,7 +65,7 @@ def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
-    """Both methods return an infinite gain, and the check names the unstable loop."""
+    """For an unstable loop both methods return inf, and the check states that it is not Hurwitz."""
     game, P = first
     K = -game.gain(P)
     assert bounded_real_gain(game, K) == swept_gain(*closed_loop(game, K)).gain == math.inf
@@ -75,7 +75,7 @@ def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) ->
 
 
 def test_gain_without_disturbance_or_cost_is_zero() -> None:
-    """Without a path from disturbance to cost the L2 gain is 0."""
+    """The L2 gain is 0 if no path leads from the disturbance to the cost."""
     still = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1.0)
     hidden = Game(
         np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0
@@ -86,7 +86,7 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
 
 
 def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
-    """A policy of 1 % of the exact gain fails the check of the L2 gain."""
+    """A policy with 1 % of the exact gain fails the check of the L2 gain."""
     game, P = first
     checks = gain_checks(game, 0.01 * game.gain(P))
     assert failed_names(checks) == {"l2_gain"}
@@ -96,7 +96,7 @@ def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None
 def test_a_sweep_that_misses_the_peak_is_noticed(
     first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A sweep that returns less than the L2 gain fails the comparison of both methods."""
+    """A sweep that returns too small a gain fails the comparison of the two methods."""
     game, P = first
     # The planted fault: no known loop makes the sweep miss its peak.
     monkeypatch.setattr("controller.riccati.meaning.swept_gain", lambda *_: SweptGain(100.0, 0.1))
@@ -104,9 +104,7 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 
 
 def test_smallest_delta_bounds_the_gain() -> None:
-    """delta_min is at most the L2 gain of K, and the L2 gain of the game policy is below its
-    delta.
-    """
+    """The L2 gain of the game policy is above delta_min and below the delta of the game."""
     rng = np.random.default_rng(6)
     tried = 0
     while tried < 6:
@@ -119,9 +117,7 @@ def test_smallest_delta_bounds_the_gain() -> None:
 
 
 def test_a_very_stiff_loop_has_the_swept_gain() -> None:
-    """If rounding hides the slow mode of a very stiff loop, the L2 gain of the sweep is
-    reported.
-    """
+    """In a very stiff loop, whose slow mode rounding hides, both methods find the known L2 gain."""
     game = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
     K = np.array([[1e40, 0.0]])
     assert bounded_real_gain(game, K) == pytest.approx(1044.03, rel=1e-5)
@@ -130,9 +126,7 @@ def test_a_very_stiff_loop_has_the_swept_gain() -> None:
 
 @pytest.mark.parametrize("factor", [1e3, 1e6])
 def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
-    """At the frequency of the sweep, the gain computed with 50 digits equals the gain of the
-    sweep.
-    """
+    """Both methods agree with the gain computed with 50 digits at the frequency of the peak."""
     game = game_models()["published-15"]
     K = factor * solve_game(game).K
     bound = bounded_real_gain(game, K)

@@ -1,6 +1,4 @@
-"""The exact solution and the smallest delta are as accurate as claimed, and are certified, or
-refused for the right reason.
-"""
+"""The exact solution and the smallest delta: accuracy, certification, and reasons for refusals."""
 
 from __future__ import annotations
 
@@ -35,7 +33,7 @@ I2 = np.eye(2)
 
 @pytest.mark.parametrize("name", [*MODELS, *OURS])
 def test_P_and_K_are_exact_to_1e12(name: str) -> None:
-    """P and K agree with a solution of many digits to 1e-12, P also in balanced units."""
+    """P and K agree with a solution of 60 digits to 1e-12, and so does every entry of P, scaled."""
     game = (game_models() | OURS)[name]
     reference = reference_solution(game)
     solution = solve_game(game)
@@ -53,7 +51,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
 
 
 def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
-    """The reference solver of the tests agrees with eigenvectors in 40 digits."""
+    """The tests' reference solver agrees with a solution from eigenvectors in 40 digits."""
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
     with mpmath.workdps(40):
@@ -68,8 +66,7 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
-    """K, L, the closed-loop poles and the cost agree with their formulas in P; JSON stores every
-    digit."""
+    """K, L, the closed-loop poles and the cost follow from P. JSON stores every digit of P."""
     solution = solve_game(game)
     P = solve_game(game).P
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=SAME_FORMULA)
@@ -92,7 +89,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
-    """delta = inf gives python-control's LQR. The difference of P decreases with 1/delta²."""
+    """delta = inf gives python-control's LQR. For large delta, P differs from it by order 1/delta²."""
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
     )  # slycot, where it is, errs by 4e-11
@@ -108,7 +105,7 @@ def test_delta_to_infinity_gives_lqr(game: Game) -> None:
 
 
 def test_value_falls_as_the_disturbance_pays_more(game: Game) -> None:
-    """P decreases in the order of symmetric matrices as delta grows."""
+    """P decreases, as a symmetric matrix, when delta grows."""
     values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
     for cheaper, dearer in itertools.pairwise(values):
         assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
@@ -128,20 +125,20 @@ def test_scalar_game_in_closed_form() -> None:
 
 
 def test_double_eigenvalue_and_no_cost_at_all() -> None:
-    """Without cost a defective stable plant has P = 0 and delta_min 0."""
+    """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
     game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
     assert not solve_game(game).P.any()
     assert minimum_delta(game) == DeltaMin(0.0, 0.0)
 
 
 def test_an_unstable_costless_mode_is_stabilized() -> None:
-    """An unstable mode outside the cost is brought to equilibrium."""
+    """An unstable mode without cost is stabilized: its P is 2 a, not 0."""
     P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
     assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 
 
 def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
-    """With E = 0 the game is the LQR problem for any delta."""
+    """With E = 0 the solution is the LQR for any delta, and the margin of delta is infinite."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
     assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
     assert minimum_delta(quiet).margin(quiet.delta) == math.inf
@@ -179,7 +176,7 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
 def test_problem_without_lqr_solution_names_the_mode(
     A: object, B: object, Q: object, message: str
 ) -> None:
-    """If no LQR solution exists, a message of one line names the mode that prevents it."""
+    """If no LQR solution exists, a one-line message names the mode that prevents it."""
     game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
     for solver in (solve_game, minimum_delta):
@@ -194,7 +191,7 @@ def test_problem_without_lqr_solution_names_the_mode(
 def test_denormal_numbers_end_in_a_solution_or_line(
     size: float, weight: float, sign: float
 ) -> None:
-    """Denormal numbers give a solution or an error of one line."""
+    """Denormal numbers give a certified solution or a one-line error."""
     A = np.random.default_rng(0).standard_normal((3, 3)) + sign * 3.0 * np.eye(3)
     game = Game(A, size * np.ones((3, 2)), np.eye(3), weight * np.eye(3), np.eye(2), 1e3)
     try:
@@ -216,7 +213,7 @@ def test_denormal_numbers_end_in_a_solution_or_line(
     ],
 )
 def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> None:
-    """Absurdly large or small numbers give a solution or an error of one line."""
+    """Extremely large or small numbers give a certified solution or a one-line error."""
     parts = {
         "A": np.diag([1.0, -1.0]),
         "B": np.array([[1.0], [0.0]]),
@@ -233,7 +230,7 @@ def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> N
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
-    """A solution exists at delta_min, and none at the refused value 1e-6 below."""
+    """A solution exists at delta_min, but not at the lower end of its bracket, 1e-6 below."""
     smallest = minimum_delta(game)
     assert (
         smallest.value / smallest.refused <= 1.000001
@@ -245,7 +242,7 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
 def test_minimum_delta_of_random_games(games: int) -> None:
-    """The brackets of delta_min of random games agree with the reference solver."""
+    """Brackets of delta_min agree with the reference solver for random games."""
     rng = np.random.default_rng(11)
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 0)
@@ -256,7 +253,7 @@ def test_minimum_delta_of_random_games(games: int) -> None:
 
 @pytest.mark.parametrize("games", [8, pytest.param(40, marks=pytest.mark.slow)])
 def test_existence_is_decided_as_by_the_reference(games: int) -> None:
-    """Existence agrees with the reference solver for random games with and without a solution."""
+    """The decision on existence agrees with the reference solver for random games of both kinds."""
     rng = np.random.default_rng(12)
     verdicts = [0, 0]
     for number in range(games):
@@ -268,7 +265,9 @@ def test_existence_is_decided_as_by_the_reference(games: int) -> None:
 
 
 def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
-    """The message on a delta below the minimum names a delta that has a solution."""
+    """The message on a delta below the minimum states the reason, delta_min, and the change to
+    make.
+    """
     smallest = minimum_delta(game).value
     with pytest.raises(NoSolutionError) as refusal:
         solve_game(game.with_delta(80.0))
@@ -281,8 +280,9 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
 
 
 def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
-    """At 1e-3 above delta_min the game is solved. At 1e-6 above it P is right, or the refusal
-    states how near delta is.
+    """A delta 0.1 % above delta_min is solved.
+
+    At 1e-6 above it, P is accurate to 1e-6 or the refusal states the distance to delta_min.
     """
     smallest = minimum_delta(game).value
     assert solve_game(game.with_delta(smallest * 1.001)).certificate.ok
@@ -296,7 +296,7 @@ def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
 
 
 def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
-    """Return P and "", or an empty matrix and the message of the refusal."""
+    """Return (P, ""), or an empty matrix and the message of the NoSolutionError."""
     try:
         return solve_game(game).P, ""
     except NoSolutionError as refusal:
@@ -305,9 +305,7 @@ def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_an_undamped_costless_mode_is_named(size: float) -> None:
-    """An undamped oscillator without cost is named, although rounding in random coordinates moves
-    its eigenvalues to either side of the axis.
-    """
+    """An undamped mode without cost is named, although rounding moves its eigenvalues off the axis."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
         modes = rng.standard_normal((3, 3))

@@ -1,6 +1,4 @@
-"""Batches of exact solutions equal the solutions one by one, refuse the same games, and need little
-memory.
-"""
+"""Batches of games: the same solutions and refusals as one by one, and little memory."""
 
 import tracemalloc
 
@@ -29,7 +27,7 @@ def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_every_model_has_its_own_solution(dynamics):
-    """Every model gets the solution that it gets alone."""
+    """Each game of a batch has the solution of `solve_game`."""
     A, B = _models(dynamics, 21)
     batch = solve_games(A, B, published_game(A[10], B[10]))
     assert batch.certified.all()
@@ -41,7 +39,7 @@ def test_every_model_has_its_own_solution(dynamics):
 
 
 def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
-    """If the doubling algorithm contradicts the Schur form, the Schur form decides."""
+    """If doubling contradicts the eigenvectors, the Schur form and refined doubling decide."""
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
@@ -56,8 +54,9 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
 
 
 def test_the_game_loops_bound_is_close_from_above():
-    """The bound on the game loop is above the exact value and close to it, for loops with up to
-    twelve states and row sizes from 0.05 to 20.
+    """The bound of the largest real part of A - S X is above the computed value and close to it.
+
+    The loops have up to twelve states and rows of sizes from 0.05 to 20.
     """
     rng = np.random.default_rng(0)
     for n in (2, 6, 12):
@@ -73,7 +72,10 @@ def test_the_game_loops_bound_is_close_from_above():
 
 
 def test_the_axis_distance_is_that_of_all_eigenvectors():
-    """Half of the eigenvectors of the Hamiltonian give the condition of all, and a lower bound."""
+    """The bound of the axis distance from half of the eigenvectors equals the bound from all.
+
+    It is a lower bound of the true distance.
+    """
     A, B = _models("published", 5)
     form = NormalForm.of_plants(A, B, published_game(A[2], B[2]))
     bounds = by_eigenvectors(form).axis_distance
@@ -86,7 +88,7 @@ def test_the_axis_distance_is_that_of_all_eigenvectors():
 
 
 def test_nothing_is_certified_below_the_smallest_delta():
-    """Below the smallest delta no solution is certified or returned."""
+    """For a delta below the smallest one, no game of a batch is certified and all P and K are nan."""
     A, B = _models("published", 5)
     batch = solve_games(A, B, published_game(A[2], B[2], delta=50.0))
     assert not batch.certified.any()
@@ -96,7 +98,7 @@ def test_nothing_is_certified_below_the_smallest_delta():
 
 @pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
-    """Random games are accepted exactly when they have a solution."""
+    """A batch certifies a random game if and only if `solve_game` solves it."""
     rng = np.random.default_rng(7)
     accepted = refused = 0
     for delta in (0.7, 1.5, 3.0, 8.0):
@@ -119,7 +121,7 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
 
 
 def test_a_batch_refuses_what_is_refused_alone():
-    """Near the smallest delta a batch refuses the same games as the solver of single games."""
+    """Near the smallest delta, a batch refuses the same games as `solve_game`, for the same reason."""
     rng = np.random.default_rng(8)
     A = rng.standard_normal((2, 4, 4))
     B = rng.standard_normal((2, 4, 2))
@@ -136,7 +138,7 @@ def test_a_batch_refuses_what_is_refused_alone():
 
 
 def test_a_batch_of_24_states_needs_little_memory():
-    """A batch of games with 24 states needs at most a few megabytes."""
+    """A batch of two games with 24 states allocates less than 20 MB."""
     rng = np.random.default_rng(9)
     A = rng.standard_normal((2, 24, 24)) - 4.0 * np.eye(24)
     B = rng.standard_normal((2, 24, 3))
@@ -148,8 +150,9 @@ def test_a_batch_of_24_states_needs_little_memory():
 
 
 def test_a_singular_plant_does_not_stop_the_others():
-    """In a batch only the singular plant is not certified. A plant with nan is refused by its
-    number.
+    """A plant of zeros is not certified, but the other plants of its batch are.
+
+    A plant with nan is refused, and the message states its number.
     """
     A, B = _models("published", 3)
     A = A.copy()

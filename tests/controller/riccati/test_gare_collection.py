@@ -1,5 +1,6 @@
-"""The collection of hard games compared with the 60-digit reference. No game is accepted wrongly,
-and hardly one is refused wrongly.
+"""A collection of difficult games, compared with the 60-digit reference.
+
+No game may be accepted wrongly, and hardly any refused wrongly.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ CLOSE = 1e-6
 
 
 class Sample(NamedTuple):
-    """A game of the collection with a description of its construction."""
+    """A game of the collection, with the name of its structure and its number."""
 
     structure: str
     number: int
@@ -42,8 +43,11 @@ class Sample(NamedTuple):
 
 
 def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
-    """Return a game with dense matrices of entries about 1, any number of inputs and disturbances,
-    and a Q of the given rank.
+    """Return a game with dense matrices whose entries are about 1.
+
+    The numbers of inputs and disturbances are random.
+
+    rank: rank of Q; n by default
     """
     m = int(rng.integers(1, n + 1))
     k = int(rng.integers(1, n + 1))
@@ -57,8 +61,9 @@ def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
 
 
 def chain(rng: np.random.Generator, n: int) -> Game:
-    """Return a chain of integrators with the input, and in half of the cases the disturbance, at
-    its end.
+    """Return a game on a chain of n integrators, with the input at its end.
+
+    In half of the cases the disturbance is at its end, too.
     """
     B = np.eye(n)[:, [-1]]
     E = B if rng.random() < 0.5 else np.eye(n)
@@ -67,12 +72,12 @@ def chain(rng: np.random.Generator, n: int) -> Game:
 
 
 def low_rank(rng: np.random.Generator, n: int) -> Game:
-    """Return a game with a Q of any rank below n."""
+    """Return a dense game with a Q of a random rank below n (1 if n is 1)."""
     return dense(rng, n, rank=int(rng.integers(1, max(n, 2))))
 
 
 def unseen(rng: np.random.Generator, n: int) -> Game:
-    """Return a game with unstable modes that have no cost, in a basis that hides them."""
+    """Return a game with unstable modes that have no cost, in random coordinates."""
     game = dense(rng, n)
     blind = int(rng.integers(1, n + 1))
     A = np.triu(game.A)
@@ -86,15 +91,14 @@ def unseen(rng: np.random.Generator, n: int) -> Game:
 
 
 def ill_scaled(rng: np.random.Generator, n: int) -> Game:
-    """Return a game with units of the states from 1e-8 to 1e8 and units of the inputs from 1e-3 to
-    1e3.
-    """
+    """Return a dense game in extreme units (`in_other_units`)."""
     return in_other_units(rng, dense(rng, n))
 
 
 def lightly_damped(rng: np.random.Generator, n: int) -> Game:
-    """Return a game of oscillators of 0.1 to 100 rad/s with damping ratios of 1e-5 to 0.1, a third
-    of them negative.
+    """Return a game on oscillators of 0.1 to 100 rad/s with damping ratios of 1e-5 to 0.1.
+
+    A third of the damping ratios are negative.
     """
     A = np.zeros((n, n))
     for i in range(0, n - 1, 2):
@@ -107,16 +111,18 @@ def lightly_damped(rng: np.random.Generator, n: int) -> Game:
 
 
 def nilpotent(rng: np.random.Generator, n: int) -> Game:
-    """Return a game with a strictly upper triangular A. Its one eigenvalue is 0, and the computed
-    copies lie far from it.
+    """Return a game with a strictly upper triangular A.
+
+    All eigenvalues of A are 0, but computed ones can be far from 0.
     """
     game = dense(rng, n)
     return replace(game, A=np.triu(game.A, 1))
 
 
 def barely_reached(rng: np.random.Generator, n: int) -> Game:
-    """Return a game with one or two unstable modes that the inputs reach by 1e-11 to 1e-5 of their
-    size, in a basis that hides them.
+    """Return a game with one or two unstable modes that the inputs barely reach.
+
+    Their rows of B are scaled by 1e-11 to 1e-5, and the coordinates are random.
     """
     few = 2 if n > 2 and rng.random() < 0.4 else 1
     A = np.triu(rng.standard_normal((n, n)), 1) * (rng.random() < 0.5) - np.diag(
@@ -134,8 +140,9 @@ def barely_reached(rng: np.random.Generator, n: int) -> Game:
 
 
 def marginal(rng: np.random.Generator, n: int) -> Game:
-    """Return a game of any other structure. `collection` gives it a delta 0.001 to 0.01 above
-    delta_min, relative.
+    """Return a game of a randomly chosen other structure.
+
+    `collection` sets its delta 0.1 % to 1 % above delta_min.
     """
     return list(STRUCTURES.values())[int(rng.integers(0, 7))](rng, n)
 
@@ -151,7 +158,9 @@ BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
 
 
 def in_other_units(rng: np.random.Generator, game: Game) -> Game:
-    """Return the game in units of state that differ by up to 1e16, and of input by up to 1e6."""
+    """Return the game in other units, of the states by 1e-8 to 1e8 and of the inputs by 1e-3 to
+    1e3.
+    """
     states = 10.0 ** rng.uniform(-8.0, 8.0, len(game.A))
     inputs = 10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1])
     return replace(
@@ -167,10 +176,10 @@ def in_other_units(rng: np.random.Generator, game: Game) -> Game:
 def collection(
     count: int, seed: int, structures: dict[str, Callable[..., Game]] = STRUCTURES
 ) -> Iterator[Sample]:
-    """Yield games of all structures in turn, then of all sizes, a third of them in extreme units.
+    """Yield games of all structures in turn with 1 to 10 states, a third of them in extreme units.
 
-    In three of five games delta is 1e-3 to 1e3 above delta_min, relative, and in one of five 1e-5
-    to 1e-1 below.
+    In three of five games, delta exceeds delta_min by a relative 1e-3 to 1e3. In one of five, it is
+    below delta_min by a relative 1e-5 to 1e-1.
     """
     names = list(structures)
     for number in range(count):
@@ -207,9 +216,11 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
-    """Return the result of the solver on a game.
+    """Return whether the solver accepts or refuses a game, and rightly or wrongly.
 
-    Raises an AssertionError if it accepts a wrong solution or names a wrong cause.
+    Raises AssertionError if it accepts a wrong solution or names a wrong cause.
+
+    worst: largest permitted error of P
     """
     game = sample.game
     label = f"{sample.structure} {sample.number}"
@@ -238,7 +249,7 @@ def _exists(game: Game, delta: float) -> bool:
 
 
 def _bracket(sample: Sample) -> str:
-    """Return the result of the bracket of delta_min on a game."""
+    """Return whether the bracket of delta_min is right, wide, wrong or missing for a game."""
     game = sample.game
     try:
         smallest = minimum_delta(game)
@@ -256,7 +267,7 @@ def _bracket(sample: Sample) -> str:
 
 
 def test_a_game_of_each_structure() -> None:
-    """One game of each structure is accepted or refused rightly."""
+    """One game of each structure is accepted or refused correctly."""
     verdicts = Counter(_verdict(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert not {"refused wrongly", "refused at the edge"} & set(verdicts)
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
@@ -264,7 +275,7 @@ def test_a_game_of_each_structure() -> None:
 
 @pytest.mark.slow  # of degenerate games by name: test_gare_degenerate.py
 def test_smallest_delta_of_each_structure() -> None:
-    """Brackets of delta_min contain the true one for each structure."""
+    """For one game of each structure, the bracket of delta_min is right."""
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
     assert brackets["right"] >= 6
@@ -272,8 +283,9 @@ def test_smallest_delta_of_each_structure() -> None:
 
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_games_with_a_barely_reached_mode(count: int) -> None:
-    """Games with a barely reached mode are decided rightly, also with one state, in extreme units,
-    and near the smallest delta.
+    """At most 1 % of the games with a barely reached mode are refused wrongly or near the edge.
+
+    The games include those with one state, in extreme units, and near the smallest delta.
     """
     verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
     assert verdicts["refused wrongly"] + verdicts["refused at the edge"] <= 0.01 * count, verdicts
@@ -283,8 +295,8 @@ def test_games_with_a_barely_reached_mode(count: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
 def test_two_thousand_games(seed: int) -> None:
-    """Of 1,000 random games at most 0.5 % are refused wrongly, and at most 0.5 % are refused at the
-    edge of existence.
+    """Of 1,000 games at most 0.5 % are refused wrongly, and at most 0.5 % near the edge of
+    existence.
 
     Brackets of delta_min are never wrong, and at most 3 % are wide or missing.
     """
@@ -305,8 +317,9 @@ def test_two_thousand_games(seed: int) -> None:
 @pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("count", [8, pytest.param(600, marks=pytest.mark.slow)])
 def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
-    """Solutions at the edge of existence are right to 1e-8. SciPy's solver alone returns other
-    roots without an error.
+    """P of random games is right to 1e-8, and no game is refused wrongly.
+
+    SciPy's solver alone returns other roots for some of them without an error.
     """
     rng = np.random.default_rng(2 if count > 12 else 1)
     verdicts = Counter[str]()

@@ -1,5 +1,6 @@
-"""Degenerate games, each with its name. A game is solved as by the 60-digit reference, or refused
-with the true cause.
+"""Degenerate games: each is solved as accurately as claimed, or refused with the true cause.
+
+The reference is a solution with 60 digits.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 def error(game: Game, P: np.ndarray | None = None) -> float:
-    """Return the error of the certified P, or of another one, compared with the 60-digit solution.
+    """Return the largest error of P compared with the 60-digit solution, in balanced units.
+
+    P: the matrix to compare; by default that of `solve_game`
 
     The game must have a solution.
     """
@@ -38,7 +41,7 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
 
 def elsewhere(game: Game, seed: int) -> Game:
-    """Return the game in random coordinates T z, in which its structure is hidden."""
+    """Return the game in random coordinates T z, which hide its structure."""
     T = np.random.default_rng(seed).standard_normal(game.A.shape)
     inverse = np.linalg.inv(T)
     Q = inverse.T @ game.Q @ inverse
@@ -52,8 +55,10 @@ def chain(n: int, delta: float = 1000.0) -> Game:
 
 @pytest.mark.parametrize("n", [2, 5, 8, 12])
 def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
-    """Chains of integrators in random coordinates are solved. Their A is defective, and rounding
-    spreads the n copies of the eigenvalue 0 by about 1e-16^(1/n).
+    """Chains of n integrators in random coordinates are solved.
+
+    Their A is defective, and rounding spreads the eigenvalue 0 by about 1e-16^(1/n). An error of
+    1e-11 planted in P is detected.
     """
     for seed in range(2):
         game = elsewhere(chain(n), seed)
@@ -66,14 +71,16 @@ def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
 @pytest.mark.parametrize("value", [-1.0, 0.0, 0.5])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_defective_plant(value: float, seed: int) -> None:
-    """A plant of one Jordan block of four is solved left of the axis, on it, and right of it."""
+    """A plant with one Jordan block of size 4 is solved, with its eigenvalue left of, on, or right
+    of the axis.
+    """
     block = replace(chain(4), A=value * np.eye(4) + np.eye(4, k=1))
     assert error(elsewhere(block, seed)) <= EXACT
 
 
 @pytest.mark.parametrize("rank", [1, 2, 3, 4])
 def test_Q_of_every_rank(rank: int) -> None:
-    """Games are solved with a Q of each rank from 1 to 4 along random directions."""
+    """A game is solved for a Q of each rank from 1 to 4."""
     rng = np.random.default_rng(rank)
     C = rng.standard_normal((rank, 4))
     A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)
@@ -86,8 +93,9 @@ def test_Q_of_every_rank(rank: int) -> None:
 def test_an_undamped_mode_needs_weight_in_Q(
     delta: float,
 ) -> None:
-    """A plant of two undamped oscillators (1 and 3 rad/s) and an integrator is solved if Q weights
-    all three. Otherwise it is refused.
+    """A plant with two undamped oscillators and an integrator is solved if Q weights all three.
+
+    If Q does not weight one of them, the game is refused, and the message names this mode.
     """
     A = np.zeros((5, 5))
     A[:2, :2], A[2:4, 2:4] = TURN, 3.0 * TURN
@@ -109,7 +117,7 @@ def test_an_undamped_mode_needs_weight_in_Q(
 
 
 def test_units_over_16_decades_change_nothing() -> None:
-    """Units of states, inputs and disturbances between 1e-8 and 1e8 do not change the result."""
+    """Units of states, inputs and cost between 1e-8 and 1e8 do not change the result."""
     rng = np.random.default_rng(4)
     A = rng.standard_normal((5, 5))
     B = rng.standard_normal((5, 3))
@@ -138,10 +146,11 @@ def test_units_over_16_decades_change_nothing() -> None:
 def test_a_barely_reached_mode_has_a_bounded_pole(
     reach: float,
 ) -> None:
-    """The pole of a barely reached unstable mode is stated with its bound.
+    """The stated error bound of the slowest pole is true if the input barely reaches an unstable
+    mode.
 
-    The plant has the rates 0.5 and -1, and its input reaches the first mode by the factor `reach`
-    only. The optimum moves the pole of x' = x/2 + r u to -1/2 as r -> 0.
+    The modes have the rates 0.5 and -1, and the input reaches the first only by the factor `reach`.
+    As this factor approaches 0, the optimum moves the pole 0.5 to -0.5.
     """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
@@ -163,10 +172,10 @@ def test_a_barely_reached_mode_has_a_bounded_pole(
 
 
 def test_a_poles_bound_is_its_largest_rounding_change() -> None:
-    """To first order, the bound of a pole is its largest change by rounding, over all signs.
+    """To first order, the error bound of a pole is its largest change over all signs of rounding.
 
-    The entries of A and K change by 2 n ε for two coordinates, those of B by n ε. The closed loop
-    has real poles.
+    The entries of A and K change by 2 n ε for two coordinates, and the entries of B by n ε. The
+    closed loop has real poles.
     """
     B = np.array([[0.0], [1.0]])
     game = Game([[-3.0, 2.0], [0.7, 1.0]], B, np.zeros((2, 1)), np.eye(2), [[1.0]], math.inf)
@@ -186,7 +195,10 @@ def test_a_poles_bound_is_its_largest_rounding_change() -> None:
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
 def test_a_mode_reached_by_rounding_is_named(reach: float) -> None:
-    """A mode that the input reaches by no more than rounding is refused by name."""
+    """A game is refused if the input reaches an unstable mode by no more than rounding.
+
+    The message names the mode.
+    """
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
     B = turn @ [[reach], [1.0], [1.0]]
     game = Game(
@@ -213,8 +225,9 @@ def slow_mode(rate: float, weight: float, seed: int) -> Game:
 
 @pytest.mark.parametrize("seed", [1, 3])  # in these coordinates P has too few digits at first
 def test_a_slow_mode_with_hardly_any_cost(seed: int) -> None:
-    """A slow mode is solved with a relative weight of 1e-14, because no rounding of the entries
-    moves its pole -1e-5 to the axis.
+    """A game with a slow mode and its relative weight 1e-14 is solved.
+
+    Rounding of the entries cannot move the pole -1e-5 to the axis.
     """
     game = slow_mode(1e-5, 1e-14, seed)
     assert error(game) <= EXACT
@@ -222,8 +235,9 @@ def test_a_slow_mode_with_hardly_any_cost(seed: int) -> None:
 
 
 def test_a_slower_mode_is_refused_with_the_distance() -> None:
-    """A mode at -1e-7 is refused with its distance from the axis, because rounding of the entries
-    may move it there. No other cause is named.
+    """A game with a mode at -1e-7 is refused, because rounding may move the mode to the axis.
+
+    The message states the size of this change and names no other cause.
     """
     with pytest.raises(
         NoSolutionError, match=r"a change of \d.\d?e-17 .* Q shows the mode"
@@ -233,9 +247,7 @@ def test_a_slower_mode_is_refused_with_the_distance() -> None:
 
 
 def scalar(a: float, apart: float) -> Game:
-    """Return a scalar game whose delta is above or below its exact smallest delta by the share
-    `apart`.
-    """
+    """Return a scalar game whose delta is 1 + `apart` times its exact smallest delta."""
     b = 0.7
     e = 1.3
     q = 2.0
@@ -247,10 +259,10 @@ def scalar(a: float, apart: float) -> Game:
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
 def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
-    """A game is never solved below its smallest delta, and always 0.001 above it.
+    """A scalar game is never solved below its smallest delta, and always 0.1 % above it.
 
-    Nearer than that, P is right to the digits that its condition 1/apart permits, or the message
-    states the nearness and nothing false.
+    Nearer to it, P has the accuracy that its condition number 1/|apart| permits, or the message
+    truthfully states how near delta is.
     """
     game = scalar(a, apart)
     exists = reference_solution(game).exists
@@ -272,8 +284,9 @@ def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
 
 @pytest.mark.parametrize("m", [1, 2])
 def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
-    """P is exact at delta = (1 + 1e-11) delta_min, delta_min = 0.9 S_control^-½, where uncorrected
-    rounding of R^-½ B and E / delta would move it by 7e-6.
+    """P is exact at a delta 1e-11 above delta_min = 0.9 S_control^-½.
+
+    Without its correction, rounding of R^-½ B and E / delta would change P by 7e-6.
     """
     R = np.array([[0.37, 0.1], [0.1, 0.53]])[:m, :m]
     B = np.array([[1.3, 0.7]])[:, :m]
@@ -283,7 +296,7 @@ def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
-    """delta_min of scalar games is within 1e-6 of the closed form."""
+    """delta_min of scalar games agrees with its closed form to 1e-6."""
     smallest = minimum_delta(scalar(a, 1.0))
     exact = scalar(a, 0.0).delta
     assert exact * (1.0 - 1e-6) <= smallest.refused <= exact * (1.0 + 1e-12)

@@ -1,4 +1,4 @@
-"""Stability margins of one loop and of all loops at once, and their tightness."""
+"""Stability margins of one loop and of all loops together."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from hfa import Game, NoSolutionError, solve_game
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
-    """Each loop of an LQR with diagonal R satisfies |1 + L_i| >= 1: gain (1/2, inf) and phase 60
-    degrees.
+    """Each loop of an LQR with diagonal R has a gain margin of at least (1/2, inf), and 60 deg
+    phase.
     """
     K = solve_game(game.with_delta(math.inf)).K
     for margin in loop_margins(game, K):
@@ -31,7 +31,7 @@ def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
 
 
 def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
-    """The loop is stable 0.1 % inside each gain and phase margin, and unstable 0.1 % outside."""
+    """The loop is stable 0.1 % inside each gain and phase margin, and unstable 0.1 % outside it."""
     K = solve_game(game).K
     for i, margin in enumerate(loop_margins(game, K)):
         for factor, stable in (
@@ -63,7 +63,7 @@ def test_single_loop_disk_margin_agrees_with_python_control() -> None:
 
 
 def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
-    """Every factor within the disk leaves the loop stable."""
+    """The loop is stable for random complex factors within the disk."""
     K = solve_game(game).K
     alpha = disk_margin(game, K).disk
     rng = np.random.default_rng(7)
@@ -73,8 +73,9 @@ def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
 
 
 def test_disk_margin_is_tight(game: Game) -> None:
-    """Just outside the disk, at its frequency, there are phases of the five factors that make the
-    loop unstable.
+    """The disk margin is at most 3 % below the margin that a search over phases attains.
+
+    The search varies the phases of the five factors at the critical frequency.
     """
     K = solve_game(game).K
     margin = disk_margin(game, solve_game(game).K)
@@ -97,8 +98,9 @@ def test_disk_margin_is_tight(game: Game) -> None:
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
 def test_structured_bound_reaches_known_values(size: int, scale: float, draws: int) -> None:
-    """The structured bound of a unitary matrix in other units is 1, and that of a triangular matrix
-    is its largest diagonal entry.
+    """The bound of μ is 1 for a unitary matrix in other units, times its scale.
+
+    For a triangular matrix it is the largest diagonal entry.
     """
     rng = np.random.default_rng(size)
     for _ in range(draws):
@@ -112,7 +114,7 @@ def test_structured_bound_reaches_known_values(size: int, scale: float, draws: i
 
 
 def test_weak_gain_has_smaller_margins(game: Game) -> None:
-    """A weak gain has smaller margins, and an unstable loop has none."""
+    """A weak gain has a smaller disk margin, and margins of an unstable loop are refused."""
     K = solve_game(game).K
     assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
     for margins in (loop_margins, disk_margin):
@@ -121,8 +123,9 @@ def test_weak_gain_has_smaller_margins(game: Game) -> None:
 
 
 def _light_modes() -> tuple[Game, np.ndarray]:
-    """Return two modes of 2.00 and 2.03 rad/s with the damping ratio 3e-5 and one input, and their
-    LQR gain with one wrong entry.
+    """Return a game with two lightly damped modes, and its exact gain with one wrong entry.
+
+    The modes have 2.00 and 2.03 rad/s, the damping ratio 3e-5, and one input.
     """
     A = np.zeros((4, 4))
     for first, omega in ((0, 2.0), (2, 2.03)):
@@ -132,8 +135,9 @@ def _light_modes() -> tuple[Game, np.ndarray]:
 
 
 def test_margins_of_light_and_close_modes_are_attained() -> None:
-    """The factors at the edge of the disk and of the phase margin put a pole on the axis. The phase
-    of the disk does not exceed that of the loop.
+    """Factors at the edge of the disk and of the phase margin put a pole on the axis.
+
+    The phase margin of the disk is smaller than that of the loop.
     """
     game, K = _light_modes()
     disk = disk_margin(game, K)
@@ -151,9 +155,7 @@ def test_margins_of_light_and_close_modes_are_attained() -> None:
 
 
 def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the search is disabled, the disk is that at the frequencies of the poles and is larger
-    than an attained margin.
-    """
+    """If the search is disabled, the disk margin is larger than an attained one."""
     game, K = _light_modes()
     right = disk_margin(game, K).disk
     # The planted fault: a search that ends at once.
@@ -162,7 +164,10 @@ def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_several_inputs_have_the_largest_bound() -> None:
-    """At no frequency of a fine grid does the bound on a perturbation exceed the disk."""
+    """The disk margin is the reciprocal of the largest bound of μ on a fine frequency grid.
+
+    The bound is largest at the frequency of the disk margin.
+    """
     A = [[-0.6, 2.5], [-1.2, 1.1]]
     game = Game(A, [[-1.3, -0.8], [1.7, -0.5]], np.eye(2), np.eye(2), np.eye(2), 1e6)
     K = solve_game(game).K
@@ -185,9 +190,7 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
 
 
 def test_metres_leave_unitless_margins_alone(game: Game) -> None:
-    """Metres instead of feet leave the gain and phase margins, the disk, the poles and the L2 gains
-    unchanged, up to the bracket of a search.
-    """
+    """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged, and K is not."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
     here = solve_game(game)
@@ -213,8 +216,9 @@ def test_metres_leave_unitless_margins_alone(game: Game) -> None:
 
 
 def test_a_third_order_loop_in_closed_form() -> None:
-    """The margins of L = 4 / (s + 1)³ equal their closed form: L(i √3) = -1/2, and |L| = 1 at ω² =
-    4^(2/3) - 1.
+    """The margins of L = 4 / (s + 1)³ equal their closed form.
+
+    L(i √3) = -1/2, and |L| = 1 at ω² = 4^(2/3) - 1.
     """
     system = control.ss(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]))
     game = Game(system.A, system.B, np.eye(3), np.eye(3), [[1.0]], 10.0)
@@ -227,9 +231,7 @@ def test_a_third_order_loop_in_closed_form() -> None:
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
-    """Gain and phase margins of each loop, with the others closed, agree with python-control to
-    1e-6.
-    """
+    """Gain and phase margins of each loop, with the other loops closed, agree with python-control."""
     game = game_models()[name]
     K = factor * solve_game(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:
@@ -252,8 +254,9 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
 
 
 def test_nine_equal_loops_have_the_slackest_margin() -> None:
-    """Nine equal loops k / (s (s + 1)), in an order that changes with the frequency, have the
-    margin of one loop.
+    """Nine loops k / (s (s + 1)) have the margins of the loop with the largest k.
+
+    Their order changes with the frequency.
     """
     gains = np.linspace(0.5, 4.5, 9)
     frequencies = np.geomspace(1e-3, 100.0, 400)
@@ -269,8 +272,9 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
 
 
 def test_two_complex_loci_have_no_gain_at_rest() -> None:
-    """L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1) has no upper gain margin, because it is stable
-    with every common factor.
+    """Two complex loci have no gain margin, because every common factor leaves their loop stable.
+
+    The loop is L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1).
     """
 
     def loci(omega: np.ndarray) -> np.ndarray:
@@ -284,9 +288,7 @@ def test_two_complex_loci_have_no_gain_at_rest() -> None:
 
 
 def test_two_curves_that_change_places_are_no_crossing() -> None:
-    """Two curves that change places between grid points, on either side of the real axis, do not
-    count as a crossing of it.
-    """
+    """Two curves on either side of the real axis that change places do not count as a crossing."""
 
     def loci(omega: np.ndarray) -> np.ndarray:
         passed = np.clip(omega - 1.0, 0.0, 1.0)
