@@ -190,7 +190,7 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
 
 
 def is_hfa(model: Model) -> bool:
-    """Return whether a model is the paper's aircraft with the seven-state equations of a `Variant`."""
+    """Return whether a model is the paper's aircraft with the equations of a `Variant`."""
     return isinstance(native_of(model).equations, Equations)
 
 

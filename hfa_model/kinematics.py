@@ -211,6 +211,9 @@ def _downward(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward airspeed of a hinge, V sin α + (s/3) cos η η' + w cos θ + h sin θ, ft/s."""
+    """Return the downward airspeed of a hinge, ft/s.
+
+    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+    """
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -1,1 +1,1 @@
-"""Learning of critics from recorded data: the data, the learning laws, and the loop that runs them."""
+"""Learning of critics from recorded data: the data, the laws, and the loop that runs them."""

@@ -1,4 +1,4 @@
-"""L2 gain of a closed loop by a frequency sweep, independent of the method in `frequency_response`."""
+"""L2 gain of a closed loop by a frequency sweep, independent of `frequency_response`."""
 
 from __future__ import annotations
 

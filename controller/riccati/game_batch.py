@@ -69,7 +69,7 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """Raise BadInputError if the shapes do not fit, or for the first plant with an invalid number."""
+    """Raise BadInputError if the shapes do not fit, or for the first invalid plant."""
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
             f"A has shape {A.shape} and B has shape {B.shape}; give stacks (N, n, n) and (N, n, m)"

@@ -1,4 +1,4 @@
-"""Certified exact solution of the zero-sum game on a linear model, or the reason why none exists."""
+"""Certified exact solution of the zero-sum game on a linear model, or why none exists."""
 
 from __future__ import annotations
 
