@@ -140,7 +140,7 @@ class ParameterSet(ByValue, Reported):
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     def table(self) -> Table:
-        """Return a table of all parameters with their values, standard errors, units and sources."""
+        """Return a table of all parameters: value, standard error, unit and source."""
         errors = self.standard_errors
         rows = []
         for name, spec in FIELDS._asdict().items():

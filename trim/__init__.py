@@ -1,4 +1,4 @@
-"""Operating points, exact linear models, modes and sweeps, for any aircraft and for the HFA."""
+"""Operating points, exact linear models, modes and sweeps, for any aircraft."""
 
 from hfa_support.public_names import public_names
 

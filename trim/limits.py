@@ -1,4 +1,4 @@
-"""Limits of the signals of a model. No other module decides whether a value is within them."""
+"""Limits of the signals of a model. Only this module decides whether a value is within them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ NEAR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Lowest and highest values of named signals, in the units of their model.
+    """Lowest and highest values of k named signals, in the units of their model.
 
-    model: the model of the signals
+    model: model of the signals
     names: (k,), states, inputs, outputs or parameters
-    lowest: (k,), -inf where there is no limit
-    highest: (k,), inf where there is no limit
-    least: (k,), the lowest values that count as within
-    most: (k,), the highest values that count as within
+    lowest: (k,), -inf without a limit
+    highest: (k,), inf without a limit
+    least: (k,), lowest values that count as within, `lowest` minus a tolerance
+    most: (k,), highest values that count as within, `highest` plus a tolerance
     """
 
     model: Model
@@ -44,35 +44,40 @@ class Limits:
     ) -> Limits:
         """Return the limits of the named signals.
 
-        changes: name -> (lowest, highest), in place of the declared min and max
+        changes: name -> (lowest, highest), instead of the declared min and max
         """
         pairs = [(name, *ends) for name, ends in (changes or {}).items()]
         return _limits(model, tuple(names), tuple(pairs))
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) within their limits and `SLACK`; False for nan."""
+        """Return the mask of the values (..., k) that are within their limits, up to `SLACK`.
+
+        It is False for nan.
+        """
         array = np.asarray(values)
         return (array >= self.least) & (array <= self.most)
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at their lowest limit, within `NEAR`, or below
-        it."""
+        """Return the mask of the values (..., k) that are at their lowest limit, up to `NEAR`, or
+        below.
+        """
         return np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest)
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at their highest limit, within `NEAR`, or above
-        it."""
+        """Return the mask of the values (..., k) that are at their highest limit, up to `NEAR`, or
+        above.
+        """
         return np.asarray(values) >= self.highest - NEAR * self._measure(self.highest)
 
     def between(self, name: str) -> str:
-        """Return the limits of one signal in words: "-60 deg and 60 deg"."""
+        """Return the limits of one signal as text: "-60 deg and 60 deg"."""
         index = self.names.index(name)
         lowest = self.model.describe(name, float(self.lowest[index]))
         highest = self.model.describe(name, float(self.highest[index]))
         return f"{lowest} and {highest}"
 
     def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
-        """Return one sentence for each of the values (k,) that is not within its limits."""
+        """Return a sentence for each of the values (k,) that is not within its limits."""
         sentences = []
         for index in np.flatnonzero(~self.within(values)).tolist():
             name = self.names[index]
@@ -83,7 +88,7 @@ class Limits:
         return sentences
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """Return nominal + |limit|, (k,), or 0 where there is no limit."""
+        """Return nominal + |limit|, (k,), the scale of the tolerances; 0 without a limit."""
         nominal = np.array([self.model.signals[name].nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
@@ -92,9 +97,9 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """Return `Limits.of`, cached, because every trim of a model needs it.
+    """Return the limits of the named signals. The result is cached, because every trim needs it.
 
-    changes: (name, lowest, highest)
+    changes: (name, lowest, highest), instead of the declared min and max
     """
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []

@@ -150,10 +150,9 @@ def test_moving_hinges_move_only_the_mass_center(
 
 
 def test_symmetric_flight_stays_in_its_plane(parameters: Parameters) -> None:
-    """Symmetric flight has no side force, no moment of roll or yaw, and no product of inertia, and
-    both hinges have the same loads.
+    """In symmetric flight, side force, roll and yaw moments, and products of inertia are 0.
 
-    This holds in moving air and with moving hinges. An aileron on one side breaks it.
+    This is true in wind and with moving hinges. An aileron on one side causes a roll or yaw moment.
     """
     for x, u, winds in cases(lambda x: x):
         body = three_panels(x, u, parameters, winds)

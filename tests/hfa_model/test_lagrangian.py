@@ -1,6 +1,4 @@
-"""The equations of motion compared with their second derivation, and with the energy that only one
-variant conserves.
-"""
+"""The equations of motion, compared with a second derivation and with the conservation of energy."""
 
 from __future__ import annotations
 
@@ -25,8 +23,10 @@ NAMES = tuple(DISTURBANCES)
 
 
 def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.Function:
-    """Return the function (x, u, p, w) -> dX/dt of these equations, in still air or with all named
-    winds.
+    """Return the CasADi Function (x, u, p, w) -> dX/dt of these equations.
+
+    moving: whether all winds are used; otherwise still air
+    drag: `ground_drag`, as in `winds_named`
     """
     (x, u, p), w = symbols(), ca.SX.sym("w", len(NAMES))
     winds = winds_named(NAMES, ca.vertsplit(w), **drag) if moving else STILL_AIR
@@ -35,7 +35,7 @@ def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.F
 
 @cache
 def judge(moving: bool, **drag: bool) -> ca.Function:
-    """Return the function of the Euler-Lagrange equations."""
+    """Return the CasADi Function (x, u, p, w) -> dX/dt of the Euler-Lagrange equations."""
     return function_of(
         lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, w), moving, **drag
     )
@@ -44,9 +44,10 @@ def judge(moving: bool, **drag: bool) -> ca.Function:
 def disagreement(
     judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool
 ) -> State:
-    """Return the largest |difference| of each rate over random points.
+    """Return the largest difference of each rate between `judge` and the equations of a variant.
 
-    It is relative to the rate or, near zero, to its scale. The parameters vary by some 20 %.
+    It is relative to the rate or, near zero, to its scale. Random states, inputs, winds and
+    parameters (20 % standard deviation) are used.
     """
     closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
     random = np.random.default_rng(5)
@@ -66,7 +67,7 @@ def disagreement(
 
 
 def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
-    """The "newton" dynamics equal the Euler-Lagrange equations at 1,000 random states."""
+    """The rates of "newton" equal the Euler-Lagrange equations at 1,000 random states."""
     worst = disagreement(judge(False), Newton(), parameters, 1000, moving=False)
     assert max(worst) <= 1e-12, worst
 
@@ -75,9 +76,9 @@ def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> N
 def test_newton_in_wind_equals_the_euler_lagrange_equations(
     parameters: Parameters, ground_drag: bool
 ) -> None:
-    """In moving air `newton` agrees with the independent Lagrangian to 1e-11.
+    """In wind, the rates of "newton" equal the Euler-Lagrange equations to 1e-11.
 
-    The planted error is the other definition of the drag in wind.
+    With the other definition of drag in wind they differ.
     """
     reference = judge(True, ground_drag=ground_drag)
     assert (
@@ -137,7 +138,7 @@ def test_a_wrong_wind_is_seen(
 def test_one_wrong_term_is_seen_in_its_equation(
     parameters: Parameters, method: str, wrong: Any, rate: str
 ) -> None:
-    """A wrong term of one equation shows in the rate of that equation alone."""
+    """A wrong term in one equation changes only the rate of this equation."""
     variant = type("Wrong", (Newton,), {method: wrong})()
     worst = disagreement(judge(False), variant, parameters, 20, moving=False)._asdict()
     assert worst.pop(rate) > 1e-10
@@ -145,7 +146,7 @@ def test_one_wrong_term_is_seen_in_its_equation(
 
 
 def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
-    """The "published" rates differ from the "newton" rates in q' and the dihedral equation alone."""
+    """The rates of "published" and "newton" differ only in q' and η''."""
     worst = disagreement(judge(False), Published(), parameters, 100, moving=False)._asdict()
     assert worst.pop("pitch_rate") > 0.1
     assert worst.pop("dihedral_rate") > 0.1
@@ -156,9 +157,10 @@ def test_published_differs_from_newton_in_two_equations_only(parameters: Paramet
 
 
 def internal_energy(state: np.ndarray, p: Parameters) -> float:
-    """Return the energy about the center of mass.
+    """Return the energy about the center of mass, ft lbf.
 
-    It is ½ (c1 + c2 sin² η) q² + (I_x3x3 + m s²/4 - (m s²/6) cos² η) η'² + k η².
+    It is ½ (c1 + c2 sin² η) q² + (I_xx + m s²/4 - (m s²/6) cos² η) η'² + k η², with the roll
+    inertia I_xx of a panel.
     """
     x = State(*state.tolist())
     mass_moment = p.panel_mass * p.panel_span**2
@@ -175,8 +177,9 @@ def internal_energy(state: np.ndarray, p: Parameters) -> float:
 
 
 def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> float:
-    """Return the largest relative change of the internal energy in a fall without air and
-    dampers.
+    """Return the largest relative change of the internal energy in a fall without air and damping.
+
+    seconds: duration of the fall
     """
     from scipy.integrate import solve_ivp
 
@@ -196,17 +199,17 @@ def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> f
 
 
 def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
-    """The energy of the "newton" dynamics is constant for 20 s without air and dampers."""
+    """ "newton" conserves the energy for 20 s without air and damping."""
     assert energy_growth(Newton(), parameters, seconds=20.0) <= 1e-10
 
 
 def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
-    """The energy of the "published" dynamics more than doubles within 2 s without air and dampers."""
+    """With "published", the energy more than doubles within 2 s without air and damping."""
     assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
 
 
 def test_lagrangian_energy_is_internal_plus_mass_center(parameters: Parameters) -> None:
-    """By König's theorem T + U is the internal energy plus ½ (3 m) V² + 3 m g h."""
+    """By König's theorem, T + U is the internal energy plus ½ (3 m) V² + 3 m g h."""
     symbol = ca.SX.sym("x", len(STATES))
     energy = ca.Function(
         "energy", [symbol], [mechanical_energy(State(*ca.vertsplit(symbol)), parameters)]

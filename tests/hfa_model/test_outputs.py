@@ -1,4 +1,4 @@
-"""Loads and outputs in steady flight, and compared with derivatives of the motion."""
+"""Loads and outputs, checked in steady flight and by derivatives of the motion."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def outputs(
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])
 def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
-    """In steady level flight the loads satisfy L + T sin α = W, D = T cos α, M = 0 and H = k η.
+    """In steady level flight the loads satisfy L + T sin α = W, T cos α = D, M = 0 and H = k η.
 
     Lift and drag are positive, and the outputs agree with the loads.
     """
@@ -76,7 +76,11 @@ def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
 
 
 def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) -> np.ndarray:
-    """Return a panel's center of mass relative to that of the aircraft, (north, east, down), ft."""
+    """Return the position of a panel relative to the center of mass, (north, east, down), ft.
+
+    height: function (dihedral, p) -> distance of the panel below the center of mass, ft
+    side: 1 for the right panel, -1 for the left panel, 0 for the center panel
+    """
     eta = x[STATES.index("dihedral")]
     theta = x[STATES.index("pitch")]
     down = float(height(eta, p))
@@ -88,9 +92,11 @@ def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) 
 def velocity_of_panel(
     aircraft: Model, x: np.ndarray, u: np.ndarray, height: Callable, side: float
 ) -> np.ndarray:
-    """Return a panel's velocity (north, east, down), ft/s.
+    """Return the velocity of a panel, (north, east, down), ft/s.
 
-    It is the velocity of the aircraft's center of mass plus the rate of the panel's place.
+    It is the velocity of the center of mass plus the rate of the panel's relative position.
+
+    height, side: as for `place_of_panel`
     """
     state = State(*x)
     ahead = 1e-6 * aircraft.at(x, u).f
@@ -104,7 +110,7 @@ def velocity_of_panel(
 
 
 def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
-    """Return the state t seconds later by the midpoint rule."""
+    """Return the state t seconds later, computed by one step of the midpoint rule."""
     return np.asarray(x + t * aircraft.at(x + t / 2 * aircraft.at(x, u).f, u).f)
 
 
@@ -115,8 +121,7 @@ def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray
 def test_panel_load_factors_follow_the_moving_panels(
     aircraft: Model, name: str, height: Callable, side: float
 ) -> None:
-    """A panel's load factor is gravity minus the acceleration of its center of mass, normal to the
-    panel.
+    """A panel's load factor is gravity minus its acceleration, normal to the panel, divided by g.
 
     The acceleration is computed by differences along the motion.
     """
@@ -135,7 +140,7 @@ def test_panel_load_factors_follow_the_moving_panels(
 
 
 def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> None:
-    """An updraft increases the angle of attack through the air and changes no other output."""
+    """An updraft increases the angle of attack by w/V and the load factor, but not gamma."""
     point = find_operating_point(published_aircraft, level_flight(0.2))
     x = np.array(point.states)
     u = np.array(point.inputs)
@@ -161,7 +166,7 @@ def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> Non
     ],
 )
 def test_loads_out_of_range_are_refused(name: str, value: float, message: str) -> None:
-    """Loads at a state outside its range raise an error that names the state."""
+    """Loads at a state out of range are refused, and the message names the state."""
     model = hfa.aircraft()
     point = find_operating_point(model, level_flight(0.1))
     state = State(*point.states)._replace(**{name: value})

@@ -1,6 +1,4 @@
-"""Files of parameters are read bit for bit, or refused in one line. The printed matrices are
-correct.
-"""
+"""Parameter files are restored bit for bit or refused in one line. Checks of the printed matrices."""
 
 from __future__ import annotations
 
@@ -22,9 +20,7 @@ from hfa_model.printed_matrices import PublishedModel
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    """Saved parameters with awkward numbers and a covariance of rank one are read with equal
-    bits.
-    """
+    """Parameters of extreme size and a covariance of rank one are saved and loaded bit for bit."""
     rng = np.random.default_rng(1)
     count = len(parameter_set.identified)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
@@ -47,7 +43,7 @@ def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) 
 def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     tmp_path: Path, parameter_set: ParameterSet, units: float
 ) -> None:
-    """A symmetric covariance with positive variances is refused if a correlation exceeds 1."""
+    """A symmetric covariance with positive variances and a correlation above 1 is refused."""
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
     covariance[2] *= units
@@ -82,7 +78,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
 def test_wrong_entries_are_refused(
     tmp_path: Path, parameter_set: ParameterSet, pattern: str, replacement: str, named: str
 ) -> None:
-    """A file of parameters with a wrong entry is refused, and the error names the entry."""
+    """A parameter file with a wrong entry is refused, and the message names the entry."""
     path = tmp_path / "aircraft.toml"
     save_parameters(parameter_set, path, "")
     text, count = re.subn(
@@ -101,8 +97,9 @@ def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
-    """Both named sets load, and their identified parameters differ by at most three standard
-    errors.
+    """Both named sets load. Their identified parameters differ by less than three standard errors.
+
+    An unknown name is refused, and the message lists the names.
     """
     identified, released = (
         load_parameters(name).values for name in ("identified", "gibson-2011-simulation")
@@ -131,9 +128,7 @@ def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
 def test_printed_entries_are_whole_last_digits(
     model: PublishedModel,
 ) -> None:
-    """Printed entries are multiples of the last digit, and not all of ten. Only -32.2 has fewer
-    digits.
-    """
+    """Printed entries are multiples of their last digit. Only -32.2 has fewer decimals."""
     for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
         units = entries / (2 * half_unit)
         np.testing.assert_allclose(units, np.round(units), rtol=0, atol=1e-6)

@@ -1,5 +1,4 @@
-"""The variants compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202, as
-printed."""
+"""The variants, compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202."""
 
 from __future__ import annotations
 
@@ -25,26 +24,30 @@ REPAIRS = ("section moment", "hinge inertia", "pitch rate", "moving hinge")
 
 
 class GibsonsLever(Published):
-    """The variant with the lever of Eq. (42) and the hinge inertia of Eq. (46)."""
+    """The published variant with the lever arm of Eq. (42) and the hinge inertia of Eq. (46)."""
 
     outer_lever = Newton.outer_lever
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """Return I_x3x3 + m s²/4 + (m s²/6) cos² η."""
+        """Return I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a panel."""
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
 def accelerations(
     x: State, found: State, loads: Loads, p: Parameters, repairs: tuple[str, ...]
 ) -> tuple[float, float]:
-    """Return q' and η'' of Eqs. (42) and (44) to (46), with the given panel loads, V' and α'.
+    """Return q' and η'' of Eqs. (42) and (44) to (46).
 
-    section moment: M_i of an outer panel turns with the panel. Eq. (42) does not state its frame.
-    hinge inertia: the term in cos² η of Eq. (46) has the sign of Eq. (70). pitch rate: the term V
-    cos α q in d2 has the sign of Eq. (30). moving hinge: M_j = dH_j/dt + v_j × ρ with ρ = m v_c,
-    where Eq. (10) has dH_j/dt alone.
+    found: rates, of which V' and α' are used
+    loads: loads on the panels
+    repairs: corrections of the printed equations:
+        section moment: M_i of an outer panel turns with the panel. Eq. (42) does not state its
+          frame.
+        hinge inertia: the term in cos² η of Eq. (46) has the sign of Eq. (70).
+        pitch rate: the term V cos α q in d2 has the sign of Eq. (30).
+        moving hinge: M_j = dH_j/dt + v_j × ρ with ρ = m v_c, where Eq. (10) has dH_j/dt alone.
 
-    H of Eq. (44) is printed without its lever s/2.
+    The printed H of Eq. (44) lacks its lever arm s/2, which is added here.
     """
     m = p.panel_mass
     s = p.panel_span
@@ -93,8 +96,10 @@ def accelerations(
 
 
 def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
-    """Return the largest relative difference of q' and η'' from the aircraft's over random
-    flights.
+    """Return the largest relative difference of q' and η'' between the aircraft and
+    `accelerations`.
+
+    It is taken over 100 random states and inputs.
     """
     differences = []
     for state, control in zip(*random_points(100, seed=4), strict=True):
@@ -115,21 +120,19 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
 
 
 def test_newton_is_gibsons_report_after_four_repairs(parameters: Parameters) -> None:
-    """The "newton" dynamics equal the equations of the report with four repaired terms."""
+    """The rates of "newton" equal the equations of the report with four corrections."""
     assert worst(hfa.aircraft("newton", parameters), REPAIRS) < 1e-12
 
 
 @pytest.mark.parametrize("repairs", [*combinations(REPAIRS, 3), ()], ids=str)
 def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple[str, ...]) -> None:
-    """Without any one of the four repairs, the report's equations differ from "newton"."""
+    """Without one of the four corrections, the report's equations differ from "newton"."""
     assert worst(hfa.aircraft("newton", parameters), repairs) > 1e-2
 
 
 def test_published_differs_from_gibson_in_two_terms(
     parameters: Parameters,
 ) -> None:
-    """The "published" dynamics are those of Gibson's report except for the lever and the hinge
-    inertia.
-    """
+    """With the report's lever arm and hinge inertia, "published" equals the report's equations."""
     assert worst(hfa.aircraft(GibsonsLever(), parameters), ()) < 1e-12
     assert worst(hfa.aircraft("published", parameters), ()) > 1e-2

@@ -1,4 +1,4 @@
-"""Wind at each panel: its effect seen from the ground, and its names."""
+"""Wind at each panel: Galilean invariance, and the names of the disturbances."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ NAMES = tuple(DISTURBANCES)
 
 
 def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
-    """Return the state over ground of an aircraft whose state through the air is x."""
+    """Return the state over ground of an aircraft in wind.
+
+    x: state relative to the air
+    updraft, headwind: uniform wind, ft/s
+    """
     gamma = x.pitch - x.alpha
     north = x.speed * np.cos(gamma) - headwind
     up = x.speed * np.sin(gamma) + updraft
@@ -24,8 +28,9 @@ def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
 
 
 def inertial(x: State, rate: State) -> np.ndarray:
-    """Return the accelerations north, up, in pitch and in dihedral, which no steady motion of the
-    observer changes.
+    """Return the accelerations north, up, in pitch and in dihedral, (4,).
+
+    They are the same for every observer in uniform motion.
     """
     gamma = x.pitch - x.alpha
     gamma_rate = rate.pitch - rate.alpha
@@ -37,8 +42,10 @@ def inertial(x: State, rate: State) -> np.ndarray:
 
 
 def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np.ndarray:
-    """Return the largest difference of the accelerations in uniform steady wind from those in still
-    air, (4,), over many states."""
+    """Return the largest difference of the accelerations between steady wind and still air, (4,).
+
+    It is taken over 100 random states. The wind is uniform.
+    """
     worst = np.zeros(4)
     for state, control in zip(*random_points(100, seed=5), strict=True):
         x = State(*state.tolist())
@@ -54,7 +61,9 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
 def test_published_knows_steady_wind_and_newton_not(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
-    """Steady wind changes the accelerations of the "published" dynamics, but not of "newton"."""
+    """Uniform steady wind changes the hinge acceleration of "published", but no acceleration of
+    "newton".
+    """
     winds = winds_named(("updraft", "headwind"), (updraft, headwind))
     newton, published = (
         galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")
@@ -67,7 +76,7 @@ def test_published_knows_steady_wind_and_newton_not(
 
 
 def test_names_add_up() -> None:
-    """Winds of the whole aircraft, of a side and of a panel add up, by their names."""
+    """Winds named for the aircraft and for a panel are added."""
     winds = winds_named(NAMES, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])
     assert winds == Winds(Wind(3.0, 24.0, 0.0), Wind(5.0, 40.0, 64.0))
     assert winds_named(("updraft",), (5.0,)) == Winds(Wind(5.0, 0.0, 0.0), Wind(5.0, 0.0, 0.0))

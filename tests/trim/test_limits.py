@@ -1,4 +1,4 @@
-"""Limits: single trims and sweeps have one definition of "within"."""
+"""Limits: single trims and sweeps use the same definition of "within"."""
 
 from __future__ import annotations
 
@@ -26,9 +26,7 @@ from trim.limits import SLACK, Limits
 def test_trim_and_sweep_agree_at_a_limit(
     published_aircraft: Model, highest: float, reason: str
 ) -> None:
-    """A trim and a sweep agree if the pitch angle alpha + gamma is at its limit or beyond it by
-    rounding.
-    """
+    """A trim and a sweep agree if the pitch angle alpha + gamma is at or just beyond its limit."""
     limits = {"pitch": (float(np.radians(-60.0)), float(np.radians(highest)))}
     angles = {name: float(np.radians(value)) for name, value in (("alpha", 2.7), ("gamma", 0.1))}
     condition = level_flight(float(np.radians(5.0)), limits=limits, **angles)
@@ -43,7 +41,7 @@ def test_trim_and_sweep_agree_at_a_limit(
 
 
 def test_within_allows_rounding_and_no_more(published_aircraft: Model) -> None:
-    """Values beyond a limit by rounding are within it; larger ones and nan are not."""
+    """A value beyond a limit by rounding is within it. A value beyond it by more, and nan, are not."""
     model = published_aircraft
     limits = Limits.of(model, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
     slack = SLACK * (model.signals["speed"].nominal + 500.0)

@@ -1,4 +1,4 @@
-"""Calls of a notebook on linear models, sweeps, points and models."""
+"""Calls in notebooks on models, trims, linear models and sweeps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _linear() -> LinearModel:
 
 
 def test_names_are_held_values_and_sweep_columns() -> None:
-    """Names of the model select held values of a trim and columns of a sweep."""
+    """Names of variables are keyword arguments: held values of a trim, and columns of a sweep."""
     point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)
@@ -37,7 +37,9 @@ def test_names_are_held_values_and_sweep_columns() -> None:
 
 
 def test_names_index_matrices_and_are_attributes() -> None:
-    """Names index rows and columns of A and B, and are attributes of points and sweeps."""
+    """Rows and columns of A and B can be indexed by name. Trims and sweeps have names as
+    attributes.
+    """
     linear = _linear()
     assert linear.A["pitch_rate", "alpha"] == linear.A[3, 1]
     assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
@@ -55,7 +57,7 @@ def test_names_index_matrices_and_are_attributes() -> None:
 
 
 def test_a_sweep_has_a_linear_model_anywhere() -> None:
-    """`sweep.at` returns a point of the grid, or trims the aircraft at values between its
+    """`sweep.at` returns the linear model at a grid point, and trims the aircraft between grid
     points.
     """
     swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[66.0, 68.0])
@@ -67,7 +69,10 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
 
 
 def test_inputs_reach_modes_or_not() -> None:
-    """A model is controllable unless its input matrix does not reach one of its modes."""
+    """A model is not controllable if its inputs do not affect a mode, in any coordinates.
+
+    It is not observable if its outputs do not show a mode. `zeros` returns this eigenvalue.
+    """
     linear = _linear()
     assert linear.is_controllable
     assert linear.is_stable == bool(linear.eigenvalues.real.max() < 0.0)
@@ -94,7 +99,7 @@ def test_inputs_reach_modes_or_not() -> None:
 
 
 def test_an_unknown_attribute_suggests_the_nearest() -> None:
-    """The error of an unknown attribute suggests the nearest one."""
+    """The error on an unknown attribute suggests the most similar name."""
     for result, wrong, right in (
         (MODEL, "state", "states"),
         (_linear().point, "scaled_residual", "scaled_residuals"),
@@ -120,8 +125,9 @@ def test_a_property_that_fails_keeps_its_error() -> None:
 
 
 def test_names_index_values_and_modes() -> None:
-    """Points, linear models and sweeps are indexed by names. The error on a wrong name suggests the
-    nearest one.
+    """Trims, linear models and sweeps can be indexed by name. Modes, margins and residuals, too.
+
+    The error on a wrong name suggests the most similar one.
     """
     linear = _linear()
     point = linear.point
@@ -160,7 +166,7 @@ def test_names_index_values_and_modes() -> None:
 
 
 def test_lqr_is_the_game_without_disturbance() -> None:
-    """`hfa.lqr` returns the K of the game without disturbance, and its closed loop."""
+    """`hfa.lqr` returns the K of the game without disturbance, the closed loop and the margins."""
     linear = _linear()
     weights = {"speed": 1.0, "pitch": 50.0, "dihedral": 50.0}
     regulator = hfa.lqr(linear, weights, np.ones(5))
@@ -186,7 +192,7 @@ def test_lqr_refuses_a_disturbance() -> None:
 
 
 def test_zeros_lower_the_rank_of_the_system() -> None:
-    """At each transmission zero the transfer function is 0."""
+    """The transfer function is 0 at each transmission zero."""
     linear = _linear().select(inputs=("elevator_center",))
     pitch = linearize(MODEL, linear.point, outputs=("pitch",), disturbances=())
     pitch = pitch.select(inputs=("elevator_center",))
@@ -198,9 +204,7 @@ def test_zeros_lower_the_rank_of_the_system() -> None:
 
 
 def test_a_sweep_is_a_sequence_of_linear_models() -> None:
-    """A sweep is indexed and iterated as linear models. A point without a trim raises its
-    reason.
-    """
+    """A sweep is a sequence of linear models. A point without a trim raises its reason."""
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     assert len(swept) == len(list(swept)) == 4
     for index, linear in enumerate(swept):
@@ -219,7 +223,7 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
 
 
 def test_results_become_tables_of_pandas() -> None:
-    """The records of a point, a linear model, a solution and a verdict become tables of pandas."""
+    """Trims, solutions and verdicts are converted to pandas tables, and a verdict can be plotted."""
     linear = _linear()
     frame = linear.point.to_pandas().set_index(["kind", "name"])
     assert frame.loc[("state", "alpha"), "value"] == linear.point["alpha"] == linear.point.x[1]
@@ -232,7 +236,7 @@ def test_results_become_tables_of_pandas() -> None:
 
 
 def test_a_point_draws_its_limits() -> None:
-    """`point.plot` draws a row for each variable."""
+    """`point.plot` draws a row for the throttle, labeled with its name."""
     axes = find_operating_point(MODEL).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert any(label.startswith("throttle") for label in labels)
@@ -240,7 +244,7 @@ def test_a_point_draws_its_limits() -> None:
 
 
 def test_a_model_is_a_table_in_a_notebook() -> None:
-    """The HTML of a model shows names, units, limits and trim."""
+    """The HTML of a model contains names, units, limits and the trim."""
     text = MODEL._repr_html_()
     assert "throttle" in MODEL.report().text()
     with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):

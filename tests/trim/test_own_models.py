@@ -1,4 +1,4 @@
-"""Models of users: the F-16 of Stevens and Lewis as printed, and faults of a file in one line."""
+"""Users' models: the F-16 of Stevens and Lewis and other published aircraft, and faulty files."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ MODES = {
 def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
-    """Trims of the F-16 equal those printed by Stevens and Lewis, in level flight and turns."""
+    """Trims of the F-16 equal those printed by Stevens and Lewis, in straight flight and in turns."""
     point = trimmed(F16.with_parameters(xcg=xcg), hold, rates)
     computed = [
         point.values[name]
@@ -65,8 +65,9 @@ SLOW_FLIGHTS = [
 def test_slow_flights_of_the_book(
     speed: float, alpha: float, throttle: float, elevator: float
 ) -> None:
-    """The slow flights of the book are trimmed, also the slowest, to which Newton's method alone
-    does not converge from the declared guess.
+    """The slow flights of the book are trimmed.
+
+    For the slowest, Newton's method alone does not converge from the declared initial guess.
     """
     point = trimmed(F16, {"speed": speed})
     computed = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
@@ -74,8 +75,9 @@ def test_slow_flights_of_the_book(
 
 
 def test_no_row_with_free_states_depends_on_others() -> None:
-    """A row with free states has the same bits alone and with others, even if the search begins at
-    the center of a cell of a table.
+    """A point with free states has the same bits alone and with other points.
+
+    This includes searches that begin at the center of a cell of a table.
     """
     speeds = np.linspace(200.0, 700.0, 300)[:, None]
     whole = trim_points(F16, ("speed",), speeds)
@@ -97,8 +99,8 @@ def test_no_row_with_free_states_depends_on_others() -> None:
     "factor", [*(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.01, 5.0)), 100.0]
 )
 def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, factor: float) -> None:
-    """With a wrong nominal size the slow flight is found, and no point of a sweep is trimmed
-    alone.
+    """With a wrong nominal size the slow flight is found, and a sweep converges without single
+    trims.
     """
     signals = getattr(F16, kind)
     scaled = signals[name]._replace(nominal=factor * signals[name].nominal)
@@ -111,14 +113,17 @@ def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, fac
 
 
 def rotating(x, u, p, w):
-    """Return a turn about one axis by a quaternion (a, b), with a term that holds an angle."""
+    """Return the rates of a rotation about one axis, given by a quaternion (a, b), and an output.
+
+    The torque opposes sin(angle) = 2 a b for a unit quaternion.
+    """
     rates = {"a": -0.5 * x.b * x.rate, "b": 0.5 * x.a * x.rate, "rate": u.torque - 2 * x.a * x.b}
     return rates, {"sine": 2 * x.a * x.b}
 
 
 def test_an_undetermined_trim_is_reported() -> None:
-    """If the norm of the quaternion is free, every length balances, and the trim is reported as
-    undetermined.
+    """A trim with a free quaternion norm is reported as undetermined. With a held component it is
+    not.
     """
     free = Model(
         "rotation",
@@ -137,9 +142,9 @@ def test_an_undetermined_trim_is_reported() -> None:
 
 
 def test_imbalances_that_do_not_matter_are_not_named() -> None:
-    """A failed trim names only imbalances that matter, and not those that are rounding.
+    """The error on a failed trim does not name rates that are unbalanced only by rounding.
 
-    At 100 ft/s the F-16 falls, and the equations of its turn are off by rounding.
+    At 110 ft/s the F-16 cannot be trimmed, and the residuals of its roll equations are rounding.
     """
     with pytest.raises(TrimError) as refusal:
         trimmed(F16, {"speed": 110.0})
@@ -148,7 +153,7 @@ def test_imbalances_that_do_not_matter_are_not_named() -> None:
 
 
 def test_modes_of_the_book() -> None:
-    """Modes of the F-16 equal the printed ones."""
+    """Modes of the F-16 equal those printed in the book."""
     model = F16.with_parameters(xcg=0.3)
     computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
@@ -158,8 +163,9 @@ def test_modes_of_the_book() -> None:
 
 
 def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Modes of the Navion agree with Nelson, examples 4.3 and 5.2, who omits C_Lq and uses N_beta
-    4.49 instead of 4.55.
+    """Modes of the Navion agree with Nelson, examples 4.3 and 5.2, except for the spiral.
+
+    With the coefficients of the examples (no C_Lq, N_beta 4.49 instead of 4.55) all modes agree.
     """
     printed = {
         "short period": -2.51 + 2.59j,
@@ -183,9 +189,7 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_trim_and_modes_of_the_gtm() -> None:
-    """The GTM has the published trim to the four digits of its coefficients, and load factor one in
-    level flight.
-    """
+    """The GTM has the published trim within 1 %, and the load factor 1 in level flight."""
     point = trimmed(GTM)
     computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
     np.testing.assert_allclose(computed, [0.04924, 0.04892, 14.33], rtol=0.01)
@@ -196,7 +200,7 @@ def test_trim_and_modes_of_the_gtm() -> None:
 
 
 def test_rates_of_the_book() -> None:
-    """The rates of the F-16 agree with Table 3.5-2."""
+    """The rates of the F-16 agree with Table 3.5-2 of the book."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [
         -75.23724,
@@ -215,8 +219,9 @@ def test_rates_of_the_book() -> None:
 
 
 def test_the_back_side_is_another_trim() -> None:
-    """If one throttle gives two speeds, the report names the other trim, and a start there selects
-    it.
+    """If two speeds have the same throttle, the report names the other trim.
+
+    The initial point printed with it leads to the other trim.
     """
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
@@ -239,8 +244,8 @@ def test_the_back_side_is_another_trim() -> None:
 
 
 def test_swept_turns_equal_single_trims() -> None:
-    """Sweeps of turns equal single trims. The bank is below a right angle and increases with the
-    rate.
+    """A sweep of turns equals single trims. The bank increases with the turn rate and is below 90
+    deg.
     """
     rates = np.linspace(0.0, 0.25, 26)
     swept = sweep(F16, {"turn_rate": rates})
@@ -258,8 +263,9 @@ def test_swept_turns_equal_single_trims() -> None:
 
 
 def test_states_without_balance_are_left_and_named() -> None:
-    """North, east and heading are in no equation: held or free, the trim is equal, and their rates
-    are reported.
+    """Freeing north, east and heading, which affect no equation, does not change the trim.
+
+    The JSON output names them and reports their rates.
     """
     done = hfa(
         "trim",
@@ -275,8 +281,9 @@ def test_states_without_balance_are_left_and_named() -> None:
 
 
 def test_other_starts_cross_a_flat_region() -> None:
-    """Further initial guesses find a trim beyond a flat region, here a throttle without effect
-    below one half.
+    """Further initial guesses find a trim beyond a flat region.
+
+    Here the throttle has no effect below one half.
     """
 
     def engine(x, u, p, w):
@@ -320,7 +327,7 @@ def simple(equations: object, **more: object) -> Model:
     ],
 )
 def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) -> None:
-    """A nominal that is wrong by a factor of 1,000 changes neither the trim nor the kinks."""
+    """A nominal size that is wrong by a factor of 1,000 changes neither the trim nor the kinks."""
     reference = trimmed(F16)
     kinks = linearize(F16, reference).kinks
     signals = getattr(F16, kind)
@@ -377,7 +384,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
     ],
 )
 def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
-    """Equations that fail at a trim are refused in one line."""
+    """Equations that fail at a trim are refused by one line."""
     with pytest.raises(BadInputError) as caught:
         trimmed(simple(equations))
     assert words in str(caught.value)
@@ -400,7 +407,7 @@ FAULTS = {
 
 @pytest.mark.parametrize(("text", "words"), FAULTS.items())
 def test_a_wrong_file_is_named_in_one_line(text: str, words: str, tmp_path: Path) -> None:
-    """A mistake in a file is named in one line."""
+    """A mistake in a model file is refused by one line that names the file."""
     path = tmp_path / "own.py"
     path.write_text(text)
     assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)
@@ -422,7 +429,7 @@ A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.
 
 
 def test_a_file_may_use_dataclasses_and_tables(tmp_path: Path) -> None:
-    """A file may declare dataclasses and read tables from its folder."""
+    """A model file may define dataclasses and read tables from its folder."""
     (tmp_path / "own.py").write_text(WITH_A_TABLE)
     assert_refused(
         hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read"
@@ -438,8 +445,9 @@ OWN = ("--aircraft", "examples/f16.py:F16")
 
 
 def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
-    """The commands trim, linearize and sweep accept the names of the F-16 and refuse options of the
-    HFA.
+    """The commands trim, linearize, sweep and solve accept the F-16 and the names of its variables.
+
+    They refuse options that apply only to the flexible aircraft.
     """
     assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
     assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA")

@@ -1,4 +1,4 @@
-"""Trims of an aircraft that declares no limits stay in the ordinary range of flight."""
+"""Trims of aircraft that declare no limits: they remain in the usual range of flight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ _GRAVITY = 9.81
 
 
 def turning(x, u, p, w):
-    """Return a point mass in a turn: m V turn = L sin phi, m g = L cos phi, m V' = T - D."""
+    """Return the rates of a point mass in a turn, and its turn rate as an output.
+
+    m V turn = L sin(bank), m g = L cos(bank), m V' = T - D.
+    """
     lift = u.lift * x.speed**2
     drag = 0.02 * x.speed**2 + 0.1 * u.lift**2 * x.speed**2
     rates = {
@@ -45,8 +48,9 @@ TURNING = Model(
 
 @pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
 def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
-    """The bank satisfies tan(bank) = V turn / g and is below 90 deg, where Newton's method alone
-    ends several turns away.
+    """The bank satisfies tan(bank) = V turn / g and is below 90 deg.
+
+    Newton's method alone would converge to a bank several revolutions away.
     """
     point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
@@ -55,15 +59,16 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float)
 
 
 def test_a_sweep_stays_where_its_points_do() -> None:
-    """Bank angles of a sweep of turns equal arctan(V ω / g)."""
+    """The bank angles in a sweep of turns equal arctan(V turn / g)."""
     turns = np.array([0.1, 0.5, 1.5])
     swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})
     np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
 
 
 def test_a_far_trim_is_noted_first() -> None:
-    """If the only trim is inverted flight, because the lift is negative, the first note reports
-    it.
+    """If the only trim is inverted flight, the first line of the report states its bank.
+
+    Here the lift is negative in upright flight.
     """
     inverted = hfa.Model(
         "inverted",
@@ -80,8 +85,9 @@ def test_a_far_trim_is_noted_first() -> None:
 
 
 def test_a_trim_from_another_start_says_what_failed() -> None:
-    """A trim found from another initial guess reports the failed searches: a drag bucket on the way
-    stops both Newton's method and the least squares.
+    """The report of a trim found from another initial point states why the default one failed.
+
+    Here a local minimum on the way stops both Newton's method and the least-squares search.
     """
     bumpy = hfa.Model(
         "bumpy",

@@ -1,1 +1,1 @@
-"""Trims and linear models of the paper's aircraft: error bands of printed matrices, front view."""
+"""Features for the paper's aircraft (HFA): printed matrices, error bands and front view."""

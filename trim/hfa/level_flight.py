@@ -1,4 +1,4 @@
-"""Level flight of the paper, and the other named trim conditions of its aircraft."""
+"""Level flight as in the paper, and the other named trim conditions of its aircraft."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def level_flight(
 ) -> TrimCondition:
     """Return the paper's trim condition at a dihedral angle: four equations for four unknowns.
 
-    The center aileron is at zero. Throttle, outer aileron and both elevators are free.
+    The center aileron is 0. Throttle, outer aileron and both elevators are free.
 
     dihedral: rad
-    limits: variable -> (lowest, highest), in place of the model's
-    held: variable -> value imposed in place of the paper's, in rad, ft, s
+    limits: variable -> (lowest, highest), instead of the model's limits
+    held: variable -> imposed value, instead of the paper's; in rad, ft, s
 
     >>> import hfa
     >>> hfa.paper.level_flight(0.2, speed=70.0).free
@@ -41,9 +41,12 @@ def level_flight(
 
 @checks_arguments
 def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
-    """Return a condition by its name in `CONDITIONS`, or from a user's file.
+    """Return a trim condition by its name in `CONDITIONS`, or from a user's file.
 
-    usual: the condition that the file changes
+    name: name of the condition, or path of the file
+    usual: condition to which the file is applied as changes
+
+    Raises BadInputError that names the file and the fault.
     """
     from trim.point.condition_file import read_condition
 

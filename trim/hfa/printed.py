@@ -1,7 +1,7 @@
-"""Comparison of a linear model with the printed matrices, entry by entry.
+"""Comparison of a linear model with the printed matrices, entry by entry, and error bands.
 
-The module also computes the error band of every entry due to the rounding of the printed matrices,
-through the parameters and the trim.
+The error band of an entry follows from the rounding of the printed matrices, through the parameters
+and the trim.
 """
 
 from __future__ import annotations
@@ -66,13 +66,15 @@ class EntryRow(Result):
 
     @property
     def half_units(self) -> float:
-        """Return (computed - printed) / half unit; within ±1 the computed entry rounds to the
-        printed one."""
+        """Return (computed - printed) / half unit.
+
+        Within ±1, the computed entry rounds to the printed one.
+        """
         return (self.computed - self.printed) / self.half_unit
 
     @property
     def percent(self) -> float:
-        """Difference in percent of the printed value, or nan where that is zero."""
+        """Difference in percent of the printed value, or nan if the printed value is 0."""
         return (
             100 * (self.computed - self.printed) / abs(self.printed)
             if self.printed
@@ -81,8 +83,7 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed as 0 and is 0 except for rounding, so that there is nothing
-        to compare."""
+        """True if the entry is printed as 0 and is 0 up to rounding. It is omitted from the table."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -93,15 +94,14 @@ class EntryRow(Result):
 
 @dataclass(frozen=True, eq=False)
 class OfTheHfa(Result):
-    """Further data of a linear model of the HFA.
+    """Data of a linear model that only the paper's aircraft has.
 
-    A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices.
-    B_band: (n, m) two standard errors of each entry of B.
-    other_dynamics: the dynamics that the model is compared with: newton for a published model,
-        published for a newton model.
-    A_difference: (n, n) A with the other dynamics at the same condition minus A.
-    B_difference: (n, m) B with the other dynamics minus B.
-    printed: A and B of the paper, at its angles.
+    A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices
+    B_band: (n, m) two standard errors of each entry of B other_dynamics: dynamics with which the
+    model is compared: newton for a published model, published for a newton model A_difference: (n,
+    n) A with the other dynamics at the same condition minus A B_difference: (n, m) B with the other
+    dynamics at the same condition minus B printed: A and B of the paper, if the trim is one of the
+    paper's
     """
 
     A_band: Matrix | None = None
@@ -114,10 +114,10 @@ class OfTheHfa(Result):
 
 @checks_arguments
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
-    """Return all 66 entries of A (6 x 6) and B (6 x 5) with the printed ones, row by row.
+    """Return all 66 entries of A (6 x 6) and B (6 x 5) with the printed values, row by row.
 
-    model: the linear model of the paper's six states
-    published: the printed pair
+    model: linear model of the paper's six states
+    published: the printed pair (A, B)
 
     >>> import hfa
     >>> import hfa_model
@@ -145,7 +145,7 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
     """Return the linear model of an aircraft in the paper's trim at a printed dihedral angle.
 
-    published: the printed pair at that angle
+    published: the printed pair (A, B) at this angle
 
     >>> import hfa
     >>> import hfa_model
@@ -157,8 +157,11 @@ def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
 
 
 def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Return |λ_computed - λ_reference| of the best pairing of two spectra, in the reference's
-    order."""
+    """Return |λ_computed - λ_reference| for the best pairing of two spectra, in the reference's
+    order.
+
+    The best pairing has the smallest sum of distances.
+    """
     from scipy.optimize import linear_sum_assignment
 
     distance = np.abs(reference[:, None] - computed[None, :])
@@ -167,7 +170,7 @@ def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray
 
 
 def printed_at(point: OperatingPoint) -> PublishedModel | None:
-    """Return the printed pair of exactly this flight condition, or None without one."""
+    """Return the printed pair (A, B) of this flight condition, or None if none was printed for it."""
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
         if all(
@@ -179,7 +182,9 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """Return the report with the printed pair of the model's condition."""
+    """Return the report of a linear model with a table that compares it with the printed pair (A,
+    B).
+    """
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
@@ -188,18 +193,17 @@ def compared_with_print(report: Report, model: LinearModel, published: Published
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
-    """Return the table of a model's entries compared with the printed ones."""
+    """Return a table of a model's entries compared with the printed ones."""
     return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
 
 
 def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Table:
-    """Return a table of printed and computed entries, with differences in half units and in
-    percent.
+    """Return a table of printed and computed entries.
 
-    A half unit is half a unit of the last printed digit.
+    Differences are in half units of the last printed digit, and in percent.
 
     title: header of the first column
-    entries: first cell of each row -> entries
+    entries: prefix of the entries' names -> entries
     """
     rows = []
     for begin, group in entries.items():
@@ -215,7 +219,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 
 
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
-    """Return the entries with all digits.
+    """Return a table of the entries at full precision.
 
     entries: printed angle (deg) -> entries
     """
@@ -232,13 +236,13 @@ def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bands(ByValue, Reported):
-    """Half widths of the error bands of a linear model's entries, in their units.
+    """Half-widths of the error bands of a linear model's entries, in their units.
 
     A: (6, 6)
     B: (6, 5)
 
     They are two standard errors, propagated from the rounding of the printed matrices through the
-    parameters and the trim. The equations are assumed to be correct: `docs/validation.md` lists
+    parameters and the trim. The equations are assumed to be correct; `docs/validation.md` lists
     their tests.
     """
 
@@ -246,7 +250,7 @@ class Bands(ByValue, Reported):
     B: np.ndarray
 
     def report(self) -> Report:
-        """Return the half width of every entry."""
+        """Return a report with the half-width of every entry."""
         tables = [
             matrix_table(f"{name} ±", LINEAR_STATES, across, getattr(self, name))
             for name, across in (("A", LINEAR_STATES), ("B", INPUTS))
@@ -261,13 +265,12 @@ class Bands(ByValue, Reported):
 def with_bands(
     report: Report, model: LinearModel, bands: Bands | None, other: LinearModel | None = None
 ) -> Report:
-    """Return a report with the error bands of the entries, and the differences from the other
-    dynamics.
+    """Return a report with error bands, and with the differences from the other dynamics.
 
-    A sentence states the possible errors of the entries. Both additions are omitted where unknown.
+    A sentence states the largest of each. Unknown bands or differences are omitted.
 
-    bands: bands of the model's entries
-    other: the model of the other dynamics at the same condition
+    bands: bands of the model's entries, or None if unknown
+    other: the model with the other dynamics at the same condition, or None
     """
     tables = len(matrices(model))
     sentence = _trust_in(bands, model, other)
@@ -299,11 +302,10 @@ def with_bands(
 
 
 def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
-    """Return a sentence on the possible errors of the entries of a six-state model.
+    """Return sentences on the largest error band and the largest difference from other dynamics.
 
-    They are due to the rounding of the printed matrices and to the choice of the dynamics.
-
-    other: the model of the other dynamics at the same condition
+    bands: bands of the model's entries, or None if unknown
+    other: the model with the other dynamics at the same condition, or None
     """
     sentences = []
     if bands is not None:
@@ -322,17 +324,17 @@ def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """Return the largest entry of A and B in the current units, and its name."""
+    """Return the largest entry of A and B and its name, as text: "0.1 in A(speed, alpha)"."""
     name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
     row, column = np.unravel_index(largest.argmax(), largest.shape)
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
 
 
 def bands_known(parameters: ParameterSet) -> bool:
-    """Return whether bands of these parameters are known.
+    """Return whether error bands exist for these parameters.
 
-    They are for the identified values (to 1e-7) with their covariance. For an edited value the
-    covariance would describe another aircraft.
+    They exist for the identified values (to 1e-7) with their covariance. After a change of a value,
+    the covariance would describe another aircraft.
     """
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
     return same and parameters.covariance.size > 0
@@ -347,12 +349,12 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     C is the covariance of the identified parameters p, and v are the free variables of the trim.
     dv/dp follows from the implicit function theorem.
 
-    parameters: the parameters of the model
-    condition: the condition of its trim
+    parameters: parameters of the model
+    condition: condition of its trim
     model: the linear model
 
-    Raises BadInputError when the parameters have no bands (`bands_known`), or the model is not of
-    the paper's six states.
+    Raises BadInputError if no bands exist for the parameters (`bands_known`), or the states of the
+    model are not the paper's six.
 
     >>> import hfa
     >>> from trim import entry_bands
@@ -389,15 +391,15 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
 def entries_at(
     layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], rows: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return e = vec(A, B) of the paper's six states, (66,), and its derivative de/dp, (66, P).
+    """Return e = vec(A, B) of the paper's six states, (66,), and de/dp along the trim, (66, P).
 
-    The entries are ordered column by column. Along the trim the free variables follow from the
-    rates of some states.
+    The entries are in the order of columns. The free variables are determined by the rates of some
+    states.
 
     v: variables of the trim
     p: parameters
-    free: indices of the free variables
-    rows: indices of these states
+    free: indices of the free variables in v
+    rows: indices of the states whose rates determine them
     """
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     entries, *derivatives = _derivatives(layout, tuple(free), zero)(v[None], p[None])
@@ -414,9 +416,10 @@ def entries_at(
 def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
     """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p.
 
-    v are the variables of a trim, on which state and input depend.
+    v are the variables of a trim, from which states and inputs follow. f are the rates of all
+    states.
 
-    free: indices of the free variables, with respect to which the derivatives are taken
+    free: indices of the free variables; derivatives are taken with respect to them
     zero: indices of the variables that are always 0
     """
     (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))

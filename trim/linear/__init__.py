@@ -1,1 +1,1 @@
-"""Linear models at an operating point: exact derivatives, modes, transfer functions, responses."""
+"""Linear models at an operating point: exact derivatives, modes and transfer functions."""

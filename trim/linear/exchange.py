@@ -1,4 +1,4 @@
-"""Conversion of a linear model to objects of other packages."""
+"""Conversion of linear models to objects of other packages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def state_space(model: LinearModel) -> control.StateSpace:
-    """Return python-control's StateSpace, with names."""
+    """Return the linear model as a python-control StateSpace, with the names of its signals."""
     import control
 
     return control.ss(

@@ -1,4 +1,4 @@
-"""Transfer functions and transmission zeros of a linear model, with their Bode plot."""
+"""Transfer functions, transmission zeros and Bode plot of a linear model."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ _STILL = 1e-6
 class Responses(Result):
     """Transfer functions from the inputs of a linear model to its outputs.
 
-    zeros: transmission zeros, 1/s, with --bode.
-    transfers: transfer function of each output and input, with --bode.
+    zeros: transmission zeros, 1/s, with --bode
+    transfers: transfer function from each input to each output, with --bode
     """
 
     zeros: Roots
@@ -46,7 +46,7 @@ class Responses(Result):
 
 
 def transfers(model: LinearModel) -> list[Transfer]:
-    """Return the transfer function of each output and input, ordered by output."""
+    """Return the transfer functions from each input to each output, output by output."""
     system = scaled(model)
     poles = spectrum(system.A)
     signals = model.model.signals
@@ -71,13 +71,14 @@ def bode_figure(model: LinearModel) -> Figure:
 
 
 def draw_bode(model: LinearModel, figure: Figure) -> Figure:
-    """Draw magnitude in dB above phase in degrees: one panel for each output, one line for each
-    input.
+    """Draw magnitude (dB) and phase (deg), one panel for each output and one line for each input.
 
-    At most six outputs that an input reaches are drawn; the others are named below. The frequencies
-    are those of `bode_frequencies`. Raises BadInputError where no input reaches an output.
+    At most six outputs that an input affects are drawn. The names of the others are printed below.
+    The frequencies are those of `bode_frequencies`.
 
     figure: an empty figure, which is resized and returned
+
+    Raises BadInputError if the model has no inputs, or no input affects an output.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -135,8 +136,9 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
 def bode_frequencies(model: LinearModel) -> np.ndarray:
     """Return frequencies for a Bode plot, rad per unit of time.
 
-    They extend from a tenth of the slowest mode to ten times the fastest, or from 0.01 to 100
-    without modes. They are dense enough for the phase of lightly damped modes.
+    They extend from a tenth of the slowest mode's frequency to ten times the fastest. Without modes
+    they extend from 0.01 to 100. They are dense near each mode, so that the phase of lightly damped
+    modes is resolved.
     """
     frequencies = np.abs(np.linalg.eigvals(model.A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]
@@ -149,7 +151,7 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
 
 
 def with_transfers(report: Report, model: LinearModel) -> Report:
-    """Return a report with the transmission zeros and a row for each nonzero transfer function."""
+    """Return a report with the transmission zeros and a table of the nonzero transfer functions."""
     responses = Responses(zeros_of(model), transfers(model))
     rows = []
     for transfer in responses.transfers:
@@ -173,7 +175,7 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
 
 
 def scaled(model: LinearModel) -> StateSpace:
-    """Return the model in nominal units, in which one rank tolerance is valid for all rows."""
+    """Return the model in nominal units of its signals, so that all rows have similar size."""
     signals = model.model.signals
 
     def nominal(names: Iterable[str]) -> np.ndarray:
@@ -191,7 +193,7 @@ def scaled(model: LinearModel) -> StateSpace:
 
 
 def _pairs_text(roots: np.ndarray) -> str:
-    """Return the roots as text, each conjugate pair once; "none" without roots."""
+    """Return the roots as text, each conjugate pair once, or "none" if there are none."""
     words = []
     for root in roots:
         if root.imag >= 0:

@@ -1,4 +1,4 @@
-"""Handling qualities of an aircraft at a trim, from the declared modes and outputs of its model."""
+"""Handling qualities of an aircraft at a trim, from the modes and outputs that its model declares."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 @dataclass(frozen=True)
 class Quantity(Result):
-    """A measure of handling qualities, such as the short-period damping or the time to double of
-    the spiral.
+    """Measure of handling qualities, such as the short-period damping.
 
-    name: name of the number.
-    value: in its unit.
-    unit: unit of the value."""
+    name: name of the measure
+    value: in its unit
+    unit: unit of the value
+    """
 
     json_keys = "value unit"
 
@@ -41,23 +41,26 @@ class Quantity(Result):
 class Qualities(Result):
     """Handling qualities of a linear model.
 
-    handling_qualities: short period, phugoid, n/alpha, CAP, lateral modes, where the model declares
-        them."""
+    handling_qualities: name -> short period, phugoid, n/alpha, CAP and lateral modes, if the model
+    declares them
+    """
 
     handling_qualities: Mapping[str, Quantity]
 
 
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
-    """Return the handling qualities at a trim, as far as the declaration of the model allows.
+    """Return the handling qualities at a trim that the declared modes and outputs of the model
+    allow.
 
-    The modes `short period`, `phugoid` and `dutch roll` have a natural frequency and a damping.
-    Where such a mode consists of two real eigenvalues, both numbers follow from their product and
-    sum. `roll` has the time constant -1/λ, `spiral` the time to double or half, ln 2/|λ|.
+    The modes `short period`, `phugoid` and `dutch roll` have a natural frequency and a damping
+    ratio. If such a mode consists of two real eigenvalues, both follow from their product and sum.
+    `roll` has the time constant -1/λ, and `spiral` the time to double or half, ln 2/|λ|.
 
     With an output `load_factor` and a state `alpha` in the short period, the result includes
     n/alpha and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1).
-    n/alpha is the steady change of load factor divided by that of alpha, after a step of the input
-    that pitches the aircraft most. All states except alpha and pitch rate are held.
+    n/alpha is the steady change of the load factor divided by the steady change of alpha, after a
+    step of the input that pitches the aircraft most. All states except alpha and pitch rate are
+    held.
     """
     outputs = ("load_factor",) if "load_factor" in point.model.outputs else None
     linear = point.linearize(outputs=outputs, disturbances=())
@@ -85,7 +88,10 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 
 
 def with_qualities(report: Report, point: OperatingPoint) -> Report:
-    """Return the report of a linear model with its handling qualities, one row each."""
+    """Return the report of a linear model with a table of its handling qualities.
+
+    The report is unchanged if the model has none.
+    """
     quantities = handling_qualities(point)
     if not quantities:
         return report
@@ -96,9 +102,9 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Return the eigenvalues of a family of modes, one of each conjugate pair.
+    """Return the eigenvalues of a family of modes, one for each conjugate pair.
 
-    The list is empty where the model does not declare the family.
+    family: name of the modes; the list is empty if the model does not declare it
     """
     if family not in linear.model.modes:
         return []
@@ -106,7 +112,7 @@ def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
 
 
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
-    """Return the eigenvalue of a family that has a single, real one; else None."""
+    """Return the eigenvalue of a family if it has exactly one, and this is real, otherwise None."""
     values = _eigenvalues(linear, family)
     if len(values) != 1 or values[0].imag:
         return None
@@ -114,8 +120,11 @@ def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
 
 
 def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None:
-    """Return natural frequency and damping of a conjugate pair, or of two real eigenvalues of one
-    sign, or None for other eigenvalues."""
+    """Return the natural frequency and damping ratio of a family of modes.
+
+    They are those of a conjugate pair, or of two real eigenvalues of the same sign. The result is
+    None for any other eigenvalues.
+    """
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]

@@ -1,6 +1,6 @@
-"""A to F of the HFA compared with the equations at random states far from any trim.
+"""A to F of the flexible aircraft, compared with the equations at random states far from a trim.
 
-The comparison uses Taylor remainders and differences of high order, row by row. A wrong entry is
+The comparison uses Taylor remainders and high-order differences, row by row. A wrong entry is
 detected in its row and in no other.
 """
 
@@ -31,8 +31,9 @@ LINEAR = 1e-10
 
 
 def points(count: int, seed: int) -> np.ndarray:
-    """Return random states and inputs in still air, where the density has derivatives of all
-    orders.
+    """Return random states, inputs and zero winds, (count, 12 + winds).
+
+    Altitudes near a kink of the density are moved by 1000 ft.
     """
     states, inputs = random_points(count, seed)
     altitude = np.clip(states[:, 2], 500.0, 64_500.0)
@@ -42,7 +43,10 @@ def points(count: int, seed: int) -> np.ndarray:
 
 
 def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
-    """Return rates and outputs at states, inputs and winds by the equations in numbers."""
+    """Return rates and outputs, computed by the equations with numbers.
+
+    z: states (7), inputs (5), winds
+    """
     winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
     moment = moment_of(
         State(*z[:7].tolist()),
@@ -55,7 +59,7 @@ def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarr
 
 
 def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
-    """Return [A B E; C D F] for each step of `SCALES`."""
+    """Return [A B E; C D F], with each column multiplied by the step in `SCALES`."""
     model = aircraft
     model = replace(model, equations=replace(model.equations, ground_drag=ground_drag))
     exact = model.at(z[:7], z[7:12], WATCHED, NAMES)
@@ -68,6 +72,8 @@ def slopes(
     """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows).
 
     They are 2 for an exact J and 1 for a wrong one.
+
+    planted: (row, column) of an entry of J that is changed, or None
     """
     rng = np.random.default_rng(3)
     errors = np.full((count, len(ROWS)), 2.0)
@@ -87,9 +93,9 @@ def slopes(
 
 @pytest.mark.parametrize("ground_drag", [False, True])
 def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
-    """The median Taylor remainder of each row is of second order.
+    """The Taylor remainder of each row has the median order 2.
 
-    In some directions the second-order terms cancel, so that single remainders may differ.
+    In some directions the second-order terms cancel, so that a single order may differ.
     """
     differences = slopes(aircraft, 100, ground_drag=ground_drag)
     typical = np.median(differences, axis=0)
@@ -113,7 +119,7 @@ def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bo
 def test_one_wrong_entry_is_seen_in_its_row(
     published_aircraft: Model, row: str, column: str
 ) -> None:
-    """A planted error in one entry lowers the order of the remainder in its row alone."""
+    """An error planted in one entry lowers the order of the remainder in its row only."""
     at_row = ROWS.index(row)
     at_column = COLUMNS.index(column)
     typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)

@@ -1,4 +1,4 @@
-"""A and B at the knot of a table, and at the switch of |x|, sign, min, max or a comparison."""
+"""A and B at a kink: the knot of a table, |x|, sign, min, max or a comparison."""
 
 from __future__ import annotations
 
@@ -53,9 +53,7 @@ def at(model: Model, x: float) -> Any:
 
 @pytest.mark.parametrize("name", FORCES)
 def test_a_kink_has_the_mean_slope(name: str) -> None:
-    """At a kink, also of tables and called functions, A has the mean of both slopes, and a note
-    names it.
-    """
+    """At a kink A contains the mean of both slopes, and a note names the entry."""
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
     assert model.A[1, 0] == pytest.approx((below + above) / 2, abs=1e-13)
@@ -72,30 +70,30 @@ def test_a_kink_has_the_mean_slope(name: str) -> None:
 
 @pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
 def test_a_knot_hit_by_rounding_has_the_mean(offset: float) -> None:
-    """A trim that is at a knot up to rounding also has the mean slope."""
+    """A trim that is at a knot up to rounding has the mean slope, too."""
     assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-13)
 
 
 def test_the_sides_of_a_curved_kink_are_exact() -> None:
-    """The slopes of both sides of a curved kink are exact, because they come from derivatives."""
+    """The mean slope at a curved kink is exact, because it is computed from derivatives."""
     model = at(cart(lambda x: 700 * ca.sin(x) + ca.fabs(x) * ca.exp(x)), 0.0)
     assert model.A[1, 0] == pytest.approx(700.0, abs=1e-11)
 
 
 @pytest.mark.parametrize("offset", [1.5e-6, -2.5e-6, 1e-5])
 def test_beside_a_knot_the_derivative_stands(offset: float) -> None:
-    """Next to a knot of a table the slope is that of its side, without a note."""
+    """Next to the knot of a table, A contains the slope there, without a note."""
     model = at(cart(TABLE), offset)
     assert (model.A[1, 0], model.kinks) == (3.0 if offset > 0 else -1.0, ())
 
 
 def test_a_smooth_table_has_no_note() -> None:
-    """A spline has no kink at its knots."""
+    """A spline causes no note on kinks at its knots."""
     assert at(cart(SPLINE), 0.0).kinks == ()
 
 
 def test_a_jump_is_named_and_keeps_its_slope() -> None:
-    """A jump, such as dry friction, is named in a note, and the slope beside it is used."""
+    """A note names a jump, such as dry friction, and A contains the slope beside it."""
     model = at(cart(lambda x: ca.sign(x) + 2 * x), 0.0)
     assert model.A[1, 0] == 2.0
     assert model.kinks == (
@@ -104,7 +102,7 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
 
 
 def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
-    """Sweeps use the mean slopes and name them, and a store counts the entries."""
+    """A sweep uses the mean slope at a kink and names it, and a store counts the kinks."""
     result = sweep(cart(TABLE), {"x": [-0.5, 0.0, 0.5]})
     assert result.A[:, 1, 0] == pytest.approx([-1.0, 1.0, 3.0], abs=1e-8)
     np.testing.assert_allclose(result.eigenvalues[1] ** 2, 1.0, atol=1e-8)
@@ -118,8 +116,9 @@ def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
-    """The HFA has a kink where the lapse rate of the temperature ends at 11 km, and nowhere
-    else.
+    """A model of the flexible aircraft has a kink at 11 km, where the temperature stops falling.
+
+    At 40,000 ft it has none.
     """
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
     kinks = []
@@ -158,7 +157,7 @@ CART = Model(
 def test_every_command_names_a_kink(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every command that uses a linear model or its gain names the kink."""
+    """Every command that uses a linear model, or a gain from one, names its kink once."""
     monkeypatch.chdir(tmp_path)
     source = KINKED.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
     Path("cart.py").write_text(source, "utf-8")

@@ -1,6 +1,4 @@
-"""The printed matrices compared with the model, bands of a model, and its winds, by panel and as in
-SimVFA.
-"""
+"""Linear models: the printed matrices, uncertainty bands, and winds at each panel."""
 
 from __future__ import annotations
 
@@ -50,7 +48,7 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
 def test_every_printed_entry_is_regenerated(
     published_aircraft: Model, published: PublishedModel
 ) -> None:
-    """All 66 printed entries are regenerated within three half units."""
+    """All 66 printed entries are reproduced within three half units of the last digit."""
     computed = regenerate(published_aircraft, published)
     assert half_units(computed, published) <= 3.0
     rows = compare(computed, published)
@@ -65,14 +63,14 @@ def test_every_printed_entry_is_regenerated(
 def test_a_parameter_one_percent_off_is_seen(
     parameters: Parameters, published: PublishedModel, name: str
 ) -> None:
-    """A change of 1 % in one parameter exceeds three half units."""
+    """A change of one parameter by 1 % causes an error above three half units."""
     wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
-    """Eigenvalues agree with 7.11, 0.019 and 4.82 ± 18.66i, quoted from Ma and Peng (2021), to a
-    last digit.
+    """Eigenvalues agree with -7.11, -0.019 and -4.82 ± 18.66i of Ma and Peng (2021) to the last
+    digit.
 
     The fourth pair of the paper, 0.016 ± 0.64i, is not an eigenvalue of the printed matrix, which
     has 0.0144 ± 0.751i.
@@ -88,7 +86,7 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
-    """Points at 15 and 5 deg belong to a printed pair, and a point at 10 deg does not."""
+    """Trims at 15 and 5 deg are assigned to a printed model. A trim at 10 deg is not."""
     matches = [
         printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
         for degrees in (15.0, 10.0, 5.0)
@@ -112,8 +110,9 @@ def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
 def test_a_band_is_two_standard_errors(
     parameter_set: ParameterSet, dynamics: str, widest: float
 ) -> None:
-    """A band is two standard errors, sqrt(diag(J C J')), with J by differences of trims and
-    models.
+    """A band is two standard errors, sqrt(diag(J C J')).
+
+    J is computed from differences of linear models.
     """
 
     def entries(values: Parameters) -> np.ndarray:
@@ -139,9 +138,7 @@ def test_a_band_is_two_standard_errors(
 def test_copies_of_an_identification_have_its_bands(
     parameter_set: ParameterSet,
 ) -> None:
-    """An aircraft with the identified parameters and covariance but another panel mass has the same
-    bands.
-    """
+    """A panel mass changed by 1e-9 leaves the bands unchanged. Changes of 1e-6 or more are refused."""
 
     def heavier(factor: float) -> ParameterSet:
         values = parameter_set.values
@@ -185,7 +182,7 @@ def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> Operatin
 def test_select_takes_rows_and_columns_by_name(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """`select` returns the rows and columns of the named states, with their units."""
+    """`select` returns the rows and columns of the named states, with their units and offsets."""
     model = linearize(published_aircraft, point, full=True)
     part = model.select(("pitch_rate", "speed"))
     rows = [STATES.index("pitch_rate"), STATES.index("speed")]
@@ -200,7 +197,7 @@ def test_select_takes_rows_and_columns_by_name(
 def test_a_point_of_other_dynamics_is_refused(
     parameters: Parameters, point: OperatingPoint
 ) -> None:
-    """A trim of the published dynamics is refused for the newton dynamics."""
+    """`linearize` refuses a trim of the published dynamics with a "newton" aircraft."""
     with pytest.raises(
         BadInputError, match="trimmed with 'published' dynamics, but the aircraft has 'newton'"
     ):
@@ -208,14 +205,17 @@ def test_a_point_of_other_dynamics_is_refused(
 
 
 def over_ground(aircraft: Model) -> Model:
-    """Return a model whose drag depends on the speed over ground, not through the air."""
+    """Return the model with drag that depends on the speed over ground instead of the airspeed."""
     model = aircraft
     return replace(model, equations=replace(model.equations, ground_drag=True))  # type: ignore[type-var]
 
 
 def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
-    """The columns of E for wind at the center and at the outer panels sum to that of uniform
-    wind."""
+    """The columns of E for wind at the center and the outer panels add up to that of uniform wind.
+
+    In level trim, headwind has the effect of more speed over ground. Outward wind affects only
+    raised panels.
+    """
     point = point_of(aircraft)
     model = linearize(aircraft, point, full=True, disturbances=NAMES)
     column = dict(zip(model.disturbances, model.E.T, strict=True))
@@ -241,8 +241,8 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
 
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
-    """Return the largest relative error of each column with the parameters and the density of the
-    released simulation.
+    """Return wind -> largest relative error of its column of E, compared with the released
+    simulation.
     """
     aircraft, altitude = released_simulation()
     point = point_of(aircraft, altitude=altitude)
@@ -259,9 +259,7 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
 
 
 def test_released_columns_need_drag_over_ground() -> None:
-    """Four columns of the released simulation are reproduced only with drag by the speed over
-    ground.
-    """
+    """The released simulation's columns are reproduced only with drag by the speed over ground."""
     same = peer_errors(ground_drag=True)
     through_the_air = peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
@@ -274,7 +272,7 @@ def test_released_columns_need_drag_over_ground() -> None:
 
 
 def test_linear_models_have_poles_plots_and_arrays() -> None:
-    """Methods of a linear model return its poles, plots and arrays."""
+    """Linear models offer modes, Bode plots, and channels selected by output and input name."""
     linear = model_at(15.0)
     assert np.array_equal(linear.point.linearize().A, linear.A)
     loop = linear["pitch_rate", "elevator_center"]

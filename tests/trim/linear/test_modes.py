@@ -1,6 +1,4 @@
-"""Modes of known systems have exact numbers. Modes of the aircraft have names and participation.
-Handling qualities agree with printed ones and with nonlinear trims.
-"""
+"""Modes and handling qualities, compared with closed forms, printed values and nonlinear trims."""
 
 from __future__ import annotations
 
@@ -22,7 +20,7 @@ from trim.linear.modes import modes_table
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
 def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
-    """The modes of x'' + 2 ζ ω x' + ω² x = 0 with ω = 3 rad/s have their textbook numbers."""
+    """The mode of x'' + 2 ζ ω x' + ω² x = 0 with ω = 3 rad/s agrees with the textbook formulas."""
     (mode,) = modes_of(
         np.array([[0.0, 1.0], [-9.0, -6.0 * damping]]),
         ("alpha", "pitch_rate"),
@@ -49,7 +47,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
 )
 @pytest.mark.parametrize("seed", range(5))
 def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) -> None:
-    """An eigenvalue that is 0 up to rounding is printed as 0, without a time to half."""
+    """An eigenvalue that is 0 up to rounding is stored and printed as 0, without a time to half."""
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
     modes = modes_of(A, ("a", "b", "c"))
@@ -66,9 +64,7 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) ->
 @pytest.mark.parametrize("damping", [0.0, 1e-9])
 @pytest.mark.parametrize("seed", range(5))
 def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
-    """Two masses and a spring have no time to half. A damper of 1e-9 is distinguished from
-    rounding.
-    """
+    """The modes of two masses and a spring do not decay. With a damper of 1e-9 one of them does."""
     basis = np.random.default_rng(seed).normal(size=(4, 4))
     spring = np.array([[-7.0, 7.0], [14.0, -14.0]])
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [spring, damping * spring]])
@@ -81,7 +77,7 @@ def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
 
 @pytest.mark.parametrize("slow", [-1e-9, 1e-6])
 def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
-    """A slow eigenvalue is not replaced by 0."""
+    """A slow eigenvalue above rounding is not replaced by 0."""
     basis = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
     A = basis @ np.diag([-3.0, -1.0, slow]) @ np.linalg.inv(basis)
     *_, slowest = modes_of(A, ("a", "b", "c"))
@@ -89,8 +85,9 @@ def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
 
 
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
-    """Participation is |∂λ_i/∂a_kk|, normalized, compared with a small change of the diagonal
-    of A.
+    """Participation is |∂λ_i/∂a_kk|, normalized to the sum 1.
+
+    It is compared with a small change of the diagonal of A.
     """
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
@@ -109,8 +106,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
 def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
-    """The modes contain each eigenvalue of A once, have unique names, and are ordered by
-    frequency."""
+    """The modes contain each eigenvalue of A once, in order of frequency, with different names."""
     model = level_model(aircraft, float(np.radians(degrees)))
     modes = modes_of(model.A, model.states, hfa.aircraft().modes)
     names = [mode.name for mode in modes]
@@ -139,10 +135,13 @@ def values(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
 
 
 def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float = 1e-4) -> float:
-    """Return the load factor per alpha by nonlinear trims.
+    """Return the load factor per angle of attack, 1/rad, from nonlinear trims.
 
-    The elevator changes alpha until alpha and the pitch rate are constant, with everything else
+    The elevator changes alpha until alpha and the pitch rate are steady. All other variables are
     held.
+
+    pitching: name of the elevator
+    step: change of alpha, rad
     """
     loads = []
     for side in (1, -1):
@@ -166,9 +165,7 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
     "model", [F16.with_parameters(xcg=0.3), NAVION], ids=lambda model: model.name
 )
 def test_printed_modes_and_load_factors(model: Model) -> None:
-    """Modes and load factors agree with those printed in the books of
-    tests/trim/test_own_models.py.
-    """
+    """Handling qualities follow from the modes, and n/alpha from nonlinear trims."""
     point = trimmed(model)
     qualities = values(model, point)
     roots = {mode.name: mode.eigenvalue for mode in linearize(model, point).modes}
@@ -189,7 +186,10 @@ def test_printed_modes_and_load_factors(model: Model) -> None:
 
 
 def test_two_real_eigenvalues_share_a_frequency() -> None:
-    """The short period of the HFA is real at 30 deg."""
+    """If the short period has two real eigenvalues, its frequency is the root of their product.
+
+    This is so for the flexible aircraft at 30 deg.
+    """
     model = level_model(hfa.aircraft(), float(np.radians(30.0)))
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]
     qualities = values(hfa.aircraft(), model.point)

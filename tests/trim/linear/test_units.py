@@ -1,4 +1,4 @@
-"""The units in the report of a linear model are those of its numbers."""
+"""Units in the report of a linear model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def tank(level: str, flow: str) -> Model:
 
 
 def test_columns_in_other_units_are_named() -> None:
-    """The title of A and B names the columns that are in other units, such as three per degree."""
+    """The title names the columns of B in other units, such as three inputs in degrees."""
     model = linearize(F16, trimmed(F16))
     assert units_in_words(model) == "rad, ft, s, but elevator, aileron, rudder in deg"
     assert "A and B in rad, ft, s, but elevator" in model.report().title
@@ -41,7 +41,7 @@ def test_columns_in_other_units_are_named() -> None:
     ],
 )
 def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
-    """The report of a model in minutes names minutes."""
+    """The report of a model in minutes or hours states this unit of time."""
     model = tank(level, flow)
     linear = linearize(model, find_operating_point(model, usual_condition(model)))
     assert units_in_words(linear) == words
@@ -52,5 +52,5 @@ def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
 
 
 def test_a_navion_is_in_feet() -> None:
-    """The report of the Navion names rad, ft and s."""
+    """The report of the Navion states rad, ft and s."""
     assert units_in_words(linearize(NAVION, trimmed(NAVION))).startswith("rad, ft, s")

@@ -1,4 +1,4 @@
-"""Alternatives of a model among the imposed variables of a trim."""
+"""Alternative variables of a model, such as mach for speed, in a trim condition."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ MODEL = Model(
 def test_the_first_alternative_replaces_another(
     imposed: dict[str, float], in_terms_of_speed: dict[str, float]
 ) -> None:
-    """The first imposed alternative replaces one other variable."""
+    """One imposed alternative, knots or mach, is replaced by the first of its group, speed."""
     assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
 
 
 def test_to_impose_an_alternative_sets_the_others_free() -> None:
-    """An imposed alternative, mach for speed, replaces the other one."""
+    """If mach is to be imposed, speed is removed from the imposed variables."""
     imposed = {"speed": 7.0, "thrust": 1.0}
     assert without_alternatives(MODEL, imposed, ["mach"]) == {"thrust": 1.0}
     assert without_alternatives(MODEL, imposed, ["thrust"]) == imposed

@@ -1,4 +1,4 @@
-"""Operating points and conditions in files are read back, and faults of a file are named."""
+"""Files of operating points and conditions: exact round trips, and messages on faults."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trim import load_condition
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
-    """A saved point is read with equal bits, even if it has a denormal number."""
+    """An operating point is saved and loaded bit for bit, even with a denormal number."""
     awkward = replace(
         point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
     )
@@ -31,8 +31,8 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
 
 
 def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_path: Path) -> None:
-    """A point read from a file reports its states and inputs, and stores its residuals when saved
-    again.
+    """The report of a loaded point prints its states and inputs. Its data still contain the
+    residuals.
     """
     point.save(tmp_path / "point.json")
     report = OperatingPoint.load(tmp_path / "point.json", hfa.aircraft()).report()
@@ -55,7 +55,7 @@ def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_pa
 def test_wrong_files_are_refused(
     point: OperatingPoint, tmp_path: Path, pattern: str, replacement: str, words: str
 ) -> None:
-    """Each fault planted in a saved point is refused by name."""
+    """A fault planted in a saved point is refused, and the message names it."""
     path = tmp_path / "point.json"
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
     assert count == 1
@@ -64,7 +64,7 @@ def test_wrong_files_are_refused(
 
 
 def test_the_paper_s_condition_is_the_default() -> None:
-    """The file of the paper's condition equals the default of level flight."""
+    """The condition "paper" equals the default of `level_flight`."""
     loaded = load_condition("paper").at(0.2)
     default = level_flight(0.2)
     assert loaded.imposed == pytest.approx(default.imposed)
@@ -75,7 +75,7 @@ def test_the_paper_s_condition_is_the_default() -> None:
 def test_the_peers_conditions_have_its_angles(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
-    """Trims at the conditions of the released simulation have the released angles of attack."""
+    """Trims at the conditions of the released simulation have its angles of attack."""
     condition = load_condition(name)
     trims = [trim for trim in released_trims() if trim.speed == speed]
     assert len(trims) >= 5
@@ -101,7 +101,7 @@ def test_the_peers_conditions_have_its_angles(
     ],
 )
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
-    """Each fault of a file of conditions is refused by name."""
+    """A fault in a condition file is refused, and the message names it."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(load_condition, path)

@@ -1,6 +1,4 @@
-"""Newton's method on many points, alone, together and in C, with singular, scaled and bounded
-equations.
-"""
+"""Newton's method for many points: in Python and C, with singular, scaled and bounded equations."""
 
 from __future__ import annotations
 
@@ -21,14 +19,19 @@ SPEEDS = np.linspace(150.0, 700.0, 40)
 
 
 def f16_system(kind: type[TrimSystem] = TrimSystem) -> TrimSystem:
-    """Return the F-16's equations of a straight trim, with 12 unknowns, at the speeds of its
-    points.
+    """Return the equations of a straight trim of the F-16, 12 unknowns, with the speed as a
+    constant.
+
+    kind: class of the system, interpreted or compiled
     """
     return kind(F16, usual_condition(F16), ("speed",))
 
 
 def circle(scale: float) -> tuple[Model, TrimCondition]:
-    """Return x² + y² = 4 and 1e3 (x - y) = 0, the second equation with a given nominal size."""
+    """Return the equations x² + y² = 4 and 1e3 (x - y) = 0 as a model and its trim.
+
+    scale: nominal size of the second equation
+    """
 
     def equations(x, u, p, w):
         return {"x": x.x**2 + x.y**2 - 4, "y": 1e3 * (x.x - x.y)}, {}
@@ -49,7 +52,7 @@ def circle(scale: float) -> tuple[Model, TrimCondition]:
     ],
 )
 def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> None:
-    """Newton's method gives the same point alone as among forty others."""
+    """Newton's method gives the same result for a point alone and among forty points."""
     system = f16_system(kind)
     c = system.constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(system.start, (len(SPEEDS), 1))
@@ -83,9 +86,7 @@ def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
 
 
 def test_trials_can_be_kept_within_the_limits() -> None:
-    """Trial steps can be restricted to the limits, here where a full step leads to a solution
-    outside.
-    """
+    """With `bounded`, Newton's steps remain within the limits; here a full step would leave them."""
     model, condition = circle(1.0)
     bounded = TrimCondition(model, condition.imposed, limits={"x": (0.0, 5.0)})
     system = TrimSystem(model, bounded)
@@ -97,7 +98,7 @@ def test_trials_can_be_kept_within_the_limits() -> None:
 
 
 def test_a_singular_step_has_the_least_norm() -> None:
-    """A singular Jacobian gives the step of least norm, and nan gives nan."""
+    """The step for a singular Jacobian has the least norm. The step for nan is nan."""
     jacobians = np.array(
         [[[1.0, 1.0], [2.0, 2.0]], [[1.0, 0.0], [0.0, 2.0]], np.full((2, 2), np.nan)]
     )
@@ -107,7 +108,7 @@ def test_a_singular_step_has_the_least_norm() -> None:
 
 
 def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
-    """An input without effect stays at its initial value and is not counted as an unknown."""
+    """An input without effect keeps its initial value and is not an unknown."""
 
     def equations(x, u, p, w):
         return {"x": u.pull - ca.sin(x.x)}, {}
@@ -122,8 +123,8 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_c_code_flags_a_singular_jacobian() -> None:
-    """The C code reports a singular Jacobian, here at x = -y, and the step of least norm is then
-    taken in Python.
+    """The C code reports a singular Jacobian, here at x = -y. Python then takes the step of least
+    norm.
     """
     system = CompiledSystem(*circle(1.0))
     assert system.machine is not None

@@ -1,6 +1,4 @@
-"""Trims: every equation balances by name, imposed values are met, and a failed trim names its
-cause.
-"""
+"""Trims: all equations balance, imposed values are exact, and a failed trim names its cause."""
 
 from __future__ import annotations
 
@@ -24,9 +22,7 @@ BASE = level_flight(float(np.radians(15.0)))
 
 
 def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoint) -> None:
-    """Assert that a point meets the specification: balance, imposed values, limits, and its
-    report.
-    """
+    """Assert that a point satisfies a condition: balance, imposed values, limits and residuals."""
     assert point.status == "trimmed"
     rates = dict(zip(STATES, aircraft.at(point.states, point.inputs).f.tolist(), strict=True))
     for name, imposed in condition.rates.items():
@@ -50,7 +46,7 @@ def effort(point: OperatingPoint) -> float:
 def test_the_papers_condition_level_and_in_a_climb(
     aircraft: Model, degrees: float, climb: float
 ) -> None:
-    """The paper's trims are found, have the imposed climb rate, and do not depend on the start."""
+    """The paper's trims are found in level flight and in a climb, from two initial points."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
@@ -71,7 +67,7 @@ def test_the_papers_condition_level_and_in_a_climb(
 
 
 def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
-    """`assert_meets` fails if one control is off by 0.001 degree."""
+    """`assert_meets` fails for a point with one control off by 0.001 deg."""
     point = find_operating_point(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
     with pytest.raises(AssertionError):
@@ -84,7 +80,7 @@ def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
 def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None:
-    """A trim with one more free state finds the same flight."""
+    """The same trim is found if a state is free and an input is held at its trimmed value."""
     reference = find_operating_point(aircraft, BASE)
     condition = release(BASE, free=(free,), hold={"aileron_outer": reference.inputs.aileron_outer})
     point = find_operating_point(aircraft, condition)
@@ -100,8 +96,9 @@ def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None
     "extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")]
 )
 def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> None:
-    """If one of the spare unknowns is held elsewhere and the rest is free, the effort increases by
-    an amount of second order.
+    """Among trims with more unknowns than equations, the one found has the least effort.
+
+    If an unknown is held slightly aside, the effort increases by second order.
     """
     condition = release(BASE, free=extra)
     point = find_operating_point(aircraft, condition)
@@ -127,9 +124,7 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
 def test_least_effort_stays_within_limits(
     aircraft: Model, limited: str, limits: tuple[float, float]
 ) -> None:
-    """If the unlimited minimum of effort is outside the limits, the limited one is on the nearer
-    limit.
-    """
+    """If the unlimited minimum of effort is outside a limit, the result is at this limit."""
     unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[
         limited
     ]
@@ -146,7 +141,7 @@ def test_least_effort_stays_within_limits(
 
 
 def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
-    """Limits that differ by one rounding impose the variable."""
+    """Limits that differ by one rounding have the effect of an imposed value."""
     alpha = 0.05
     ends = (alpha, np.nextafter(alpha, 1.0))
     point = find_operating_point(
@@ -159,7 +154,7 @@ def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
 def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
-    """A throttle limited below the required value is named, with the equation that fails."""
+    """If a limit on the throttle prevents the trim, the message names it and the failing equation."""
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
         find_operating_point(aircraft, release(limited, free=extra))
@@ -177,7 +172,7 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
 
 
 def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
-    """If there are too few unknowns, the message names the equations and their residuals."""
+    """If there are fewer unknowns than equations, the message names the failing equations."""
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
         find_operating_point(aircraft, release(BASE, hold=held))
@@ -191,7 +186,7 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
 
 
 def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
-    """The error names the equation that no unknown changes, and its residual."""
+    """The message names an equation that no unknown affects, and its residual."""
     with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
         find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
 
@@ -199,7 +194,7 @@ def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
 def test_the_cheaper_of_two_minima_is_found(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """Of two minima of effort with three free variables, the smaller one is found.
+    """Of two local minima of effort, the smaller one is found from both initial points.
 
     The wings are slightly down (effort 0.248) in one, and at their upper limit in the other.
     """
@@ -239,7 +234,7 @@ def test_the_cheaper_of_two_minima_is_found(
     ],
 )
 def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
-    """Conditions out of range are refused in one line."""
+    """A condition out of range is refused in one line."""
     with pytest.raises(BadInputError) as caught:
         find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)
@@ -247,7 +242,7 @@ def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], 
 
 
 def test_contradictions_are_refused() -> None:
-    """Unknown variables and rates, and objects that are not conditions, are refused."""
+    """Unknown variables, unknown rates, and an argument that is not a condition are refused."""
     with pytest.raises(BadInputError, match="unknown trim variable 'pitch'"):
         TrimCondition(hfa.aircraft(), {**BASE.imposed, "pitch": 0.0})
     with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
@@ -260,7 +255,7 @@ def test_contradictions_are_refused() -> None:
 
 
 def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
-    """Ailerons without effect, which leave a column of zeros, are named."""
+    """The message on a failed trim names an aileron without effect, and only then."""
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
         TrimError, match=r"no trim: .*; aileron_outer affects none of them; free another variable\)"
@@ -272,8 +267,9 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
 
 
 def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
-    """Controls with proportional effects are named: small distant outer tails only pitch, as the
-    center one does.
+    """The message on a failed trim names two elevators with proportional effects.
+
+    Very small and distant outer tails only pitch the aircraft, as the center tail does.
     """
     p = hfa_model.parameters_of(aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
@@ -290,7 +286,7 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
 def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: float) -> None:
-    """The aircraft is trimmed and linearized with wings level and nearly upright."""
+    """The aircraft can be trimmed and linearized with flat and with nearly vertical outer wings."""
     limits = {"dihedral": (-np.pi / 2, np.pi / 2)}
     condition = release(level_flight(float(np.radians(degrees)), limits=limits), free=("alpha",))
     point = find_operating_point(aircraft, condition)
@@ -300,7 +296,7 @@ def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: fl
 
 @pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
 def test_without_air_it_falls(aircraft: Model, dihedral: float) -> None:
-    """Without air there are no loads: V' = -g sin γ and V γ' = -g cos γ for any controls."""
+    """Without air, loads are 0, V' = -g sin γ and V γ' = -g cos γ for any control deflection."""
     p = hfa_model.parameters_of(aircraft)
     x = State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
     loads = aircraft_loads(
@@ -333,9 +329,7 @@ ANGLES = [
 
 @pytest.fixture(scope="module")
 def strong(published_aircraft: Model) -> Model:
-    """Return a light aircraft whose engine allows any climb, with its controls far from their
-    limits.
-    """
+    """Return a light aircraft with 100 times the thrust, so that it can climb at any angle."""
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
     mass = 0.9 * parameters.panel_mass
@@ -344,7 +338,7 @@ def strong(published_aircraft: Model) -> Model:
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
 def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> None:
-    """A chunk of many points and a single trim agree on the status of an angle beyond its limit."""
+    """`trim_points` and a single trim agree on whether the pitch angle exceeds its limit."""
     values = np.radians([[gamma, alpha]])
     chunk = trim_points(strong, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
@@ -361,7 +355,7 @@ def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> 
 
 
 def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
-    """With alpha and gamma free and each within its limits, the limits of their sum are also
+    """If alpha and gamma are free and within their limits, the limit of their sum, pitch, is
     checked.
     """
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
@@ -376,7 +370,7 @@ def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
 
 
 def test_a_missing_condition_is_the_models_trim() -> None:
-    """Without a condition the model's own trim is computed."""
+    """Without a condition, the trim that the model declares is computed."""
     model = hfa.aircraft()
     assert (
         hfa.find_operating_point(model).values
@@ -385,7 +379,10 @@ def test_a_missing_condition_is_the_models_trim() -> None:
 
 
 def test_holding_by_name_agrees_with_the_command() -> None:
-    """Python holds and frees the same names as the command."""
+    """`find_operating_point` holds and frees variables by name, as the command does.
+
+    An unknown name is refused, also as an index of the point.
+    """
     model = hfa.aircraft()
     point = hfa.find_operating_point(
         model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot"
@@ -399,7 +396,7 @@ def test_holding_by_name_agrees_with_the_command() -> None:
 
 
 def test_an_operating_point_lists_its_names() -> None:
-    """Iteration gives each name that `point[name]` accepts once, and dict() their values."""
+    """Iteration yields each name that `point[name]` accepts once, and dict() contains their values."""
     model = hfa.aircraft()
     point = find_operating_point(model)
     names = list(point)
@@ -412,7 +409,7 @@ def test_an_operating_point_lists_its_names() -> None:
 
 
 def test_input_that_moves_nothing_is_named():
-    """The only free variable is named if it does not occur in the equations."""
+    """A free variable that does not occur in the equations is named in the message."""
     model = Model(
         "coasting",
         {"speed": hfa.Signal("m/s", 1.0, start=10.0)},

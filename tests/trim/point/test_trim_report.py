@@ -1,6 +1,4 @@
-"""The report of a trim shows every variable, limit and verdict in 100 columns, with the same
-numbers as in files. Loads and performance are compared with a second method.
-"""
+"""The report of a trim: variables, limits, verdicts, loads and performance."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint,
 def test_every_variable_has_limits_and_a_margin(
     published_aircraft: Model,
 ) -> None:
-    """Every variable is shown with its limits and the margin to the nearer one."""
+    """Every variable is printed with its limits and the margin to the nearer limit."""
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
     shown = report.text()
@@ -63,8 +61,9 @@ def test_every_variable_has_limits_and_a_margin(
 
 
 def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
-    """A limit that binds is named first: the outer elevator stays at its limit of -2 deg, where
-    least effort needs -2.8.
+    """The limit that binds is listed first.
+
+    The outer elevator is at its limit of -2 deg, while the least effort would need -2.8 deg.
     """
     limit = math.radians(-2.0)
     limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})
@@ -82,7 +81,7 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
 
 
 def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Model) -> None:
-    """A residual just above the tolerance of one equation fails that equation and no other."""
+    """A residual 1 % above its tolerance fails its equation only, and 1 % below passes."""
     point, report = reported(published_aircraft, BASE)
     assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(
         choice.aircraft().steady
@@ -107,7 +106,7 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Mod
 def test_the_report_has_loads_of_each_panel(
     published_aircraft: Model,
 ) -> None:
-    """The report has the loads of the whole aircraft and of each panel."""
+    """The report contains the loads on the aircraft and on each panel."""
     point, report = reported(published_aircraft, BASE)
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     rows = {
@@ -130,10 +129,10 @@ def test_the_report_has_loads_of_each_panel(
 
 @pytest.mark.parametrize("command", ["trim", pytest.param("linearize", marks=pytest.mark.slow)])
 def test_a_trim_that_fails_is_data_too(command: str) -> None:
-    """The JSON of a failed trim has the nearest point within the limits, the binding limits and the
+    """The JSON of a failed trim contains the nearest point within limits, the binding limit and the
     cause.
 
-    The exit code is 1, and the message is that of the text output.
+    The exit code is 1, and the message equals that of the text output.
     """
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
     result = hfa(*words, "--json")
@@ -148,7 +147,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
 
 
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
-    """The pitch angle follows from alpha and gamma, and its limits restrict gamma."""
+    """The pitch angle follows from alpha and gamma, and its limits bound a free gamma."""
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
     margins = all_margins(condition, point)
@@ -172,7 +171,7 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
-    """Forces are coefficient times pressure times area, and they balance in the climb.
+    """Forces are coefficient times pressure times area, and they balance in a climb.
 
     L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
     """
@@ -215,8 +214,9 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
 
 def test_undetermined_trims_are_told_from_determined_ones() -> None:
-    """An undetermined trim is reported: a' = a b and b' = u - b balance for any a at b = 0, as any
-    norm of a quaternion does.
+    """The report names the variable of an undetermined trim, and not if the variable is held.
+
+    a' = a b and b' = u - b balance for any a at b = 0, as for any norm of a quaternion.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -1,6 +1,4 @@
-"""A column of a sweep is one mode through crossings, for any order of the solver, along any
-grid.
-"""
+"""Tracking of modes in a sweep: through crossings, for any order of the solver, along any grid."""
 
 from __future__ import annotations
 
@@ -23,8 +21,9 @@ NEARLY_PARALLEL = np.array(
 
 
 def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndarray:
-    """Return (N, 3, 3) matrices with the given eigenvectors, columns of (3, 3), and eigenvalues (N,
-    3).
+    """Return matrices (N, 3, 3) with these eigenvalues (N, 3) and eigenvectors.
+
+    shapes: (3, 3), eigenvectors as columns, in nominal sizes of the states
     """
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
     vectors = scales[:, None] * shapes
@@ -33,9 +32,7 @@ def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndar
 
 @pytest.mark.parametrize("shapes", [SHAPES, NEARLY_PARALLEL], ids=["apart", "2 degrees apart"])
 def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
-    """Crossing eigenvalues keep their columns by their shapes, although the other mode's eigenvalue
-    is nearer.
-    """
+    """Modes keep their columns through a crossing, although another eigenvalue is nearer."""
     s = np.linspace(0.0, 2.0, 8)
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
@@ -46,8 +43,9 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
 
 @pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])
 def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
-    """Eigenvalues that meet at a point (s = 1) cross there, although rounding decides their
-    eigenvectors.
+    """Two eigenvalues that are equal at a grid point (s = 1) cross there.
+
+    At this point, rounding determines their eigenvectors.
     """
     shapes = np.random.default_rng(seed).normal(size=(3, 3))
     nominal = [hfa.aircraft().states[name].nominal for name in STATES]
@@ -60,8 +58,8 @@ def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
 
 
 def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
-    """Two modes with shapes 4 deg apart that turn by 4 deg across their meeting point keep their
-    columns.
+    """Two modes with shapes 4 deg apart, which turn by 4 deg, keep their columns through a
+    crossing.
 
     Both eigenvalues increase.
     """
@@ -79,7 +77,7 @@ def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
 
 
 def test_a_mode_crosses_two_integrators_on_a_point() -> None:
-    """A mode that meets two eigenvalues 0 at one point keeps its column."""
+    """A mode keeps its column where its eigenvalue and two others are 0."""
     s = np.linspace(-1.0, 1.0, 5)
     expected = np.stack([s, np.zeros(5), np.zeros(5)], axis=1)
     tracked = track_modes(models_with(expected), STATES, hfa.aircraft())
@@ -87,9 +85,7 @@ def test_a_mode_crosses_two_integrators_on_a_point() -> None:
 
 
 def test_similar_shapes_are_paired_by_eigenvalues() -> None:
-    """Two modes whose shapes differ by two degrees and are exchanged are paired by their
-    eigenvalues.
-    """
+    """Two modes with shapes two degrees apart that are interchanged are paired by eigenvalue."""
     values = np.array([[-5.0, -1.0, -0.1]])
     A = np.concatenate(
         [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
@@ -100,9 +96,9 @@ def test_similar_shapes_are_paired_by_eigenvalues() -> None:
 
 
 def test_a_pair_is_followed_as_a_pair() -> None:
-    """A conjugate pair that becomes two real eigenvalues is followed as a pair.
+    """A complex pair that becomes two real eigenvalues is tracked as one mode.
 
-    Beyond 400 ft/s the F-16's short period is real, far to both sides of the phugoid's pair.
+    At 502 ft/s the short period of the F-16 is real, on both sides of the phugoid pair.
     """
     result = sweep(F16, {"speed": [300.0, 502.0], "altitude": [0.0, 10_000.0]}, listed=True)
     names = np.array(result.mode_names)
@@ -113,9 +109,7 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 @pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
 def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
-    """If both orders fit equally well, the lower eigenvalue comes first, whatever the solver's
-    order.
-    """
+    """If both orders fit equally well, the lower eigenvalue is first, whatever the solver's order."""
     pair = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -0.1]])
     two = np.diag([*real, -0.1])
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
@@ -130,9 +124,7 @@ def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]
 def test_a_grid_is_followed_from_neighbour_to_neighbour(
     published_aircraft: Model, sizes: tuple[int, ...]
 ) -> None:
-    """Each step along an axis of a grid pairs the eigenvalues as a sweep of that step alone
-    does.
-    """
+    """Between neighbors of a grid, modes are paired as in a sweep of these two points alone."""
     ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
     grid = {
         name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)

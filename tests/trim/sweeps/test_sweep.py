@@ -1,6 +1,4 @@
-"""Sweeps of many points equal single trims under any condition, in memory and in a store, with
-their status, modes and refusals.
-"""
+"""Sweeps: the same points as single trims, in memory and in a store, and refusals."""
 
 from __future__ import annotations
 
@@ -64,10 +62,9 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None:
-    """Each point of a sweep equals its single trim.
+    """Each point of a sweep equals its single trim and linear model.
 
-    Without a trim the reason is also equal: the unbalanced rates, the binding limits, and the
-    values beyond them.
+    If there is no trim, the reason is equal, too.
     """
     grid, condition, square = CASES[name]
     system = TrimSystem(aircraft, condition.freed_for(grid), tuple(grid))
@@ -127,9 +124,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
 def test_what_no_trim_takes_no_sweep_takes(
     published_aircraft: Model, grid, condition, words: str
 ) -> None:
-    """A sweep refuses grids with unknown names, values out of range, or contradictions, as a trim
-    does.
-    """
+    """A sweep refuses unknown names, values out of range and contradictions, as a trim does."""
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
 
@@ -138,7 +133,7 @@ NUMBER = re.compile(r"(-?\d+\.\d{4})(?: (±|[+-])(?: )?(\d+\.\d{4})i)?")
 
 
 def eigenvalues_in(line: str) -> list[complex]:
-    """Return the eigenvalues in a line of the table, two for a pair."""
+    """Return the eigenvalues printed in a line of the table, two for a complex pair."""
     eigenvalues = []
     for real, sign, imaginary in NUMBER.findall(line):
         value = complex(float(real), float(imaginary or 0) * (-1 if sign == "-" else 1))
@@ -148,8 +143,9 @@ def eigenvalues_in(line: str) -> list[complex]:
 
 @pytest.fixture(scope="module")
 def over_two(published_aircraft: Model) -> Sweep:
-    """Return models over two variables whose fast modes form conjugate pairs at one altitude
-    only.
+    """Return a sweep over speed and altitude.
+
+    Its fast modes are complex pairs at one altitude only.
     """
     grid = {
         "dihedral": [20 * DEGREE],
@@ -162,7 +158,7 @@ def over_two(published_aircraft: Model) -> Sweep:
 def test_every_eigenvalue_of_every_point_is_shown_once(
     published_aircraft: Model, over_two: Sweep
 ) -> None:
-    """Every eigenvalue of every point is shown once.
+    """The report prints every eigenvalue of every point once.
 
     Beyond 28 deg the pair of the short period becomes two real eigenvalues. Two modes may also
     become a pair.
@@ -180,7 +176,7 @@ def test_every_eigenvalue_of_every_point_is_shown_once(
 
 
 def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
-    """In a grid over two variables, modes vary smoothly along each line of speeds."""
+    """In a sweep over two variables, the modes vary smoothly with the speed."""
     fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
     assert over_two.mode_names[0] == "short period (fast)"
     np.testing.assert_allclose(
@@ -190,7 +186,7 @@ def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
 
 
 def test_an_aircraft_without_inputs_is_swept() -> None:
-    """An aircraft without inputs, x' = -q x, can be swept."""
+    """A model without inputs, x' = -q x, can be swept over its parameter q."""
     model = Model(
         "still",
         {"x": Signal()},
@@ -206,7 +202,7 @@ def test_an_aircraft_without_inputs_is_swept() -> None:
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
-    """The note on the range of the paper appears from 16 deg on, and not at 15 deg."""
+    """A sweep to -16 deg has a note on the range of the paper. A sweep to -15 deg has none."""
     within, beyond = (
         sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
         for lowest in (-15.0, -16.0)
@@ -229,15 +225,16 @@ LISTS = [
 
 @pytest.mark.parametrize(("text", "words"), LISTS)
 def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) -> None:
-    """A fault in a list of points is named by row and column."""
+    """A fault in a list of points is refused, and the message names its row and column."""
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     assert_refused(hfa("sweep", "--condition", str(path)), 2, f"hfa: {path}: {words}")
 
 
 def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
-    """Points listed in degrees are swept in order, in memory and in a store, and each row equals
-    its single trim.
+    """Points listed in a file, in degrees, are swept in their order, in memory and in a store.
+
+    Each point equals its single trim. Contradicting options and faulty lists are refused.
     """
     path = tmp_path / "points.csv"
     path.write_text(
@@ -290,8 +287,10 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
-    """States, inputs, A and B of many points equal those of single trims, with and without a
-    compiler."""
+    """States, inputs, A and B of many points equal those of single trims.
+
+    This is true with and without compiled equations.
+    """
     aircraft = choice.aircraft(dynamics)
     k = len(variables)
     values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
@@ -308,8 +307,9 @@ def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, vari
 
 
 def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
-    """A row of a sweep has the same bits alone, with few and with many others, also with parameters
-    that vary from point to point.
+    """Each point of a sweep has the same bits alone, with few and with many other points.
+
+    This is also true if a parameter varies from point to point.
     """
     random = np.random.default_rng(1)
     variables = ("dihedral", "speed", "panel_mass")
@@ -329,10 +329,10 @@ def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
 
 
 def test_each_point_carries_its_status(aircraft: Model) -> None:
-    """Each point has its status: a climb, a dive, too slow, too large an alpha, level, no air
-    speed.
+    """Each point has the right status, and A is finite if and only if it is trimmed.
 
-    Speeds are in ft/s, gamma and alpha in rad.
+    The points are a climb, a dive, too low a speed, too large an alpha, level flight, and a
+    negative speed. Speeds are in ft/s, gamma and alpha in rad.
     """
     statuses = {
         (68.0, 0.35, 0.0489): BEYOND_LIMITS,
@@ -360,8 +360,8 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
 
 
 def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) -> None:
-    """With spare unknowns each point has least effort and the bits of its single trim and linear
-    model.
+    """With more unknowns than equations, each point equals its single trim of least effort bit for
+    bit.
     """
     model = published_aircraft
     condition = release(LEVEL_FLIGHT, free=("aileron_center",))
@@ -379,7 +379,7 @@ def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) ->
 
 
 def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> None:
-    """A sweep over a parameter equals single trims with that parameter."""
+    """A sweep over a parameter equals the single trims with its values."""
     parameters = hfa_model.parameters_of(published_aircraft)
     masses = parameters.panel_mass * np.array([[1.0], [1.1]])
     heavier = parameters._replace(panel_mass=float(masses[1, 0]))
@@ -394,7 +394,10 @@ def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> No
 def test_an_extreme_parameter_is_refused(
     parameters: Parameters, name: str, value: float, free: tuple[str, ...]
 ) -> None:
-    """A parameter at which the first guess, the rates or their Jacobian overflow is refused."""
+    """A trim with a parameter so extreme that numbers overflow is refused.
+
+    In a sweep only the points with such a parameter have no trim.
+    """
     with pytest.raises(BadInputError, match=f"{WORDS}; use other values"):
         find_operating_point(
             choice.aircraft(parameters=parameters._replace(**{name: value})),
@@ -416,7 +419,7 @@ def test_an_extreme_parameter_is_refused(
 
 
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
-    """Tables of a wrong shape or with masked entries are refused."""
+    """Tables of points with a wrong shape or with masked entries are refused."""
     with pytest.raises(BadInputError, match=r"values are \(2,\); they must be \(N, 1\)"):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
@@ -427,7 +430,7 @@ def test_wrong_tables_are_refused(aircraft: Model) -> None:
 
 
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
-    """A Zarr store has names, units and axes, and xarray selects its data by name."""
+    """A Zarr store contains names, units and axes, so that xarray selects data by name."""
     axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
     plan = SweepPlan(axes, choice.aircraft(parameters=parameters))
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
@@ -456,9 +459,7 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
-    """Any slice of a plan equals these rows of its whole grid, whose last variable varies
-    fastest.
-    """
+    """The rows of a plan from 10 to 13 equal those of its grid. The last variable varies fastest."""
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
         {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},
@@ -470,7 +471,7 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
 
 
 def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
-    """A range with too many values, or too large values, is refused."""
+    """A plan with too many points, or with a value beyond its limit, is refused."""
     with pytest.raises(
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
@@ -483,9 +484,10 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
 
 
 def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
-    """A store contains the sweep with its condition, limits, initial guess and order of the points.
+    """A store contains the same numbers as the sweep in memory, and its condition.
 
-    The initial guess decides the last bits.
+    It cannot be resumed with another condition, limit, initial guess or order of variables, because
+    the initial guess affects the last bits.
     """
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
@@ -521,7 +523,7 @@ def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: 
 def test_a_long_sweep_prints_its_ends(
     published_aircraft: Model,
 ) -> None:
-    """The report of a long sweep shows its first and last rows and the failed points."""
+    """The report of a long sweep prints its first and last rows and all failed points."""
     speeds = np.linspace(68.0, 75.0, 3_001)
     speeds[[1_000, 2_000]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
@@ -534,8 +536,9 @@ def test_a_long_sweep_prints_its_ends(
 
 
 def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:
-    """Points that are trimmed one by one are counted, here all, because there are spare
-    unknowns.
+    """A note states how many points were trimmed one by one.
+
+    Here all are, because there are more unknowns than equations.
     """
     condition = release(LEVEL_FLIGHT, free=("alpha",))
     plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)
@@ -549,7 +552,7 @@ def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: P
 
 
 def test_the_root_locus_shows_direction_and_values() -> None:
-    """The root locus shows an arrow and labels at 5, 10 and 15 deg."""
+    """The root locus has an arrow, and labels at 5, 10 and 15 deg."""
     swept = sweep(choice.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
     for axes in swept.figure().axes:
         labels = [text.get_text() for text in axes.texts]

@@ -1,4 +1,4 @@
-"""One check of a critic balances its game once."""
+"""The number of times that a check of a critic balances its game."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The check of critics: the exact critic passes, and each planted mistake is refused, in any units.
-No wrong entry is missed.
-"""
+"""The check of critics: the exact critic passes, and each planted error is found, in any units."""
 
 from __future__ import annotations
 
@@ -64,7 +62,7 @@ def over_the_box(game: Game, candidate: Critic) -> dict[str, float]:
 
 @pytest.mark.parametrize("name", BASES)
 def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
-    """The weights of the exact V pass in each basis, with the exact disk margin."""
+    """The weights of the exact V pass in each basis, with the disk margin of the exact solution."""
     functions = basis(name, 6)
     check = check_critic(game, from_weights(game, functions.weights(value(game)), functions))
     assert check.ok, failed_names(check.checks)
@@ -75,7 +73,7 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
 
 
 def test_a_costless_states_value_may_be_0() -> None:
-    """The value of a state without cost may be 0."""
+    """The exact value passes if it is 0 for a state without cost."""
     A = np.diag([-1.0, -2.0])
     B = np.array([[1.0], [0.0]])
     Q = np.diag([1.0, 0.0])
@@ -85,8 +83,10 @@ def test_a_costless_states_value_may_be_0() -> None:
 
 
 def test_a_barely_controllable_plant_is_judged() -> None:
-    """A plant with an unstable mode of +0.5 that the input reaches by 3e-6 is judged, although
-    rounding of P changes its cost.
+    """The exact value of a barely controllable plant passes, and an error of 1e-5 fails.
+
+    The input reaches the unstable mode of 0.5 1/s by the factor 3e-6, so that rounding of P changes
+    its cost.
     """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
@@ -100,7 +100,7 @@ def test_a_barely_controllable_plant_is_judged() -> None:
 
 
 def test_a_gain_alone_passes(game: Game) -> None:
-    """A gain alone passes, and no error of a value is shown."""
+    """The exact gain passes without a value, and no error of a value is reported."""
     check = check_critic(game, from_gain(game, gain(game)))
     assert check.ok
     assert check.to_dict()["P_rel_error"] is None
@@ -108,7 +108,7 @@ def test_a_gain_alone_passes(game: Game) -> None:
 
 
 def test_the_limit_is_the_limit() -> None:
-    """An error of 1e-5 in P fails at the default limit and passes at the limit 2e-5."""
+    """An error of 1e-5 in P fails at the default limit and passes at a limit of 2e-5."""
     game = game_in(1.0, 1.0)
     P = value(game)
     noise = np.random.default_rng(0).standard_normal(P.shape)
@@ -119,7 +119,9 @@ def test_the_limit_is_the_limit() -> None:
 
 
 def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
-    """A root of the Riccati equation that does not stabilize fails by its loop and its error."""
+    """A root of the Riccati equation that does not stabilize fails by its error and its closed
+    loop.
+    """
     P = other_root(game)
     assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
     check = check_critic(game, from_value(game, P))
@@ -128,8 +130,10 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
 
 
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
-    """Return weights whose Bellman residual is 0 on 15 samples, by Newton steps of least norm from
-    the LQR.
+    """Return weights with a Bellman residual of 0 on 15 samples, and their largest relative
+    residual.
+
+    They are found by Newton steps of least norm from the LQR.
     """
     z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(value(game)))
     weights = weights_of(value(game.with_delta(math.inf)) * 1.2)
@@ -152,7 +156,7 @@ def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> 
 
 
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
-    """A critic learned from too few data is refused however small its residual."""
+    """A critic learned from too few samples fails, although its residual on them is tiny."""
     weights, residual = rank_deficient_weights(game)
     assert residual < 1e-10
     run = result_of(game, weights, 15, predefined_time=10.0)
@@ -168,7 +172,7 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
 def test_a_runs_settling_time_is_computed_anew(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
-    """The settling time of a run is computed again and checked."""
+    """The settling time of a training run is computed again and compared with the predefined time."""
     weights = weights_of(value(game))
     run = replace(
         result_of(game, weights, 21, predefined_time=0.5),
@@ -189,7 +193,7 @@ def test_a_runs_settling_time_is_computed_anew(
     "ignore:Input"
 )  # SciPy, on a Lyapunov equation that rounding makes singular
 def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
-    """Critics of 1e40 to 1e300, and weights of nan or inf, fail without an exception."""
+    """Critics of size 1e40 to 1e300, and weights with nan or inf, fail without an exception."""
     for size in (1e40, 1e60, 1e300):  # finite, and P S P is not
         for candidate in (
             from_value(game, size * value(game)),
@@ -208,7 +212,7 @@ def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
 def test_wrong_shapes_and_numbers_are_named(
     game: Game,
 ) -> None:
-    """Wrong shapes, and numbers such as complex ones, are refused by name."""
+    """W, P and K with wrong shapes or entries that are not real numbers are refused by name."""
     makers = {
         "W": (from_weights, np.ones(21)),
         "P": (from_value, np.eye(6)),
@@ -235,13 +239,13 @@ def test_wrong_shapes_and_numbers_are_named(
 
 
 def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
-    """`check_critic` accepts K as an array or as nested lists."""
+    """`check_critic` accepts a gain K as an array or as nested lists."""
     assert check_critic(game, gain(game)).ok
     assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
 
 
 def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
-    """A solution, a training run, K=, P= and W= are judged as the critics that they define."""
+    """`check_critic` accepts a solution, a training run, K, P and W as critics."""
     exact = solved(game)
     assert check_critic(game, exact).ok
     assert check_critic(game, K=exact.K).ok
@@ -257,7 +261,7 @@ def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
 
 
 def test_a_file_is_read_for_its_game(game: Game) -> None:
-    """A gain is read with or without a game. A value needs the game for its policy."""
+    """A gain can be read from a file without a game. A value, or a gain with units, needs the game."""
     np.savez("K.npz", K=gain(game))
     np.savez("P.npz", P=value(game))
     for file in ("K.npz", "P.npz"):
@@ -273,7 +277,7 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
 
 
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
-    """A limit or a constant that is not a number is refused by name."""
+    """A limit or a constant that is not a finite number is refused by name."""
     weights = weights_of(value(game))
     with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
         from_weights(game, weights, constant=math.nan)
@@ -286,8 +290,9 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
 def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
-    """A state that is valid from 100 to 150 has a box up to its nearer limit. At or beyond a limit
-    the trim has no box.
+    """The box about a trim extends to the nearer limit of each state.
+
+    At or beyond a limit there is no box.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -306,7 +311,7 @@ def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None)
 
 
 def test_the_report_shows_the_farthest_entries(game: Game) -> None:
-    """The table shows two wrong entries among 51, and files contain all entries."""
+    """The report prints the entries with the largest errors, and the records contain all entries."""
     P = value(game).copy()
     K = gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
@@ -335,9 +340,9 @@ def test_the_report_shows_the_farthest_entries(game: Game) -> None:
 def test_a_wrong_part_is_seen(
     state: float, of_input: float, factors: list[float], count: int
 ) -> None:
-    """Each part and entry that is made wrong is detected.
+    """A wrong factor on any row or column of K, and a wrong entry of P, are detected.
 
-    count: number of parts and entries that are made wrong, one after the other
+    count: number of factors and entries to be tested
     """
     game = game_in(state, of_input)
     assert check_critic(game, from_gain(game, gain(game))).ok
@@ -355,7 +360,7 @@ def test_a_wrong_part_is_seen(
 
 
 def test_contradicting_parts_are_refused(game: Game) -> None:
-    """Parts that contradict each other or have wrong shapes are refused."""
+    """Contradicting W and P, and a K of wrong shape, are refused."""
     P = value(game)
     words = ("verify", *AT_15, "--weights")
     result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
@@ -370,10 +375,10 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
 
 @RICHER
 def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -> None:
-    """Every wrong weight beyond the quadratic ones is detected, also one that changes no policy.
+    """Every wrong weight of a term that is not quadratic is detected, even if no policy changes.
 
-    B has zero rows for pitch and dihedral. A weight of the dihedral changes neither P, K nor the
-    policy.
+    B has zero rows for pitch and dihedral, so that a weight of the dihedral changes neither P, K
+    nor the policy.
     """
     functions = basis(name, 6)
     exact = functions.weights(value(game))
@@ -391,7 +396,7 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
 
 
 def test_a_small_wrong_entry_is_refused(game: Game) -> None:
-    """A wrong entry that is too small for the norms is refused."""
+    """A wrong entry of P that is too small to affect the norms is detected."""
     P = value(game).copy()
     P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
     failures = failed(game, from_value(game, P))
@@ -400,7 +405,7 @@ def test_a_small_wrong_entry_is_refused(game: Game) -> None:
 
 
 def test_every_entry_is_seen(game: Game) -> None:
-    """A change of any entry of the value or of the gain is detected."""
+    """A relative change of 1e-5 in any entry of P or K is detected."""
     for name, exact in (("P", value(game)), ("K", gain(game))):
         for i, j in np.ndindex(exact.shape):
             wrong = exact.copy()
@@ -416,7 +421,7 @@ def test_every_entry_is_seen(game: Game) -> None:
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
 def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
-    """No error of V, its slopes and both policies, sampled in the box, exceeds its bound."""
+    """Sampled errors of V, its gradient and both policies in the box do not exceed their bounds."""
     game = replace(game, E=game.E[:, :disturbances])
     functions = basis(name, 6)
     rng = np.random.default_rng(0)
@@ -464,9 +469,7 @@ Names = tuple[str, ...]
 def test_names_and_units_decide(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
-    """The box of typical deviations is used only for plants with names and units of the
-    aircraft.
-    """
+    """The box of typical deviations is used only for a plant with the aircraft's names and units."""
     box = ordinary_box(states, inputs, units)
     if speed is None:
         assert box is None
@@ -477,9 +480,7 @@ def test_names_and_units_decide(
 
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:
-    """Six states and five inputs without names have a box by convention, and not that of the
-    aircraft.
-    """
+    """A plant with six states and five inputs but without names has a conventional box."""
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
     data = check_critic(game, from_gain(game, gain(game))).to_dict()
@@ -494,7 +495,10 @@ SETTLES = np.where(TIMES < 4.1, 0.1, 1e-9)
 
 
 def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
-    """Return the exact critic multiplied by 1 + sizes at each time."""
+    """Return the history of the exact critic multiplied by 1 + sizes, one factor for each time.
+
+    of: "W", "P" or "K"
+    """
     exact = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[of]
     return critics_over_time(game, TIMES, **{of: np.multiply.outer(1.0 + sizes, exact)})
 
@@ -512,7 +516,10 @@ def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
 def test_a_history_passes_where_it_settles_in_time(
     game: Game, sizes: np.ndarray, of: str, predefined_time: float | None, settled: float
 ) -> None:
-    """A history passes only if its errors settle before the predefined time."""
+    """A history passes if its errors settle before the predefined time.
+
+    Without this time it passes only if its last critic does.
+    """
     check = check_history(game, planted(game, sizes, of), predefined_time=predefined_time)
     assert check.table is not None
     assert check.table.settling_time == settled
@@ -532,7 +539,7 @@ def test_a_history_passes_where_it_settles_in_time(
 
 
 def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
-    """A history whose P and K are exact fails if V is wrong until 5 s."""
+    """The settling time includes errors of V in weights that affect neither P nor K."""
     functions = basis("quadratic+quartic", 6)
     weights = np.tile(functions.weights(value(game)), (len(TIMES), 1))
     weights[TIMES < 5.0, -1] = 1e6
@@ -548,7 +555,9 @@ ROUNDING_SHOWN = 1e-12
 
 
 def test_our_own_run_is_a_timed_history(game: Game) -> None:
-    """The checks of histories and of runs agree on the time at which the law settles."""
+    """`check_history` finds the settling time that the training run reports, and its figure is
+    drawn.
+    """
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = critics_over_time(game, result.times, W=result.weights, K=result.K)
@@ -572,7 +581,7 @@ def test_our_own_run_is_a_timed_history(game: Game) -> None:
 def test_the_last_row_is_judged(
     game: Game,
 ) -> None:
-    """The last row of a history is judged with its gain. Rows of another length are refused."""
+    """A history fails if its last gain is wrong. Rows of a wrong length are refused."""
     history = critics_over_time(
         game, TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
     )

@@ -1,6 +1,4 @@
-"""The verdict on a critic does not depend on the last bits, or on the order, units or axes of the
-states.
-"""
+"""Verdicts on copies of a critic with other last bits, order, units or axes of the states."""
 
 from __future__ import annotations
 
@@ -23,8 +21,9 @@ from hfa import check_critic, solve_game
     ],
 )
 def test_every_copy_has_the_same_verdict(error: float, passes: bool, count: int) -> None:
-    """All copies of a critic have one verdict, for a right critic and for one whose error in a
-    random direction is a hundred times the limit.
+    """All copies of a critic have the same verdict: pass if it is exact, fail if it has an error.
+
+    The error, in a random direction, is a hundred times the limit.
     """
     game = game_models()["published-15"]
     exact = solve_game(game)

@@ -1,4 +1,4 @@
-"""The report of a verdict: a true first line, checks by their kind, and differing entries."""
+"""The report of a verdict: its first line, grades, checks and entries."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BOX = np.array(ORDINARY_DEVIATIONS)
 
 
 def bent_actor(game: Game) -> Critic:
-    """Return u = -10 K tanh(z / 10), which is right only at the origin."""
+    """Return the network u = -10 K tanh(z / 10), which is exact only to first order at z = 0."""
     layers = {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)}
     return networks.from_network(
         game, network_files.torch_file("bent.pt", layers), activation="tanh"
@@ -58,7 +58,7 @@ CRITICS: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", CRITICS)
 def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
-    """The first line of every planted critic has its grade, stability, and at most 100 columns."""
+    """The first line states grade and stability of each planted critic in at most 100 columns."""
     scope = Scope(ordinary_box(), flights=3)
     verdict = check_critic(game, CRITICS[name](game), scope=scope)
     unstable = name in ("other root", "huge", "overflowing", "unstable")
@@ -74,14 +74,14 @@ def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
 
 
 def test_the_l2_gain_is_no_error_at_agreement(game: Game) -> None:
-    """If a critic agrees with the exact one, its L2 gain is not reported as the largest error."""
+    """For an exact critic, the L2 gain does not count as its largest error."""
     verdict = check_critic(game, from_gain(game, gain(game)), limit=game.delta)
     assert verdict.value_of("l2_gain") > 100.0
     assert verdict.largest_error < 1e-12
 
 
 def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
-    """Entries that differ by rounding are not reported as the most different ones."""
+    """For an exact critic, the report states that all entries differ by rounding only."""
     exact = check_critic(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
 
@@ -90,9 +90,7 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
 
 
 def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
-    """The error of a network's V is nowhere larger than reported, also where the policy is
-    worst.
-    """
+    """No sampled error of a network's V exceeds the reported one, also at the worst policy error."""
     z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
     layers = {
         "0.weight": np.vstack([np.diag(1.0 / BOX), -np.diag(1.0 / BOX)]),
@@ -112,7 +110,7 @@ def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
 
 
 def test_a_network_flies_within_control_limits() -> None:
-    """The inputs from a network saturate at the control limits."""
+    """In the nonlinear plant, inputs saturate at the control limits."""
     model = choice.aircraft()
     point = find_operating_point(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
@@ -125,9 +123,7 @@ def test_a_network_flies_within_control_limits() -> None:
 
 
 def test_a_verdict_has_three_grades(game: Game) -> None:
-    """The exact critic passes. A stable one with at most 1 % more cost is near, and any other
-    fails.
-    """
+    """The grade is "exact", "near" (at most 1 % more cost) or "fail"."""
     grades = {
         "exact": from_gain(game, gain(game)),
         "near": from_gain(game, 1.002 * gain(game)),
@@ -147,7 +143,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
 
 
 def test_the_command_says_whose_weights_it_used(game: Game) -> None:
-    """The report names the source of Q, R and delta: a file, an option, or the default."""
+    """The report states the source of Q, R and delta: the file, an option, or the default."""
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
     critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))
     result = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
