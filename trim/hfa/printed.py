@@ -83,7 +83,7 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed as 0 and is 0 up to rounding. It is omitted from the table."""
+        """True if the entry is printed as 0 and is 0 up to rounding; tables omit it."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -170,7 +170,7 @@ def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray
 
 
 def printed_at(point: OperatingPoint) -> PublishedModel | None:
-    """Return the printed pair (A, B) of this flight condition, or None if none was printed for it."""
+    """Return the printed pair (A, B) of this flight condition, or None if there is none."""
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
         if all(

@@ -1,4 +1,4 @@
-"""Handling qualities of an aircraft at a trim, from the modes and outputs that its model declares."""
+"""Handling qualities of an aircraft at a trim, from the declared modes and outputs."""
 
 from __future__ import annotations
 
