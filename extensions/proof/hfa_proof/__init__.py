@@ -1,5 +1,7 @@
-"""Proofs for every value of the scheduling variable. Only the command and studies import this
-package."""
+"""Proofs in ball arithmetic for every value of the scheduling variable.
+
+Only the command and studies import this package.
+"""
 
 from hfa_support.public_names import public_names
 

@@ -1,4 +1,4 @@
-"""Commands and formats of this extension."""
+"""Commands and file formats of this extension."""
 
 from hfa.entry_points import CommandEntry
 

@@ -1,4 +1,4 @@
-"""The fields of statements about flights, games and models, and the treatment of each."""
+"""Fields of statements about schedules, games and models, and how each is checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The flexible aircraft of the paper, which a statement names without a file."""
+"""The flexible aircraft of the paper, whose statements need no aircraft file."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from hfa_support.provenance import parameter_hash
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
-    """Return the aircraft with these dynamics, or None for an unknown name."""
+    """Return the aircraft with dynamics of this name, or None if the name is unknown."""
     return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
 
 
 def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
-    """Return the standard errors of the parameters of these dynamics, by name.
+    """Return parameter -> standard error.
 
     The result is empty for dynamics of other packages, whose parameters have no standard errors.
     """
@@ -27,9 +27,7 @@ def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, 
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a set of parameters and its hash, or None for parameters of another
-    aircraft.
-    """
+    """Return the name of a parameter set and its hash, or None for parameters of another aircraft."""
     if set(parameters) != set(Parameters._fields):
         return None
     values = Parameters(**parameters)

@@ -31,9 +31,9 @@ not_negative = partial(number, declared=Number(0.0))
 
 
 def interval(text: str) -> tuple[float, ...]:
-    """Return the ends of `LOW:HIGH`, or of one number, exactly as written.
+    """Return the ends of LOW:HIGH, or one number, exactly as typed.
 
-    A proof is about these numbers. Raises BadInputError unless LOW < HIGH.
+    Raises BadInputError unless LOW < HIGH.
     """
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
@@ -42,7 +42,10 @@ def interval(text: str) -> tuple[float, ...]:
 
 
 def positive_interval(text: str) -> tuple[float, float]:
-    """Return the ends of LOW:HIGH, both positive."""
+    """Return the ends of LOW:HIGH; one number is an interval of length 0.
+
+    Raises BadInputError unless LOW > 0.
+    """
     ends = interval(text)
     if not ends[0] > 0.0:
         raise BadInputError(f"is {text}; it must be positive")
@@ -50,19 +53,22 @@ def positive_interval(text: str) -> tuple[float, float]:
 
 
 def interval_of(model: Model, text: str) -> tuple[float, ...]:
-    """Return the ends of LOW:HIGH of the scheduling variable, or one value, as written."""
+    """Return the ends of LOW:HIGH of the scheduling variable, or one value, as typed."""
     return interval(text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
-    """The aircraft over an interval of its scheduling variable."""
+    """Options that name an aircraft and an interval of its scheduling variable."""
 
     at: Any = scheduled(interval_of, "LOW:HIGH", "an interval; the proof covers every value in it")
     start: None = None
 
     def ends(self, family: Family) -> tuple[float, float]:
-        """Return LOW:HIGH of --at, as typed. Values without a trim are refused."""
+        """Return LOW and HIGH of the scheduling variable, as typed.
+
+        Raises BadInputError if the interval is missing or contains values without a trim.
+        """
         if len(self.at or ()) != 2:
             scheduled_name = family.model.schedule or "the scheduling variable"
             raise BadInputError(
@@ -74,9 +80,11 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
 
 
 def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
-    """Return the aircraft and the flights that the options name, for any scheduling value.
+    """Return the aircraft and the flights that the options define, at any scheduling value.
 
-    errors: number of its standard errors by which every identified parameter may be wrong
+    errors: number of standard errors that the proof covers for each identified parameter
+
+    Raises BadInputError if `errors` is not 0 and the parameters have no standard errors.
     """
     from hfa_proof.search.family import Family
 
@@ -92,15 +100,16 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
 
 
 def refuse_no_certificate(output: Path | None) -> None:
-    """Raise BadInputError where the file of -o cannot hold a certificate."""
+    """Raise BadInputError if the file of -o is not a .json file."""
     if output is not None and output.suffix.lower() != ".json":
         raise BadInputError(f"{output}: a certificate is a .json file; name one")
 
 
 def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:
-    """Return the loop under the gains of a file.
+    """Return the loop with the gains of a file, or with its controller if a design is given.
 
-    With a design it is the loop of a controller with memory on its actuators.
+    design: design whose actuators the controller uses, or None for gains
+    intervals: intervals of uncertain actuators, or None
     """
     from hfa_proof.search.loops import loop_of_schedule, loop_of_servo
 

@@ -1,4 +1,4 @@
-"""Common parts of the results of proofs about an aircraft at a trim."""
+"""Common parts of proved results about an aircraft at a trim."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ NO_BOX = "The set is {V <= rho}, not a box: a state within all of these ranges m
 
 
 class Subject(Protocol):
-    """An aircraft about a trim."""
+    """An aircraft about a trim, as the subject of a proof."""
 
     @property
     def model(self) -> Model:
-        """Name of the model's equations."""
+        """The equations of the aircraft."""
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The moving states."""
+        """Names of the moving states."""
 
     @property
     def trim(self) -> Mapping[str, float]:
-        """Moving state -> value."""
+        """Moving state -> value at the trim."""
 
     @property
     def inputs(self) -> Mapping[str, float]:
@@ -35,7 +35,7 @@ class Subject(Protocol):
 
     @property
     def held(self) -> Mapping[str, float]:
-        """Each other state -> its constant value."""
+        """Every other state -> its constant value."""
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -51,17 +51,17 @@ class ProvedResult(Result):
 
     @property
     def subject(self) -> Subject:
-        """The aircraft."""
+        """The aircraft about its trim."""
         raise NotImplementedError
 
     @property
     def proved(self) -> bool:
-        """True, because an unproved claim is not printed."""
+        """True. Results exist only for proved claims."""
         return True
 
     @property
     def states(self) -> Sequence[str]:
-        """Names of the entries of z."""
+        """Names of the states, in the order of z."""
         return self.subject.states
 
     @property

@@ -1,5 +1,4 @@
-"""Arithmetic of proofs, shared by prover and checker: balls, Taylor models, and functions on
-them."""
+"""Arithmetic of proofs, shared by prover and checker: balls, Taylor models, and functions of them."""
 
 from typing import Any
 
@@ -11,7 +10,10 @@ PRECISION = 192
 
 
 def flint_or_refusal() -> Any:
-    """Return the module `flint` with its precision set. Raises BadInputError without it."""
+    """Return the module `flint` with its precision set.
+
+    Raises BadInputError if python-flint is not installed.
+    """
     try:
         import flint
     except ImportError as error:

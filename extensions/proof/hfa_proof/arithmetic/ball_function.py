@@ -1,4 +1,4 @@
-"""Evaluation of CasADi functions on balls or on power series of balls, by their instructions."""
+"""Evaluation of CasADi functions, instruction by instruction, on balls, series and Taylor models."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from hfa_support.errors import BadInputError, NoSolutionError
 
 
 class Undecided(NoSolutionError):
-    """Error of balls that are too wide for an enclosure; narrower ones may suffice."""
+    """Raised if balls are too wide for a comparison or an enclosure. Narrower balls may suffice."""
 
 
 class BallFunction:
     """A CasADi `SX` function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
 
-    A series represents its Taylor polynomial in one variable, so that running the instructions on
-    series differentiates automatically. Numbers in the function are the doubles of CasADi.
+    An `arb_series` is a Taylor polynomial in one variable, so that evaluation on it also computes
+    derivatives. Constants of the function are the doubles that CasADi stores.
 
-    Raises a BadInputError that names an operation that balls do not support.
+    Raises BadInputError, which names the operation, if an operation is not supported.
     """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
@@ -48,8 +48,8 @@ class BallFunction:
 
         arguments: the nonzeros of each input, in the same order
 
-        Raises Undecided when a divisor, a root or a comparison is not decided on the box. Raises
-        ValueError when an argument has another number of entries.
+        Raises Undecided if a division, a root or a comparison is not decided on the box. Raises
+        ValueError if an argument has the wrong number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
             raise ValueError(f"{self._name} needs arguments of {self._inputs} entries")
@@ -80,12 +80,12 @@ class BallFunction:
 
 
 def _operation(code: int, name: str) -> Callable[..., Any]:
-    """Return the operation of a CasADi code on balls.
+    """Return the operation on balls for a CasADi code.
 
     code: `ca.OP_...`
     name: name of the function, for the message
 
-    Raises a BadInputError that names an operation that balls do not support.
+    Raises BadInputError, which names the operation, if it is not supported.
     """
     if code in _OPERATIONS:
         return _OPERATIONS[code]
@@ -96,9 +96,8 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """Return the ball of a value.
-
-    For a power series it is the value at 0, for a Taylor model the range.
+    """Return a ball for a value: the ball itself, the constant term of a series, or a model's
+    range.
     """
     if isinstance(value, arb):
         return value
@@ -110,7 +109,7 @@ def constant_part(value: Any) -> Any:
 def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
     """Return the smaller and the larger of two values.
 
-    Raises Undecided when their balls overlap.
+    Raises Undecided if their balls overlap.
     """
     first = constant_part(x)
     second = constant_part(y)
@@ -122,7 +121,7 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
 def _arctangent(y: Any, x: Any) -> Any:
     """Return atan2(y, x) = atan(y / x) for x > 0.
 
-    Raises Undecided for an x that may not be positive.
+    Raises Undecided unless x is proved positive.
     """
     if not constant_part(x) > 0:
         raise Undecided("atan2 is undecided: its second argument is not proved positive")
@@ -132,7 +131,7 @@ def _arctangent(y: Any, x: Any) -> Any:
 def _power(x: Any, y: Any) -> Any:
     """Return x^y = exp(y log x) for x > 0.
 
-    Raises Undecided for an x that may not be positive.
+    Raises Undecided unless x is proved positive.
     """
     if not constant_part(x) > 0:
         raise Undecided("a power is undecided: its base is not proved positive")

@@ -1,9 +1,8 @@
-"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that includes every rounding.
+"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that includes all rounding.
 
-Every value is an enclosure: a result contains the exact result for all numbers in the arguments. A
-comparison of balls is true only when it holds for all of their numbers. Source: Johansson, Arb:
-efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Transactions on Computers 66
-(2017).
+A result contains the exact result for all numbers in the arguments. A comparison of balls is true
+only if it is true for all of their numbers. Source: Johansson, Arb: efficient arbitrary-precision
+midpoint-radius interval arithmetic, IEEE Transactions on Computers 66 (2017).
 """
 
 from __future__ import annotations
@@ -20,37 +19,37 @@ READING = 2.0**-51
 
 
 def exact(value: float) -> arb:
-    """Return the ball of radius 0 at a double."""
+    """Return the ball of radius 0 whose midpoint is a double."""
     return arb(float(value))
 
 
 def symmetric(radius: Any) -> arb:
-    """Return [-r, r] with r the largest absolute value of a number or ball."""
+    """Return [-r, r] with r an upper bound of the absolute value of a number or ball."""
     bound = abs(arb(radius)).upper()
     return (-bound).union(bound)
 
 
 def matrix(values: Any) -> arb_mat:
-    """Return a matrix of doubles as exact balls, or of decimals in strings as enclosing balls."""
+    """Return a matrix of balls: exact for doubles, enclosing for decimals in strings."""
     entries = np.asarray(values)
     rows, columns = entries.shape
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
 
 
 def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
-    """Return a matrix of balls that contain the intervals between two matrices of doubles."""
+    """Return a matrix of balls that contain the intervals [low, high], entry by entry."""
     rows, columns = low.shape
     pairs = zip(low.ravel().tolist(), high.ravel().tolist(), strict=True)
     return arb_mat(rows, columns, [arb(a).union(arb(b)) for a, b in pairs])
 
 
 def doubles(values: arb_mat) -> np.ndarray:
-    """Return the midpoints rounded to doubles, for a search but never for a proof."""
+    """Return the midpoints as doubles. They serve searches, never proofs."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
 def norm(entries: Iterable[arb]) -> arb:
-    """Return sqrt(Σ entry²) as a ball, for a matrix the Frobenius norm."""
+    """Return sqrt(Σ entry²) as a ball; for the entries of a matrix, the Frobenius norm."""
     balls = list(entries)
     lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
     highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
@@ -58,10 +57,10 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """Return D of L D L' = M for every symmetric M in the matrix of balls.
+    """Return D (n,) of L D L' = M for every symmetric M in the matrix of balls.
 
-    The result is None for a pivot near 0. The signs of D are those of the eigenvalues (Sylvester's
-    law of inertia). Only the lower triangle is read.
+    The result is None if a pivot may be 0. The signs of D are the signs of the eigenvalues
+    (Sylvester's law of inertia). Only the lower triangle is read.
     """
     rows = values.tolist()
     diagonal = []
@@ -78,21 +77,17 @@ def pivots(values: arb_mat) -> list[arb] | None:
 
 
 def is_positive_definite(values: arb_mat) -> bool:
-    """Return whether every symmetric matrix in the matrix of balls is positive definite.
-
-    The result is also False where this is not decided.
-    """
+    """Return whether every symmetric matrix in the matrix of balls is proved positive definite."""
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)
 
 
 def lowest_sign(values: np.ndarray) -> int:
-    """Return the sign of the lowest eigenvalue of a symmetric matrix of doubles, in rational
-    arithmetic.
+    """Return the sign of the lowest eigenvalue of a symmetric matrix of doubles, computed exactly.
 
-    It is 1 for a positive definite matrix, 0 for a positive semidefinite and singular one, and -1
-    otherwise. The elimination has no rounding. Where a pivot is 0, a semidefinite matrix has a row
-    of zeros.
+    It is 1 for a positive definite matrix, 0 for a singular positive semidefinite one, and -1
+    otherwise. The elimination uses rational numbers. If a pivot is 0, the matrix is semidefinite
+    only if the row of the pivot is 0.
     """
     rows = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in values.tolist()]
     sign = 1

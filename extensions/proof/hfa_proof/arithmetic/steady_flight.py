@@ -1,4 +1,4 @@
-"""Steady flights and linear models of a model as functions on balls, series and Taylor models."""
+"""Trim equations and linear models of an aircraft as functions of balls, series and Taylor models."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ Rows = list[list[Any]]
 
 
 class LinearParts(NamedTuple):
-    """Matrices as lists of rows, at a steady flight.
+    """Trim values, Jacobian of the trim equations and linear model, as lists of rows.
+
+    The linear model is x' = A x + B u, y = C x + D u.
 
     values: (names, 1), values of `SteadyFlight.names`
-    slopes: (equations, unknowns), F_w
-    A: (n, n), of the linear model x' = A x + B u, y = C x + D u
+    slopes: (equations, unknowns), Jacobian F_w
+    A: (n, n)
     B: (n, m)
     C: (k, n), of the measured outputs
     D: (k, m)
@@ -37,16 +39,16 @@ class LinearParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SteadyFlight:
-    """The equations F(w; imposed, parameters) = 0 of a trim, with w its unknowns.
+    """The equations F(w; imposed, parameters) = 0 of a trim, with unknowns w.
 
-    balanced: BallFunction (v, p) -> the balanced rates, then the imposed outputs
+    balanced: BallFunction (v, p) -> the rates that must be 0, then the imposed outputs
     linear_parts: BallFunction (v, p) -> the parts of `LinearParts`
     variables: names of v, the imposed and the free variables
     parameters: names of p
     imposed_outputs: names of the outputs that the trim imposes
     names: states, inputs and outputs whose values are in `LinearParts.values`
     unknowns: names of w
-    moving_rows: indices of the equations that an unknown moves
+    moving_rows: indices of the equations that depend on an unknown
     heights: number of rows of each part of `LinearParts`
     """
 
@@ -63,7 +65,7 @@ class SteadyFlight:
     def residual(self, values: Mapping[str, Any]) -> list[Any]:
         """Return F for values of every variable, parameter and imposed output.
 
-        A value is a ball, a series or a Taylor model.
+        values: name -> ball, series or Taylor model
         """
         results = self.balanced(*self._arguments(values))[0]
         rates = len(results) - len(self.imposed_outputs)
@@ -71,7 +73,10 @@ class SteadyFlight:
         return results[:rates] + [output - values[name] for output, name in outputs]
 
     def linear(self, values: Mapping[str, Any]) -> LinearParts:
-        """Return the linear model for such values of every variable and parameter."""
+        """Return the linear model for values of every variable and parameter.
+
+        values: name -> ball, series or Taylor model
+        """
         columns = self.linear_parts(*self._arguments(values))
         parts = []
         for entries, height in zip(columns, self.heights, strict=True):
@@ -79,7 +84,7 @@ class SteadyFlight:
         return LinearParts(*parts)
 
     def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
-        """Return (v, p) from values by name."""
+        """Return v and p as lists of values."""
         return [[values[name] for name in names] for names in (self.variables, self.parameters)]
 
 
@@ -89,15 +94,15 @@ def steady_flight(
     limited: Sequence[str] = (),
     measured: Sequence[str] = (),
 ) -> SteadyFlight:
-    """Return the trim equations and the linear model of a model, as functions of its parameters
-    too.
+    """Return the trim equations and the linear model of an aircraft, also as functions of
+    parameters.
 
     model: the aircraft
     imposed: variables and outputs that the trim imposes, besides the scheduling variable
-    limited: names of variables with limits
+    limited: names of signals with limits
     measured: outputs of the linear model
 
-    Raises a BadInputError that names an unsupported operation, such as that of a table.
+    Raises BadInputError, which names the operation, if the equations contain an unsupported one.
     """
     imposed_outputs = tuple(name for name in imposed if name not in model.variables)
     limited_outputs = [name for name in limited if name in model.outputs]
@@ -116,7 +121,7 @@ def _steady_flight(
     outputs: tuple[str, ...],
     measured: tuple[str, ...],
 ) -> SteadyFlight:
-    """Return `steady_flight`, cached.
+    """Return the result of `steady_flight`, which is cached.
 
     unknowns: unknowns of the trim
     imposed_outputs: outputs that the trim imposes

@@ -1,7 +1,8 @@
-"""Taylor models with ball coefficients, in the position within a box and the errors of parameters.
+"""Taylor models with ball coefficients, in the position within a box and errors of parameters.
 
 Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
-(2003)."""
+(2003).
+"""
 
 from __future__ import annotations
 
@@ -20,12 +21,12 @@ _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0
 
 
 class TaylorModel:
-    """Taylor model c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for every |s|, |t_k| <= 1.
+    """Taylor model c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for all |s| <= 1, |t_k| <= 1.
 
-    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls; missing ones are 0
+    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls; omitted parts are 0
 
-    s is the position within a box, t are errors of the parameters. In sums and products a number
-    or a ball counts as a constant. `ball_function.py` runs functions on scalar models.
+    s is the position within a box, t_k are errors of parameters. In sums and products, numbers and
+    balls are constants. `ball_function.py` evaluates functions on scalar models.
     """
 
     def __init__(self, *parts: Any) -> None:
@@ -33,13 +34,13 @@ class TaylorModel:
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
-        """Return a Taylor model unchanged, or any other value as a constant model."""
+        """Return a Taylor model unchanged, and any other value as a constant model."""
         if isinstance(value, TaylorModel):
             return value
         return cls(arb(value) if isinstance(value, int) else value)
 
     def map(self, linear: Callable[[Any], Any]) -> TaylorModel:
-        """Return a linear map of every part."""
+        """Return the model whose parts are the images of the parts under a linear map."""
         return TaylorModel(*map(linear, self.parts))
 
     def __add__(self, other: Any) -> TaylorModel:
@@ -95,7 +96,7 @@ class TaylorModel:
 
     @cached_property
     def _errors(self) -> Any:
-        """An enclosure of the remainder and the errors."""
+        """Enclosure of the remainder and the terms Σ z_k t_k."""
         _, _, _, remainder, *errors = self.parts
         return sum((_ALL * z for z in errors), remainder)
 
@@ -110,20 +111,27 @@ class TaylorModel:
         return _ALL * self.parts[1] + self._beyond_slope
 
     def range(self) -> Any:
-        """Return an enclosure of every value on the box."""
+        """Return an enclosure of all values on the box."""
         return self.parts[0] + self._off_center
 
     def corners(self) -> list[Any]:
-        """Enclosures whose convex hull holds every value."""
+        """Return enclosures whose convex hull contains all values."""
         return [self.near(arb(s), arb(square)) for s, square in _HULL]
 
     def near(self, s: arb, square: arb) -> Any:
-        """Return an enclosure of c_0 + c_1 s + c_2 square and the non-polynomial remainder."""
+        """Return an enclosure of c_0 + c_1 s + c_2 square plus the remainder and the parameter
+        errors.
+        """
         c0, c1, c2, *_ = self.parts
         return c0 + (s * c1 + square * c2 + self._errors)
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
-        """Return f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
+        """Return the enclosure of f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³.
+
+        δ is the model without c_0, and ξ is in its range plus c_0.
+
+        function: f on `arb_series`
+        """
         near = function(arb_series([self.parts[0], 1], prec=3))
         far = function(arb_series([self.range(), 1], prec=4))
         delta = TaylorModel(arb(0), *self.parts[1:])

@@ -1,1 +1,1 @@
-"""The checker of certificates. It shares nothing with the prover."""
+"""Checker of certificates. It shares only the model and the arithmetic with the prover."""

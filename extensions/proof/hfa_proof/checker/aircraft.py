@@ -1,4 +1,4 @@
-"""Aircraft of a certificate."""
+"""Aircraft that a certificate concerns."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ SAME_TRIM = 1e-6
 
 
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
-    """Return the model of a statement: the HFA's or the user's own.
+    """Return the model of a statement: the flexible aircraft of the paper, or the user's.
 
-    Raises BadInputError unless the user's model is that of the statement.
+    name: name of the dynamics in the statement
+    source: hash of the user's file in the statement, "" for the flexible aircraft
+    own: the user's model, or None
 
-    name: name of the dynamics, as in the statement
-    source: the hash of the user's file, "" for the HFA
-    own: the user's model, where one is named
+    Raises BadInputError if the statement concerns another model than the user's, or an aircraft
+    whose file is not given.
     """
     require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
     if own is not None:

@@ -1,8 +1,8 @@
-"""Checker of a certificate, which reads its statement and its witness and proves the statement.
+"""Checker of a certificate: it reads statement and witness and proves the statement.
 
-The search and the prover need not be trusted. The checker shares only the model and the arithmetic
-with them. Every quantity is a Taylor model in the position s within a box and the errors t of the
-parameters.
+Neither the search nor the prover is trusted. The checker shares only the model and the arithmetic
+with them. Every quantity is a Taylor model in the position s within a box and in the errors t of
+the parameters.
 
     statement.py  the claim                  witness.py  its evidence
     trims.py      trims and linear models    loop.py     the loop
@@ -67,9 +67,9 @@ _PRECISION = 256
 
 @dataclass(frozen=True, eq=False)
 class Verified:
-    """A statement that is proved.
+    """A statement that the checker has proved.
 
-    statement: the proved statement, every field of which the checker has interpreted
+    statement: the proved statement; the checker has interpreted every field of it
     boxes: number of boxes in the proof
     written: version, command and date in the file, not verified
     """
@@ -84,14 +84,14 @@ class Verified:
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> Verified:
-    """Return the statement that a file proves.
+    """Return the statement that a certificate proves.
 
     path: the certificate
     progress: called for each box
-    model: the user's aircraft, for a certificate about it
+    model: the user's aircraft, or None if the certificate concerns a built-in model
 
-    Raises BadInputError when the file is not a certificate, was edited, or is about another model.
-    Raises Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
+    Raises Rejected if an entry is not understood or the statement is not proved.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -104,7 +104,7 @@ def check_certificate(
 
 
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
-    """Return the number of boxes that prove the statement. Raises Rejected unless they do."""
+    """Return the number of boxes that prove the statement. Raises Rejected if it is not proved."""
     if isinstance(statement, ScheduleStatement):
         return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
     if isinstance(statement, GameStatement):
@@ -115,9 +115,10 @@ def _check(statement: Statement, entries: Fields, progress: Progress | None) -> 
 def check_schedule(
     statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
 ) -> int:
-    """Prove that every run has the claimed unstable modes and that the motion is stable.
+    """Return the number of boxes that prove a schedule. Raises Rejected if it is not proved.
 
-    The number of boxes is returned.
+    The claims are the numbers of unstable modes of all runs, and stability while the scheduling
+    variable moves.
     """
     flight = statement.flight
     n = len(flight.model.linear)
@@ -152,7 +153,7 @@ def _linear_model(statement: ScheduleStatement, trim: TrimBox) -> LinearModelBox
 def _loop_bounds(
     statement: ScheduleStatement, linear: LinearModelBox, box: ModesBox
 ) -> tuple[int, int]:
-    """Return the least and the largest number of unstable modes that a box proves for the loop."""
+    """Return the lowest and highest number of unstable modes of the loop that a box proves."""
     model = statement.flight.model
     if isinstance(statement.actuators, UncertainActuators):
         assert isinstance(box.proof, list)
@@ -168,7 +169,11 @@ def _loop_bounds(
 
 
 def _check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
-    """Raise Rejected unless the bounds proved by boxes are those of the runs, or better."""
+    """Raise Rejected unless the boxes prove the stated bounds of all runs, or tighter ones.
+
+    name: name of the runs, for messages
+    size: number of eigenvalues
+    """
     for run in runs:
         ends = [(run.low, run.high)]
         if run.least > 0:
@@ -193,9 +198,10 @@ def _ends_of_cell(cell: tuple[TrimBox, Any]) -> list[tuple[float, float]]:
 def _check_scheduled_rate(
     statement: ScheduleStatement, motion: Motion, progress: Progress | None
 ) -> list[LinearModelBox]:
-    """Check V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η'.
+    """Return linear models on boxes that prove stability while the scheduling variable η moves.
 
-    It then holds for all rates between them.
+    V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 is proved for both signs of the largest η', and therefore
+    holds for all rates between them. Raises Rejected if it is not proved.
     """
     flight = statement.flight
     boxes = covering(
@@ -213,8 +219,11 @@ def _check_scheduled_rate(
 
 
 def check_game(statement: GameStatement, witness: GameWitness) -> int:
-    """Prove that the distances, the modes and the bracket of delta_min are as claimed, and return
-    the number of boxes. Raises Rejected otherwise."""
+    """Return the number of boxes that prove a statement about a game, 1.
+
+    Raises Rejected unless the distances of the critic, the numbers of unstable modes and the
+    bracket of delta_min are proved as stated.
+    """
     weights = statement.weights
     doubles = _plant(statement, witness, decimals=False)
     wide = _plant(statement, witness, decimals=True) if statement.decimals else doubles
@@ -249,10 +258,10 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
 def _plant(
     statement: GameStatement, witness: GameWitness, *, decimals: bool
 ) -> tuple[TaylorModel, TaylorModel]:
-    """Return A and B, for the stored doubles or for every decimal that rounds to them.
+    """Return A and B, for the stored doubles or for every decimal number that rounds to them.
 
-    The trim of the doubles lies within its radii about the center. These are within the larger
-    radii for all decimals, in which each trim is unique. All trims are therefore one branch.
+    The trim of the doubles is within its radii about the center. The larger radii for all decimals
+    contain these radii, and each trim in them is unique. All trims are therefore on one branch.
     """
     plant = statement.plant
     if isinstance(plant, Plant):
@@ -272,8 +281,10 @@ def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
 def check_models(
     statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
 ) -> int:
-    """Prove that the interpolation errors between the breakpoints are at most those claimed, and
-    return the number of boxes. Raises Rejected otherwise."""
+    """Return the number of boxes that prove the interpolation errors between breakpoints.
+
+    Raises Rejected unless all errors are at most as large as stated.
+    """
     flight = statement.flight
     cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
     linear_models = []
@@ -291,9 +302,10 @@ def check_models(
 def interpolation_errors(
     tables: ModelsStatement, linear: LinearModelBox, exact: Solution
 ) -> dict[str, arb]:
-    """Return bounds on a box of the relative errors of A, B and K, and of the error of U.
+    """Return name -> upper bound of the interpolation error on a box.
 
-    They are |A - Â| / |A|, the same ratios of B and K, and |U - Û| in nominal values.
+    The errors are |X - X̂| / |X| for X = A, B and K (Frobenius norm), and |U - Û| for the trim
+    inputs U in nominal values. X̂ and Û are interpolated.
     """
     model = tables.flight.model
     nominal = np.array([model.signals[name].nominal for name in model.inputs])

@@ -1,4 +1,4 @@
-"""Coverage of a statement by its evidence, decided in one place."""
+"""Test that the boxes of a proof cover the box of its statement."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Piece = TypeVar("Piece")
 def covering(
     what: str, stated: Box, pieces: Sequence[Piece], box_of: Callable[[Piece], Box]
 ) -> list[Piece]:
-    """Return the pieces, at least one, whose boxes cover the stated box.
+    """Return all pieces if their boxes cover the stated box.
 
-    what: the pieces in a message, such as "the cells"
-    stated: the box of the claim; low = high is the claim at one value
-    pieces: the evidence in any order; they may overlap and reach beyond the stated interval
-    box_of: the box for which a piece is evidence
+    what: name of the pieces in a message, such as "the cells"
+    stated: the box of the claim; low = high is a claim at one value
+    pieces: the evidence in any order; the boxes may overlap and extend beyond the stated box
+    box_of: piece -> its box
 
-    Raises Rejected where a point is not covered, and for an end that is not finite, ends in reverse
-    order or a box with another number of coordinates.
+    Raises Rejected if a point is not covered, an end is not finite, ends are in reverse order, or a
+    box has another number of coordinates.
     """
     _check_ends(f"where {what} are needed", stated, len(stated))
     boxes = [box_of(piece) for piece in pieces]
@@ -52,7 +52,7 @@ def _check_ends(what: str, box: Box, coordinates: int) -> None:
 
 
 def _meets(box: Box, part: Box) -> bool:
-    """Return whether the two share more than a face of the part."""
+    """Return whether a box and a part have more in common than a face of the part."""
     for (low, high), (least, most) in zip(box, part, strict=True):
         if least == most and not low <= least <= high:
             return False
@@ -62,15 +62,15 @@ def _meets(box: Box, part: Box) -> bool:
 
 
 def _holds(box: Box, part: Box) -> bool:
-    """Return whether a box contains all of a part."""
+    """Return whether a box contains a part."""
     pairs = zip(box, part, strict=True)
     return all(low <= least and most <= high for (low, high), (least, most) in pairs)
 
 
 def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
-    """Return the part, divided at an end of a box.
+    """Return the part, divided in two at an end of a box.
 
-    boxes: boxes that meet the part and do not contain it, so that an end lies inside
+    boxes: boxes that meet the part but do not contain it, so that an end lies inside the part
     """
     cuts = []
     for i, (least, most) in enumerate(part):

@@ -1,10 +1,10 @@
-"""The loop of a statement, built from the linear model, the controller and the actuators alone.
+"""The closed loop of a statement, built from the linear model, the controller and the actuators.
 
-    x' = A x + B S a,  y = (C x + D S a, a),      the aircraft; S: the inputs that a moves
+    x' = A x + B S a,  y = (C x + D S a, a),      the aircraft; S selects the inputs that a moves
     a' = ω (λ u - a)  or  a'' = ω² (λ u - a) - 2 d ω a',
     x_c' = A_c x_c + B_c y,  u = C_c x_c + D_c y.
 
-Without actuators a = u. ζ = (x, a, a'/ω of order 2, x_c).
+Without actuators a = u. The state is ζ = (x, a, a'/ω of second-order actuators, x_c).
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from hfa_proof.checker.trims import LinearModelBox
 
 @dataclass(frozen=True, eq=False)
 class LoopBox:
-    """Closed loop ζ' = base ζ + ω (lag ζ + G v) on a box.
+    """Closed loop ζ' = base ζ + ω (lag ζ + G v) on a box, with commands u = U ζ.
 
-    v are the delayed and scaled commands u = U ζ.
+    v are the commands after delay and effectiveness.
 
     base: (n, n), the aircraft and the controller
-    lag: (n, n), the own dynamics of actuators of 1 rad/s
+    lag: (n, n), dynamics of actuators with a bandwidth of 1 rad/s
     G: (n, a)
     U: (a, n)
     """
@@ -52,7 +52,8 @@ def closed_loop(
 ) -> TaylorModel:
     """Return F (n, n) of ζ' = F ζ on a box, without actuators or with fixed ones.
 
-    Raises Rejected where a controller without actuators measures anything but states."""
+    Raises Rejected if a controller without actuators measures anything but states.
+    """
     if isinstance(actuators, FixedActuators):
         apart = actuated_loop(linear, model, controller, actuators)
         count = len(actuators.order)
@@ -86,7 +87,7 @@ def actuated_loop(
     controller: Controller,
     actuators: FixedActuators | UncertainActuators,
 ) -> LoopBox:
-    """Return the loop with its commands as separate inputs."""
+    """Return the loop with actuators, with their commands v as separate inputs."""
     n = len(model.linear)
     a = len(actuators.order)
     second = [i for i, order in enumerate(actuators.order) if order == 2]
@@ -127,7 +128,7 @@ def _measured(
     x: arb_mat,
     positions: arb_mat,
 ) -> TaylorModel:
-    """Return y as a function of ζ: states, outputs or parts of outputs, and positions."""
+    """Return y as a function of ζ: states, outputs or parts of outputs, and actuator positions."""
     p = len(controller.measurements)
     outputs = controller.outputs(model)
     S = matrix(_selected(controller.inputs, tuple(model.inputs)))
@@ -149,19 +150,24 @@ def _measured(
 
 
 def _selected(names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
-    """Return a matrix (wanted, names) with 1 where the names are equal."""
+    """Return a matrix (wanted, names) with entries 1 where the names are equal, else 0."""
     return np.array([[float(name == row) for name in names] for row in wanted])
 
 
 def controller_on(controller: Controller, low: float, high: float) -> list[TaylorModel]:
-    """Return A, B, C, D on a box between two breakpoints."""
+    """Return A, B, C, D of the controller on a box between two breakpoints."""
     tables = (controller.A, controller.B, controller.C, controller.D)
     return [between(controller.breakpoints, table, low, high) for table in tables]
 
 
 def between(breakpoints: np.ndarray, table: np.ndarray, low: float, high: float) -> TaylorModel:
-    """Return a table of matrices, linear between its breakpoints, on a box between two of them.
-    Raises Rejected for any other box."""
+    """Return the linear interpolation of a table of matrices, on a box between two breakpoints.
+
+    breakpoints: (g,)
+    table: (g, rows, columns)
+
+    Raises Rejected if the box contains a breakpoint inside or extends beyond the table.
+    """
     holding = [
         i
         for i, (first, last) in enumerate(pairwise(breakpoints.tolist()))

@@ -1,9 +1,10 @@
-"""Eigenvalues on both sides of a line, for every matrix of a box.
+"""Number of eigenvalues on each side of a line, for every matrix of a box.
 
 Let H be symmetric and -(A'H + H A + 2 a H) positive definite. Then A has as many eigenvalues with
-Re λ > -a as H has negative ones, and none with Re λ = -a (Ostrowski and Schneider, J. Math. Anal.
-Appl. 4, 1962). With H > 0 it is Lyapunov's theorem. For a fixed H the matrix is affine in A, and
-positive definite matrices form a convex cone. The corners of a box are therefore sufficient.
+Re λ > -a as H has negative eigenvalues, and none with Re λ = -a (Ostrowski and Schneider, J. Math.
+Anal. Appl. 4, 1962). For H > 0 this is Lyapunov's theorem. For a fixed H the matrix is affine in A,
+and positive definite matrices form a convex cone. The test at the corners of a box is therefore
+sufficient.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from hfa_proof.checker.witness import Line, Piece
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:
-    """Return the number of eigenvalues of every A with Re λ > -rate.
+    """Return the number of eigenvalues with Re λ > -rate, which is the same for every A of the box.
 
-    No eigenvalue is on the line. Raises Rejected unless this is proved.
+    Raises Rejected unless this is proved, and that no eigenvalue is on the line.
     """
     H = matrix(line.H)
     turn = matrix(line.turn)
@@ -35,10 +36,10 @@ def modes_right_of(A: TaylorModel, line: Line) -> int:
 
 
 def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
-    """Return bounds on the number of eigenvalues with a positive real part, for every A.
+    """Return bounds on the number of eigenvalues with positive real part, for every A of the box.
 
-    A line on the right of the axis gives the lower bound, one on the left the upper bound, and the
-    axis both.
+    A line to the right of the imaginary axis gives the lower bound, one to the left the upper
+    bound, and the axis itself gives both.
     """
     count = modes_right_of(A, line)
     least = count if line.rate <= 0.0 else 0
@@ -49,10 +50,13 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """Raise Rejected unless V = ζ'P ζ, P > 0, is proved to decrease.
+    """Raise Rejected unless V = ζ'P ζ > 0 is proved to decrease while the scheduling variable
+    moves.
 
-    The condition is A'P + P A ± growth < 0 on the box, with growth the change of P at the largest
-    rate.
+    The condition is P > 0 and A'P + P A ± growth < 0 on the box.
+
+    growth: (n, n), change of P per second at the largest rate
+    turn_of_box: (n, n), coordinates in which definiteness is tested
     """
     turn = matrix(turn_of_box)
     for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
@@ -65,10 +69,10 @@ def check_motion(
 
 
 def check_positive(form: TaylorModel, turn: arb_mat) -> None:
-    """Raise Rejected unless every symmetric matrix of the form is positive definite.
+    """Raise Rejected unless every symmetric matrix of the form is proved positive definite.
 
-    turn: coordinates in which that is decided, because the errors of the parameters are small in
-        them
+    turn: (n, n), coordinates in which this is tested; the errors of the parameters are small in
+    them
     """
     turned = form.map(lambda part: turn.transpose() * part * turn)
     if not all(is_positive_definite(corner) for corner in turned.corners()):
@@ -76,10 +80,11 @@ def check_positive(form: TaylorModel, turn: arb_mat) -> None:
 
 
 def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
-    """Return the signs of the eigenvalues (Sylvester). Raises Rejected where one is not
-    distinguished from 0.
+    """Return the signs of the eigenvalues of a symmetric matrix (Sylvester).
 
-    turn: coordinates, whose regularity is proved
+    turn: (n, n), coordinates; they are proved to be regular
+
+    Raises Rejected if an eigenvalue may be 0.
     """
     diagonal = pivots(turn.transpose() * symmetric * turn)
     if diagonal is None:
@@ -88,20 +93,20 @@ def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
 
 
 def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piece]) -> None:
-    """Raise Rejected unless a loop with uncertain actuators is proved to be stable.
+    """Raise Rejected unless a loop with uncertain actuators is proved stable.
 
     The loop is ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ. It is stable
-    for each constant ω of the interval, all λ within their intervals and delays up to the stated
-    one.
+    for each constant ω in the interval, all λ_i(t) in the interval of the effectiveness, and all
+    delays τ_i(t) up to the stated one.
 
-    In v = λ_0 (u + d) + e, λ_0 is the middle and r the half width of the effectiveness, so that |e|
-    <= |z|, z = r (u + d). d = u(t - τ) - u is minus an integral of u' = q / τ over at most τ, so
-    that the integral of d² is at most that of q² (Kao and Lincoln, Automatica 40, 2004). V = ζ'H ζ
-    with the integrals of q² decreases if for all ζ, d, e that are not all 0
+    Write v = λ_0 (u + d) + e, with λ_0 the center and r the half-width of the effectiveness. Then
+    |e| <= |z| with z = r (u + d). d = u(t - τ) - u is minus an integral of u' = q / τ over at most
+    τ. The integral of d² is therefore at most that of q² (Kao and Lincoln, Automatica 40, 2004). V
+    = ζ'H ζ, together with the integrals of q², decreases if for all ζ, d, e that are not all 0
 
         2 ζ'H ζ' + q'X_1 q - d'X_1 d + z'X_2 z - e'X_2 e < 0,   H > 0,  X_1, X_2 >= 0 diagonal.
 
-    The left side is convex in ω. The ends of a piece are therefore sufficient.
+    The left side is convex in ω. The test at the ends of a piece is therefore sufficient.
     """
     pieces = covering("the pieces", [actuators.bandwidth], pieces, lambda piece: [piece.bandwidth])
     least, most = map(arb, actuators.effectiveness)

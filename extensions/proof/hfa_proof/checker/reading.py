@@ -1,6 +1,6 @@
-"""Reading of the entries of a certificate, each once and with its type.
+"""Reader of the entries of a certificate. Each entry is read once, with its type.
 
-Remaining entries are refused.
+Entries that are not read are refused.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ Terms = tuple[tuple[float, tuple[int, ...]], ...]
 
 
 class Malformed(NoSolutionError):
-    """Error of a certificate with an invalid entry."""
+    """Raised if a certificate has an invalid entry."""
 
 
 class Rejected(NoSolutionError):
-    """Error of a witness that does not prove its statement."""
+    """Raised if a witness does not prove its statement."""
 
 
 def require(holds: bool, where: str, value: Any = None) -> None:
-    """Raise Malformed, with the name of the entry, unless the condition holds."""
+    """Raise Malformed, with the name of the entry and its value, unless the condition is true."""
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
         raise Malformed(f"{where} is not valid in a certificate{shown_value}")
@@ -55,9 +55,9 @@ NOT_PROVED = (
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Name the file in the errors of the block.
+    """Add the name of the file to the errors of the block.
 
-    Raises BadInputError where the certificate is about another model, Rejected otherwise.
+    A BadInputError remains one. Errors that mean "not proved" become Rejected.
     """
     try:
         yield
@@ -71,6 +71,8 @@ class Fields:
     """The entries of a JSON object. Each is read once, and `close` refuses unread entries.
 
     where: name of the object in messages
+
+    The reading methods raise Malformed if an entry is missing or invalid.
     """
 
     def __init__(self, where: str, content: Any) -> None:
@@ -83,67 +85,67 @@ class Fields:
         return name in self._remaining
 
     def close(self) -> None:
-        """Raise Malformed for an entry that was not read."""
+        """Raise Malformed if an entry was not read."""
         require(
             not self._remaining, f"{self.where}: unknown entry", sorted(self._remaining, key=str)
         )
 
     def value(self, name: str, holds: Callable[[Any], bool]) -> Any:
-        """Read an entry that passes the test."""
+        """Return an entry that passes the test `holds`."""
         require(name in self._remaining, f"{self._called(name)}: missing entry")
         value = self._remaining.pop(name)
         require(bool(holds(value)), self._called(name), value)
         return value
 
     def same(self, name: str, expected: Any) -> None:
-        """Read an entry that must have this value."""
+        """Read an entry that must equal `expected`."""
         self.value(name, lambda value: value == expected)
 
     def fields(self, name: str) -> Fields:
-        """Read an object."""
+        """Return the entries of an object."""
         return Fields(self._called(name), self.value(name, lambda value: isinstance(value, dict)))
 
     def items(self, name: str) -> list[Fields]:
-        """Read a list of objects."""
+        """Return the entries of each object in a list."""
         entries = self.value(name, lambda value: isinstance(value, list))
         return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
 
     def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
-        """Read a list of texts, each one of the allowed ones."""
+        """Return a list of strings, each of which must be in `allowed`."""
         entries = self.value(name, lambda value: isinstance(value, list))
         for entry in entries:
             require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
         return tuple(entries)
 
     def flag(self, name: str) -> bool:
-        """Read true or false."""
+        """Return an entry that is true or false."""
         return bool(self.value(name, lambda value: isinstance(value, bool)))
 
     def count(self, name: str, most: int) -> int:
-        """Read a whole number from 0 to `most`."""
+        """Return a whole number from 0 to `most`."""
         return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
 
     def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
-        """Read a finite number, at least `least` and larger than `above`."""
+        """Return a finite number that is at least `least` and larger than `above`."""
         value = float(self.array(name))
         require(value >= least and value > above, self._called(name), value)
         return value
 
     def positive(self, name: str) -> float:
-        """Read a positive number, or inf for "inf"."""
+        """Return a positive number; "inf" in the file is infinity."""
         if self._remaining.get(name) == "inf":
             del self._remaining[name]
             return math.inf
         return self.number(name, above=0.0)
 
     def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
-        """Read two numbers in order, at least `least`."""
+        """Return two numbers in increasing order, the first at least `least`."""
         low, high = self.array(name, 2).tolist()
         require(least <= low <= high, self._called(name), [low, high])
         return low, high
 
     def numbers(self, name: str, allowed: Any) -> dict[str, float]:
-        """Read numbers by allowed names."""
+        """Return name -> number from an object whose names must be in `allowed`."""
         entries = self.fields(name)
         values = {}
         for key in list(entries._remaining):
@@ -152,14 +154,15 @@ class Fields:
         return values
 
     def all_numbers(self, name: str, names: Sequence[str]) -> dict[str, float]:
-        """Read a number for each of the names, in order."""
+        """Return name -> number from an object that must have exactly these names."""
         numbers = self.numbers(name, names)
         require(set(numbers) == set(names), self._called(name), sorted(numbers))
         return {each: numbers[each] for each in names}
 
     def terms(self, name: str, variables: int, highest: int) -> Terms:
-        """Read terms of a polynomial, at least one, each of degree 2 to `highest` and listed
-        once.
+        """Return the terms of a polynomial, at least one.
+
+        Each has a degree from 2 to `highest`, and no monomial is listed twice.
         """
         listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
         terms = []
@@ -175,7 +178,7 @@ class Fields:
         return tuple(terms)
 
     def array(self, name: str, *shape: int | None) -> np.ndarray:
-        """Read an entry of nested lists of finite numbers as an array.
+        """Return an array from nested lists of finite numbers.
 
         name: name of the entry
         shape: length of each level of lists, or None for any length
@@ -192,19 +195,22 @@ class Fields:
         return values.reshape(sides) if len(sides) == len(shape) else values
 
     def increasing(self, name: str) -> np.ndarray:
-        """Read at least two numbers, each larger than the one before."""
+        """Return at least two numbers in strictly increasing order."""
         values = self.array(name, None)
         require(len(values) > 1 and bool(np.all(np.diff(values) > 0.0)), self._called(name))
         return values
 
     def symmetric(self, name: str, n: int) -> np.ndarray:
-        """Read a matrix that equals its transpose exactly."""
+        """Return a matrix (n, n) that must equal its transpose exactly."""
         values = self.array(name, n, n)
         require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
         return values
 
     def balls(self, name: str, *shape: int) -> Any:
-        """Read nested lists of numbers as balls: doubles exactly, decimals in quotes enclosed."""
+        """Return nested lists of balls: doubles exactly, decimals in quotes enclosed.
+
+        shape: length of each level of lists
+        """
         entries = self.value(name, lambda value: True)
         return _walked(self._called(name), entries, list(shape), _ball)
 
@@ -213,13 +219,14 @@ class Fields:
 
 
 def rows_of(terms: Terms) -> list[list[Any]]:
-    """Return the terms as stored in a file, which `Fields.terms` reads."""
+    """Return the terms as stored in a file, in the form that `Fields.terms` accepts."""
     return [[coefficient, list(powers)] for coefficient, powers in terms]
 
 
 def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
-    """Return the nested list with `leaf` applied to each number. Raises Malformed for another
-    shape.
+    """Return a nested list with `leaf` applied to each number.
+
+    Raises Malformed if the list has another shape.
     """
     if not shape:
         return leaf(where, part)

@@ -2,9 +2,9 @@
 
     A'P + P A + Q - P S P = 0,   S = B R⁻¹ B' - E E' / delta²,   K = R⁻¹ B' P.
 
-A solution with A - S P Hurwitz is unique. The game has a value if and only if this solution exists
-and is positive semidefinite. The delta with a value are an interval up to infinity (Basar and
-Bernhard, H-infinity-Optimal Control, 1995, Theorem 4.11).
+At most one solution P makes A - S P Hurwitz. The game has a value if and only if this solution
+exists and is positive semidefinite. The delta for which this is so form an interval up to infinity
+(Basar and Bernhard, H-infinity-Optimal Control, 1995, Theorem 4.11).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SAME_GAIN = 1e-9
 
 
 class Solution(NamedTuple):
-    """P (n, n) and K (m, n) on a box."""
+    """Solution of the Riccati equation on a box: P (n, n) and K (m, n)."""
 
     P: TaylorModel
     K: TaylorModel
@@ -38,12 +38,14 @@ class Solution(NamedTuple):
 def solution_on(
     weights: Weights, A: TaylorModel, B: TaylorModel, box: SolutionBox, lowest: int
 ) -> Solution:
-    """Return the solution that makes A - S P Hurwitz.
+    """Return the solution P for which A - S P is Hurwitz, and its K.
 
-    Raises Rejected unless it is proved to be near the stated P(s), and its lowest eigenvalue to
-    have the sign `lowest`. F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A
-    - S P) at symmetric P. Its one root near a symmetric P(s) is symmetric, because its transpose is
-    a root too.
+    lowest: sign that the lowest eigenvalue of P must have
+
+    Raises Rejected unless it is proved that the solution is near the stated P(s) and its lowest
+    eigenvalue has this sign. F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E
+    (A - S P) at a symmetric P. The only root near a symmetric P(s) is symmetric, because its
+    transpose is a root too.
     """
     units = matrix(np.diag(box.units))
     n = len(box.units)
@@ -72,7 +74,7 @@ def solution_on(
 
 
 def lyapunov_operator(loop: arb_mat) -> arb_mat:
-    """Return L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row.
+    """Return the operator L(E) = A_c'E + E A_c as a matrix (n², n²) that acts on E row by row.
 
     (L E)_ij = Σ A_c,ki E_kj + E_im A_c,mj.
     """
@@ -98,8 +100,10 @@ def check_axis(
 ) -> None:
     """Raise Rejected unless H = [[A, -S], [-Q, -A']] is proved to have an eigenvalue j ω.
 
-    No solution exists then. The spectrum of H is symmetric, so that det(j ω I - H) is real. There
-    is an eigenvalue where it changes its sign. The change is proved among the frequencies, rad/s.
+    The game then has no stabilizing solution. The spectrum of H is symmetric about the imaginary
+    axis, so that det(j ω I - H) is real. An eigenvalue exists where it changes its sign.
+
+    frequencies: ω, rad/s, among which the sign changes
     """
     rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
     H = acb_mat(rows)
@@ -117,14 +121,14 @@ def hamiltonian_rows(A: arb_mat, S: arb_mat, Q: arb_mat) -> list[list[arb]]:
 
 
 def weights_of_basis(P: arb_mat, size: int) -> arb_mat:
-    """Return W, (size, 1), with W'ψ(z) = z'P z: P_ii and 2 P_ij row by row, then zeros."""
+    """Return W (size, 1) with W'ψ(z) = z'P z: P_ii and 2 P_ij row by row, followed by zeros."""
     n = P.nrows()
     entries = [P[i, j] if i == j else 2 * P[i, j] for i in range(n) for j in range(i, n)]
     return arb_mat(size, 1, entries + [arb(0)] * (size - len(entries)))
 
 
 def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
-    """Return P, (n, n), of the quadratic part of W'ψ(z). Halves of doubles are exact."""
+    """Return P (n, n) of the quadratic part of W'ψ(z). Halves of doubles are exact."""
     P = np.zeros((n, n))
     upper = np.triu_indices(n)
     P[upper] = np.asarray(W, dtype=float).ravel()[: len(upper[0])] / 2.0
@@ -132,9 +136,9 @@ def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
 
 
 def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
-    """Raise Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`.
+    """Raise Rejected unless K equals R⁻¹ B' P within `SAME_GAIN`.
 
-    P is the critic's and that of the quadratic part of W.
+    This is tested for the critic's P and for the P of the quadratic part of its W, if it has them.
     """
     K = matrix(critic["K"])
     values = [critic["P"]] if "P" in critic else []
@@ -148,9 +152,9 @@ def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray
 
 
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
-    """Return the least and the largest Frobenius norm of differences, relative to sizes if given.
+    """Return a lower and an upper bound of the Frobenius norm of differences.
 
-    A norm is convex and therefore largest at a corner.
+    The norm is divided by that of `sizes` if given. It is convex and therefore largest at a corner.
     """
     whole = arb(1) if sizes is None else norm(sizes)
     least = norm(differences.range().entries()) / whole
@@ -162,7 +166,7 @@ def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tu
 def critic_distances(
     critic: Mapping[str, np.ndarray], exact: Solution
 ) -> dict[str, tuple[arb, arb]]:
-    """Return bounds of |X - X*| / |X*| for each part K, P, W of the critic."""
+    """Return name -> bounds of |X - X*| / |X*| for each part X = K, P or W of the critic."""
     targets = {"K": exact.K, "P": exact.P}
     if "W" in critic:
         targets["W"] = TaylorModel(weights_of_basis(exact.P.range(), len(critic["W"])))

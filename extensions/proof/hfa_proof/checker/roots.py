@@ -1,4 +1,4 @@
-"""Enclosure of the root of equations in balls."""
+"""Enclosure of the root of a system of equations, in ball arithmetic."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from hfa_proof.checker.reading import Rejected
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
-    """Return the enclosure of the one root of F about x̂(s), a column, by Krawczyk's test. Raises
-    Rejected where the test does not prove it.
+    """Return an enclosure of w - x̂(s) for the only root w of F near x̂, a column (n, 1).
 
-    residual: F along x̂, a column
-    J: F' where |e_i| <= r_i
+    The root is proved by Krawczyk's test.
+
+    residual: F at x̂, a column
+    J: Jacobian F' where |w_i - x̂_i| <= r_i
     radii: r
+
+    Raises Rejected if the test does not prove a root.
     """
     n = len(radii)
     C = J.mid().inv().mid()

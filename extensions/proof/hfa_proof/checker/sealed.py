@@ -1,4 +1,4 @@
-"""File of a certificate, in which an edit of any number is detected."""
+"""File format of a certificate, which detects an edit of any number."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ _CLOSING = ("digest", "provenance", "checksum")
 def sealed(head: str, origin: str) -> str:
     """Return the text of a certificate.
 
-    head: its JSON object without the last brace. `digest`, the SHA-256 of this, is added.
-    origin: its provenance, JSON. `checksum`, the SHA-256 of all before, is added.
+    head: its JSON object without the closing brace; `digest`, the SHA-256 of this text, follows
+    origin: its provenance in JSON; `checksum`, the SHA-256 of all text before, follows
 
-    An edited digit of any number is detected. The digest covers the statement and the witness, but
-    not the date of the proof.
+    The digest covers the statement and the witness, but not the date of the proof.
     """
     digest = hashlib.sha256(head.encode()).hexdigest()
     whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
@@ -34,7 +33,7 @@ def sealed(head: str, origin: str) -> str:
 
 
 def claims_of(content: dict[str, Any]) -> Fields:
-    """Return the entries of a certificate that belong to its claim."""
+    """Return the entries of a certificate without those of its file format."""
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
         entries.value(name, lambda value: True)
@@ -44,15 +43,17 @@ def claims_of(content: dict[str, Any]) -> Fields:
 def kind_of(path: Path) -> str:
     """Return the kind of a certificate.
 
-    Raises BadInputError when the file is not a certificate or was edited.
+    Raises BadInputError if the file is not a certificate or was edited.
     """
     content, _ = read_sealed(path)
     return str(content.get("kind"))
 
 
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the content of an unedited file, and the run that wrote it. Raises BadInputError for
-    any other file."""
+    """Return the content of a certificate, and version, command and date of the run that wrote it.
+
+    Raises BadInputError if the file is not a certificate, was edited, or has another schema.
+    """
     with file_faults(path):
         text = regular_file(path).read_bytes()
     try:
@@ -84,9 +85,9 @@ def write_sealed(
     witness: dict[str, Any],
     origin: dict[str, Any],
 ) -> None:
-    """Write a certificate, every number a double in full.
+    """Write a certificate, with all digits of every number.
 
-    origin: provenance of its run, which is not in its digest
+    origin: provenance of the run; the digest does not cover it
     """
     content = {
         "schema": SCHEMA,

@@ -1,8 +1,8 @@
-"""The statement of a certificate.
+"""Statements of certificates about schedules, games and interpolated models.
 
-The checker interprets or refuses every field. The digest covers all fields, and a report shows
-them. Evidence is elsewhere (`witness.py`) and cannot change a claim. Scheduling values are written
-as people write them, angles in degrees, because their doubles are exact. All other numbers are in
+The checker interprets or refuses every field. The digest covers all fields, and reports show them.
+Evidence is separate (`witness.py`) and cannot change a claim. Scheduling values are stored as a
+user types them, angles in degrees, because their doubles are then exact. All other numbers are in
 the units of the model.
 """
 
@@ -25,10 +25,10 @@ from hfa_support.reporting.results import Stack, Vector
 
 
 class Run(NamedTuple):
-    """Bounds of the number of eigenvalues with a positive real part, from `low` to `high`.
+    """Bounds on the number of eigenvalues with positive real part, from `low` to `high`.
 
-    At every scheduling value there are at least `least` and at most `most`. Where the two are equal
-    no eigenvalue is on the axis.
+    At every scheduling value in this interval there are at least `least` and at most `most`. If the
+    two are equal, no eigenvalue is on the imaginary axis.
     """
 
     low: float
@@ -38,7 +38,8 @@ class Run(NamedTuple):
 
 
 class StatedTrim(NamedTuple):
-    """The trim at a scheduling value, within `SAME_TRIM`. It selects one where a model has several.
+    """The trim at a scheduling value, within `SAME_TRIM`. It selects one if a model has several
+    trims.
 
     unknowns: name -> value
     """
@@ -49,18 +50,16 @@ class StatedTrim(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Trims of an aircraft at every scheduling value from `low` to `high`.
+    """Trims of an aircraft at every scheduling value from `low` to `high`, within its limits.
 
-    All states, inputs and outputs are within their limits.
-
-    model: the equations; its name, units and the hash of its source files are in the statement
+    model: the equations; the statement contains its name, units and the hash of its source files
     parameters: every parameter of the model -> value
-    spread: parameter -> half width; the claim holds for all parameters within it
-    imposed: imposed variable -> value, of every trim
+    spread: parameter -> half-width; the claim covers all parameter values within it
+    imposed: imposed variable -> value, the same for every trim
     limits: state, input or output -> (lowest, highest)
     low: first scheduling value
     high: last scheduling value
-    trims: one stated trim for each branch of trims that the claim is about, in order
+    trims: one stated trim for each branch of trims that the claim covers, in order
     """
 
     model: Model
@@ -73,23 +72,23 @@ class Flight:
     trims: tuple[StatedTrim, ...]
 
     def value(self, scheduling_value: Any) -> Any:
-        """Return the value in the unit of the model, as a ball or a double.
+        """Return a scheduling value in the unit of the model, as a ball or a double.
 
-        An angle is in rad, with π enclosed.
+        An angle is converted to rad; for a ball, π is enclosed.
         """
         return in_model_unit(self.model, scheduling_value)
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Return the free variables of a trim."""
+        """Names of the free variables of a trim."""
         imposed = (self.model.schedule, *self.imposed)
         return tuple(name for name in self.model.variables if name not in imposed)
 
     @classmethod
     def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:
-        """Return the flight of a certificate.
+        """Return the flight of a certificate. Raises Malformed for the first wrong entry.
 
-        point: whether `low` and `high` are one value
+        point: whether `low` and `high` must be equal
         """
         for name, fact in facts_of(model).items():
             entries.same(name, fact)
@@ -120,7 +119,7 @@ class Flight:
         return cls(model, parameters, spread, imposed, flight.limits, low, high, tuple(trims))
 
     def _check_imposed(self) -> None:
-        """Check that imposed variables and the scheduling variable are within their limits."""
+        """Raise Malformed if an imposed variable or the scheduling variable exceeds its limits."""
         ends = {name: (value, value) for name, value in self.imposed.items()}
         ends[self.model.schedule] = tuple(
             in_model_unit(self.model, end) for end in (self.low, self.high)
@@ -144,7 +143,9 @@ class Plant:
 
     @classmethod
     def read(cls, entries: Fields) -> Plant:
-        """Read a plant of any size."""
+        """Return the plant of a certificate, of any size. Raises Malformed for the first wrong
+        entry.
+        """
         A = entries.array("A", None, None)
         B = entries.array("B", len(A), None)
         require(A.shape == (len(A), len(A)) and B.size > 0, "A", A.shape)
@@ -154,12 +155,14 @@ class Plant:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """The game with the cost ∫ x'Q x + u'R u - delta² w'w dt.
+    """Weights of the game with the cost ∫ x'Q x + u'R u - delta² w'w dt.
 
-    Q: (n, n), symmetric, positive semidefinite, decided exactly
+    Q: (n, n), symmetric, positive semidefinite
     R: (m, m), symmetric, positive definite
     E: (n, q), disturbance matrix
     delta: disturbance weight, inf without a disturbance
+
+    The definiteness of Q and R is decided exactly.
     """
 
     Q: np.ndarray
@@ -169,7 +172,10 @@ class Weights:
 
     @classmethod
     def read(cls, entries: Fields, n: int, m: int) -> Weights:
-        """Read the weights of a game with n states and m inputs."""
+        """Return the weights of a game with n states and m inputs.
+
+        Raises Malformed for the first wrong entry.
+        """
         Q = entries.symmetric("Q", n)
         R = entries.symmetric("R", m)
         E = entries.array("E", n, None)
@@ -182,17 +188,18 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Controller x_c' = A x_c + B y, u = C x_c + D y, linear in the scheduling value between
-    breakpoints.
+    """Controller x_c' = A x_c + B y, u = C x_c + D y.
 
-    Gains u = -K x are a controller without states, D = -K.
+    Its matrices are linear in the scheduling value between breakpoints. Gains u = -K x are a
+    controller without states, D = -K.
 
     breakpoints: (g,), increasing
     A: (g, k, k)
     B: (g, k, p)
     C: (g, a, k)
     D: (g, a, p)
-    measurements: (p,), linear states, outputs, OUTPUT_PART, and INPUT_position of actuators
+    measurements: (p,), names of linear states, outputs, parts of outputs, and INPUT_position of
+        actuators
     inputs: (a,), the inputs that u moves; the others are constant
     """
 
@@ -208,7 +215,7 @@ class Controller:
     def read(cls, entries: Fields, model: Model) -> Controller:
         """Return the controller of a certificate.
 
-        Raises Malformed for a name that is not the model's.
+        Raises Malformed for the first wrong entry, such as a name that the model does not have.
         """
         breakpoints = entries.increasing("breakpoints")
         inputs = entries.texts("inputs", model.inputs)
@@ -233,19 +240,19 @@ class Controller:
         return controller
 
     def outputs(self, model: Model) -> tuple[str, ...]:
-        """Return the outputs of the model among the measurements."""
+        """Return the names of the model's outputs among the measurements."""
         names = (model.part(name)[0] for name in self.measurements)
         return tuple(dict.fromkeys(name for name in names if name in model.outputs))
 
 
 @dataclass(frozen=True, eq=False)
 class FixedActuators:
-    """One actuator for each of the controller's inputs.
+    """One actuator for each input of the controller.
 
-    order 1: a' = ω (λ u - a). order 2: a'' = ω² (λ u - a) - 2 d ω a'.
+    First order: a' = ω (λ u - a). Second order: a'' = ω² (λ u - a) - 2 d ω a'.
 
     order: (a,), 1 or 2
-    damping: (a,), d, of order 2
+    damping: (a,), d, for order 2
     bandwidth: (a,), ω, rad/s
     effectiveness: (a,), λ
     """
@@ -257,7 +264,7 @@ class FixedActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> FixedActuators:
-        """Read the actuators of `count` inputs."""
+        """Return the actuators of `count` inputs. Raises Malformed for the first wrong entry."""
         order = _read_orders(entries, count)
         numbers = [entries.array(name, count) for name in ("damping", "bandwidth", "effectiveness")]
         require(all(bool(np.all(values > 0.0)) for values in numbers), entries.where)
@@ -267,13 +274,13 @@ class FixedActuators:
 
 @dataclass(frozen=True, eq=False)
 class UncertainActuators:
-    """Actuators whose ω, λ(t) and delay τ(t) are known within intervals.
+    """Actuators whose ω, λ(t) and delay τ(t) are known only within intervals.
 
     order: (a,), 1 or 2
-    damping: (a,), d, of order 2
-    bandwidth: lowest and highest ω, rad/s; constant and equal for all inputs
-    effectiveness: lowest and highest λ; varies independently for each input
-    delay: largest τ, s; varies independently for each input
+    damping: (a,), d, for order 2
+    bandwidth: lowest and highest ω, rad/s; ω is constant and equal for all inputs
+    effectiveness: lowest and highest λ; λ varies independently for each input
+    delay: largest τ, s; τ varies independently for each input
     """
 
     order: tuple[int, ...]
@@ -284,7 +291,9 @@ class UncertainActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> UncertainActuators:
-        """Read the uncertain actuators of `count` inputs."""
+        """Return the uncertain actuators of `count` inputs. Raises Malformed for the first wrong
+        entry.
+        """
         order = _read_orders(entries, count)
         damping = entries.array("damping", count)
         bandwidth = entries.pair("bandwidth", least=0.0)
@@ -300,13 +309,16 @@ Actuators = FixedActuators | UncertainActuators
 
 @dataclass(frozen=True, eq=False)
 class ScheduleStatement:
-    """The loop of a flight, a controller and optionally actuators, at every scheduling value.
+    """Claim about the loop of a flight, a controller and optional actuators, at every scheduling
+    value.
 
-    loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
+    loop: unstable modes of the loop, as runs from `low` to `high` without gaps; a run from 0 to all
+        modes claims nothing
     modes: unstable modes of the aircraft alone, as runs in the same form
-    decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
-        1/s, or 0 if there is no such run
-    scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or None
+    decay_rate: 1/s; in runs of the loop without unstable modes, Re λ < -decay_rate for every
+        eigenvalue λ; 0 if there is no such run
+    scheduled_rate: largest rate of the scheduling value, per s, at which the loop stays stable; or
+    None
     """
 
     flight: Flight
@@ -319,9 +331,8 @@ class ScheduleStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
-        """Return the statement of a certificate.
-
-        Raises a Malformed error that names the first wrong entry.
+        """Return the statement of a certificate. Raises Malformed, which names the first wrong
+        entry.
         """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         controller = Controller.read(entries.fields("controller"), model)
@@ -351,17 +362,18 @@ class ScheduleStatement:
 
 @dataclass(frozen=True, eq=False)
 class GameStatement:
-    """The exact solution of a game, and the distance of a critic from it.
+    """Claim about the exact solution of a game and the distance of a critic from it.
 
-    plant: linear model of a flight at one scheduling value, or matrices
-    decimals: whether `distances` and `loop` hold for every decimal number that rounds to these
-        doubles, or for the doubles alone; `delta_min` and `modes` hold for the doubles alone
-    critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
-    gain_of_value: whether K is R⁻¹ B' P of the critic's P and W, to within `SAME_GAIN`
-    distances: name of each of the critic's parts -> bounds of |X - X*| / |X*| (Frobenius)
-    loop: least and most unstable modes of A - B K with the critic's K
-    delta_min: a delta without a value of the game, and one with a value; or None
-    modes: least and most unstable modes of A, with delta_min
+    plant: flight at one scheduling value, whose linear model is used, or matrices
+    decimals: True if `distances` and `loop` are claimed for every decimal number that rounds to the
+        stored doubles, False if only for these doubles; `delta_min` and `modes` are claimed for the
+        doubles only
+    critic: K (m, n), and P (n, n) or W (weights, 1) if the critic has them gain_of_value: whether K
+    is claimed to equal R⁻¹ B' P of the critic's P and W, within `SAME_GAIN` distances: part of the
+    critic -> bounds of |X - X*| / |X*| (Frobenius norm) loop: lowest and highest number of unstable
+    modes of A - B K with the critic's K delta_min: a delta for which the game has no value, and one
+    for which it has; or None modes: lowest and highest number of unstable modes of A; given with
+    delta_min
     """
 
     plant: Flight | Plant
@@ -379,9 +391,9 @@ class GameStatement:
         """Return the statement of a certificate.
 
         entries: entries of the statement
-        model: model of the aircraft, or None where the game is of a plant's matrices
+        model: the aircraft, or None if the plant is given by matrices
 
-        Raises a Malformed error that names the first wrong entry.
+        Raises Malformed, which names the first wrong entry.
         """
         plant: Flight | Plant
         if model is None:
@@ -415,15 +427,15 @@ class GameStatement:
 
 @dataclass(frozen=True, eq=False)
 class ModelsStatement:
-    """Linear models at breakpoints, between which they are interpolated linearly.
+    """Claim about linear models at breakpoints, between which they are interpolated linearly.
 
     breakpoints: (g,), increasing, from one end of the flight to the other
     A: (g, n, n)
     B: (g, n, m)
-    inputs: (g, m, 1), of the trims
+    inputs: (g, m, 1), inputs of the trims
     K: (g, m, n), gains of the exact game
-    errors: A, B, K -> bound of |X - X*| / |X*| (Frobenius); inputs -> of |U - U*|, U in nominal
-        values
+    errors: A, B, K -> upper bound of |X - X*| / |X*| (Frobenius norm); inputs -> upper bound of
+        |U - U*|, with U in nominal values
     """
 
     flight: Flight
@@ -437,9 +449,8 @@ class ModelsStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ModelsStatement:
-        """Return the statement of a certificate.
-
-        Raises a Malformed error that names the first wrong entry.
+        """Return the statement of a certificate. Raises Malformed, which names the first wrong
+        entry.
         """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         n = len(model.linear)
@@ -470,9 +481,14 @@ KINDS: dict[str, Any] = {
 
 
 def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
-    """Return the statement in a file.
+    """Return the statement of a certificate.
 
+    kind: the certificate's entry `kind`
+    content: its entry `statement`
     own: the user's model, if the statement concerns one
+
+    Raises Malformed for the first wrong entry, and BadInputError if the statement concerns another
+    model.
     """
     require(isinstance(kind, str) and kind in KINDS, "kind", kind)
     entries = Fields("statement", content)
@@ -486,12 +502,12 @@ def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
 
 
 def content_of(statement: Statement) -> dict[str, Any]:
-    """Return the statement as stored in a file, which `read_statement` reads."""
+    """Return the certificate's entry `statement`, in the form that `read_statement` accepts."""
     return {name: _content(value) for name, value in _named_parts(statement).items()}
 
 
 def kind_of_statement(statement: Statement) -> str:
-    """Return the kind of certificate of a statement."""
+    """Return the certificate's entry `kind` for a statement."""
     return next(name for name, kind in KINDS.items() if isinstance(statement, kind))
 
 
@@ -540,9 +556,7 @@ def _content(value: Any) -> Any:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return the name and source of a model, its scheduling variable, and the units of all
-    numbers.
-    """
+    """Return entries that identify a model: name, source, scheduling variable and units."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],
@@ -555,7 +569,7 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def in_model_unit(model: Model, scheduling_value: Any) -> Any:
-    """Return a scheduling value of a file in the unit of the model. Degrees become rad."""
+    """Return a scheduling value of a file in the unit of the model: degrees become rad."""
     if model.schedule_unit != "deg":
         return scheduling_value
     if isinstance(scheduling_value, arb):
@@ -564,7 +578,7 @@ def in_model_unit(model: Model, scheduling_value: Any) -> Any:
 
 
 def measurable(model: Model) -> tuple[str, ...]:
-    """Return the names that a controller may measure."""
+    """Return the names of the linear states, outputs and parts of outputs that may be measured."""
     return tuple(name for name in model.measurable if name in model.linear or _output(model, name))
 
 
@@ -573,16 +587,16 @@ def _output(model: Model, name: str) -> bool:
 
 
 def loop_size(model: Model, controller: Controller, actuators: Actuators | None) -> int:
-    """Return the number of states of aircraft, actuators and controller."""
+    """Return the number of states of the loop: aircraft, actuators and controller."""
     size = len(model.linear) + controller.A.shape[1]
     return size if actuators is None else size + sum(actuators.order)
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """Return signal -> limits of a certificate.
+    """Return signal -> (lowest, highest) from a certificate.
 
-    Every signal with a limit in the model has one, which is not wider. Limits of other signals are
-    optional.
+    Every signal with a limit in the model must have one that is not wider. Limits of other signals
+    are optional. Raises Malformed otherwise.
     """
     stated = entries.fields("limits")
     limits = {}
@@ -604,15 +618,15 @@ def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
 
 
 def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
-    """Return the runs of a certificate's entry.
+    """Return the runs in an entry with rows [low, high, least, most].
+
+    They must follow each other without a gap over the interval of the flight.
 
     entries: object that contains the entry
-    name: name of the entry, rows [low, high, least, most]
-    flight: flight from whose low end to whose high end the runs must follow each other without a
-        gap
+    name: name of the entry
     size: number of eigenvalues
 
-    Raises a Malformed error that names the entry when its rows are anything else.
+    Raises Malformed, which names the entry, otherwise.
     """
     runs: list[Run] = []
     for row in entries.array(name, None, 4).tolist():

@@ -1,8 +1,8 @@
-"""Trims and linear models on a box of scheduling values, proved to exist.
+"""Trims and linear models on a box of scheduling values, with a proof that the trims exist.
 
 The trims solve F(w, η) = 0. Krawczyk's test is applied along the stated polynomial ŵ(s). Let C ≈
 F_w⁻¹ and e = w - ŵ. If |C F(ŵ)| + |I - C F_w| < 1 in units of the radii, there is exactly one root
-with |e_i| <= r_i at every s, and it is smooth in s.
+with |e_i| <= r_i at every s, and it is a smooth function of s.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class LinearModelBox:
     B: (n, m)
     C: (k, n), of the measured outputs
     D: (k, m)
-    inputs: (m, 1), of the trims
-    offsets: unknown -> position of the trim relative to its polynomial
+    inputs: (m, 1), inputs of the trims
+    offsets: unknown -> enclosure of the trim minus its polynomial
     """
 
     trim: TrimBox
@@ -53,7 +53,8 @@ def linear_model_on(
 ) -> LinearModelBox:
     """Return the linear model on a box.
 
-    decimals: whether to cover all decimals that round to the parameters and imposed values, not
+    measured: outputs of the linear model decimals: whether to cover all decimal numbers that round
+    to the parameters and imposed values, not
         only the doubles
 
     Raises Rejected unless the box is proved to contain a trim within all limits.
@@ -99,14 +100,14 @@ def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dic
 
 
 def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
-    """Return the distance of the trim from the polynomials of a box, a ball for each unknown.
+    """Return the trim minus the polynomials of a box, a ball for each unknown.
 
     residual: residual of the trim equations at the polynomials
-    linear: slopes of the equations on the box
+    linear: Jacobian of the equations on the box
     radii: radii of the unknowns about the polynomials
 
-    Raises Rejected unless there is one trim within the radii. Equations that no unknown moves must
-    hold exactly.
+    Raises Rejected unless exactly one trim within the radii is proved. An equation that depends on
+    no unknown must be satisfied exactly.
     """
     moved = []
     for row, slopes in enumerate(linear.slopes):
@@ -121,11 +122,10 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Raise Rejected unless every value of the trim lies within its limits.
+    """Raise Rejected unless every value of the trim is within its limits.
 
     Imposed values were compared when the statement was read.
 
-    flight: flight with the limits
     values: name -> value on the box
     """
     for name, (least, most) in flight.limits.items():
@@ -137,14 +137,14 @@ def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
 
 
 def _is_zero(values: Iterable[Any]) -> bool:
-    """Return whether all numbers are exactly 0."""
+    """Return whether all parts of all values are exactly 0."""
     return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
 
 
 def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
-    """Return rows of scalars as the Taylor model of a matrix.
+    """Return the Taylor model of a matrix from rows of scalars.
 
-    columns: number of columns of a matrix without rows
+    columns: number of columns if there are no rows
     """
     if not rows:
         return TaylorModel(arb_mat(0, columns))
@@ -154,10 +154,11 @@ def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
 
 
 def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
-    """Check that every stated trim is a trim, with the boxes up to the next one on its branch.
+    """Raise Rejected unless the trims of all boxes are proved to be on the stated branches.
 
-    At least one box follows each stated trim. Two boxes are on one branch if at a common scheduling
-    value the trim of one lies where the other has only its own trim. Raises Rejected unless proved.
+    At least one box begins at each stated trim. The boxes up to the next stated trim are on its
+    branch. Two boxes are on one branch if, at a common scheduling value, the trim of one lies where
+    the other has only its own trim.
     """
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
@@ -171,9 +172,9 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
 def _check_branch(
     stated: LinearModelBox, boxes: Sequence[LinearModelBox], following: float
 ) -> None:
-    """Check that ascending boxes begin at a stated trim and are on its branch.
+    """Raise Rejected unless ascending boxes begin at a stated trim and are on its branch.
 
-    They must end below the following stated trim.
+    following: scheduling value of the next stated trim, below which the boxes must end
     """
     start = stated.trim.low
     covering(
@@ -198,8 +199,9 @@ def _check_branch(
 
 
 def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
-    """Return the one trim within `SAME_TRIM` of the stated one, without errors of the
-    parameters.
+    """Return the linear model at the only trim within `SAME_TRIM` of a stated one.
+
+    It has no parameter errors.
     """
     polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
     radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
@@ -208,7 +210,7 @@ def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
 
 
 def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
-    """Return whether both are the same trim at their lowest common scheduling value."""
+    """Return whether two boxes have the same trim at their lowest common scheduling value."""
     at = max(box.trim.low, other.trim.low)
     if at > min(box.trim.high, other.trim.high):
         return False
@@ -216,11 +218,10 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of the other box lies in the interval in which this box has only its
-    own trim.
+    """Return whether the trim of another box lies in the interval where this box has only its own.
 
-    If both boxes include errors of the parameters, this must hold for all errors, otherwise without
-    errors.
+    If both boxes include errors of the parameters, this must be true for all errors, otherwise only
+    without errors.
     """
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)
@@ -234,7 +235,7 @@ def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: fl
 
 
 def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[arb]:
-    """Return (value, z_1, ...) at a scheduling value of the box."""
+    """Return (value, z_1, ...) of an unknown at a scheduling value of the box."""
     c0, c1, c2, *errors = trim.polynomials[name]
     if trim.low == trim.high:
         return [c0, *errors]

@@ -1,7 +1,7 @@
-"""The evidence for a statement.
+"""Evidence for statements about schedules, games and interpolated models.
 
-A wrong entry makes a check fail. No entry is part of the claim. s from -1 to 1 is the position in a
-box of scheduling values: the value is middle + s radius.
+It is not part of the claim, and a wrong entry makes the check fail. In a box of scheduling values,
+s from -1 to 1 is the position: the value is center + s radius.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from hfa_proof.checker.statement import (
 class TrimBox:
     """Enclosure of the trims from `low` to `high`.
 
-    Each unknown lies within its radius of c0 + c1 s + c2 s² + Σ z_k t_k. |t_k| <= 1 are the errors
-    of the parameters in their half widths.
+    Each unknown differs from c0 + c1 s + c2 s² + Σ z_k t_k by at most its radius. |t_k| <= 1 are
+    the errors of the parameters in units of their half-widths.
 
     polynomials: unknown -> (c0, c1, c2, z_1, ...)
     radii: unknown -> radius
@@ -44,7 +44,10 @@ class TrimBox:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> TrimBox:
-        """Read the entries `range` and `trim`. Others may follow."""
+        """Return the box stored in the entries `range` and `trim`.
+
+        Other entries are ignored here. Raises Malformed for the first wrong entry.
+        """
         low, high = entries.pair("range")
         require(flight.low <= low < high <= flight.high, "range", [low, high])
         trims = entries.fields("trim")
@@ -59,10 +62,10 @@ class TrimBox:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """H of an inertia theorem about the eigenvalues on both sides of Re λ = -rate.
+    """Matrix H of an inertia theorem about the eigenvalues on each side of the line Re λ = -rate.
 
     H: (n, n), symmetric
-    turn: (n, n), coordinates in which the signs are decided
+    turn: (n, n), coordinates in which the signs of the eigenvalues of H are decided
     rate: 1/s
     """
 
@@ -74,7 +77,7 @@ class Line:
     def read(cls, entries: Fields, n: int, *, rated: bool = True) -> Line:
         """Return the line of a certificate.
 
-        rated: whether it has an entry `rate`
+        rated: whether the entry `rate` is read; otherwise the rate is 0
         """
         rate = entries.number("rate") if rated else 0.0
         return cls(entries.symmetric("H", n), entries.array("turn", n, n), rate)
@@ -82,12 +85,12 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Lyapunov function V = ζ'H ζ for the actuators of an interval of bandwidths.
+    """Lyapunov function V = ζ'H ζ for actuators whose bandwidth is in an interval.
 
     bandwidth: lowest and highest, rad/s
     H: (n, n), symmetric
     X: (2 a,), multipliers of the delays, then of the effectiveness
-    turn: (n + 2 a, n + 2 a), coordinates of (ζ, d, e)
+    turn: (n + 2 a, n + 2 a), coordinates of (ζ, d, e) in which the condition is tested
     """
 
     bandwidth: tuple[float, float]
@@ -97,7 +100,9 @@ class Piece:
 
     @classmethod
     def read(cls, entries: Fields, n: int, a: int) -> Piece:
-        """Read a piece of a loop with n states and a actuators."""
+        """Return a piece for a loop with n states and a actuators. Raises Malformed for a wrong
+        entry.
+        """
         bandwidth = entries.pair("bandwidth", least=0.0)
         H = entries.symmetric("H", n)
         piece = cls(
@@ -109,9 +114,9 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class ModesBox:
-    """Evidence for the unstable modes on a box.
+    """Evidence for the number of unstable modes on a box.
 
-    proof: a line, or the pieces of uncertain actuators, for the matrices of a box
+    proof: a line; with uncertain actuators, pieces that cover the bandwidths
     """
 
     trim: TrimBox
@@ -124,7 +129,7 @@ class Motion:
 
     breakpoints: (l,)
     P: (l, n, n), symmetric
-    boxes: trims and coordinates (n, n) of each
+    boxes: pairs of trims and coordinates (n, n) in which the condition is tested
     """
 
     breakpoints: np.ndarray
@@ -133,13 +138,11 @@ class Motion:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
-        """Return the motion of a certificate.
+        """Return the motion of a certificate. Raises Malformed, which names the invalid entry.
 
         entries: entries of the motion
         flight: flight whose trims the boxes enclose
         n: number of states of the loop
-
-        Raises a Malformed error that names the invalid entry.
         """
         breakpoints = entries.increasing("breakpoints")
         P = entries.array("P", len(breakpoints), n, n)
@@ -155,9 +158,10 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class ScheduleWitness:
-    """Evidence for a schedule.
+    """Evidence for a statement about a schedule.
 
-    loop, modes: boxes whose bounds together are those of the statement's runs
+    loop, modes: boxes that together prove the bounds of the statement's runs
+    motion: evidence for a moving scheduling value, or None
     """
 
     loop: list[ModesBox]
@@ -166,7 +170,10 @@ class ScheduleWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: ScheduleStatement) -> ScheduleWitness:
-        """Return the witness of a certificate. Sizes are those of the statement."""
+        """Return the witness of a certificate. Raises Malformed for the first wrong entry.
+
+        statement: the statement, which determines the sizes of the matrices
+        """
         flight = statement.flight
         actuators = statement.actuators
         n = len(flight.model.linear)
@@ -195,12 +202,12 @@ class ScheduleWitness:
 
 @dataclass(frozen=True, eq=False)
 class SolutionBox:
-    """Enclosure of the solution of the Riccati equation, in states measured in `units`.
+    """Enclosure of the solution of the Riccati equation, with states measured in `units`.
 
-    Every entry lies within `reach` of that of P(s).
+    Every entry differs from that of P(s) by at most `reach`.
 
     units: (n,), positive
-    P: matrix of balls, or a Taylor model of one; symmetric
+    P: matrix of balls, or Taylor model of a matrix; symmetric
     reach: ball
     line: evidence that A - S P is Hurwitz
     """
@@ -212,7 +219,7 @@ class SolutionBox:
 
     @classmethod
     def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
-        """Return the evidence of a certificate.
+        """Return the enclosure stored in a certificate. Raises Malformed for the first wrong entry.
 
         orders: number of coefficients of P in s
         """
@@ -233,13 +240,14 @@ class SolutionBox:
 
 @dataclass(frozen=True, eq=False)
 class PointTrim:
-    """The trim at one scheduling value, for the doubles and for every number that rounds to them.
+    """The trim at one scheduling value, for the stored doubles and for all decimals that round to
+    them.
 
-    Both are enclosed about one center.
+    Both are enclosed about the same center.
 
     center: unknown -> ball
     radii: unknown -> radius about the center that contains the trim of the doubles
-    wide_radii: unknown -> radius that contains all trims, at least the radius of the doubles
+    wide_radii: unknown -> radius that contains all trims; at least `radii`
     """
 
     center: dict[str, list[arb]]
@@ -248,7 +256,7 @@ class PointTrim:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> PointTrim:
-        """Read one list (center, radius, wide radius) for each unknown."""
+        """Return the trim stored as a list (center, radius, wide radius) for each unknown."""
         center = {}
         radii = {}
         wide_radii = {}
@@ -264,12 +272,12 @@ class PointTrim:
 class GameWitness:
     """Evidence for a statement about a game.
 
-    trim: the trim, or None for a plant
-    solution: the solution at the game's delta
-    loop, modes: lines of A - B K and of A
-    value: the solution at the upper end of delta_min
+    trim: the trim, or None for a plant given by matrices solution: the solution at the game's delta
+    loop, modes: lines of A - B K and of A value: the solution at the upper end of delta_min
     refused: evidence at the lower end of delta_min: a solution whose lowest eigenvalue is negative,
-        or frequencies, rad/s, between which the Hamiltonian has an eigenvalue on the axis
+    or
+        frequencies, rad/s, between which the Hamiltonian matrix has an eigenvalue on the imaginary
+          axis
     """
 
     trim: PointTrim | None
@@ -281,7 +289,10 @@ class GameWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: GameStatement) -> GameWitness:
-        """Return the witness of a certificate. Sizes are those of the statement."""
+        """Return the witness of a certificate. Raises Malformed for the first wrong entry.
+
+        statement: the statement, which determines the sizes of the matrices
+        """
         n = len(statement.weights.Q)
         trim = None
         if isinstance(statement.plant, Flight):
@@ -306,16 +317,19 @@ class GameWitness:
 
 @dataclass(frozen=True, eq=False)
 class ModelsWitness:
-    """Evidence for interpolated models.
+    """Evidence for a statement about interpolated models.
 
-    cells: trims and the solution of the game on boxes that cover the interval
+    cells: trims and solutions of the game on boxes that cover the interval
     """
 
     cells: list[tuple[TrimBox, SolutionBox]]
 
     @classmethod
     def read(cls, entries: Fields, statement: ModelsStatement) -> ModelsWitness:
-        """Return the witness of a certificate. Sizes are those of the statement."""
+        """Return the witness of a certificate. Raises Malformed for the first wrong entry.
+
+        statement: the statement, which determines the sizes of the matrices
+        """
         n = len(statement.weights.Q)
         cells = []
         for cell in entries.items("cells"):
@@ -341,7 +355,7 @@ def _lines(entries: Fields, name: str, n: int) -> list[Line]:
 
 
 def trim_content(trim: TrimBox) -> dict[str, Any]:
-    """Return the trim as stored in a file, in doubles."""
+    """Return the box of trims as stored in a file, with doubles."""
     numbers = {
         name: [float(trim.radii[name]), *map(float, polynomial)]
         for name, polynomial in trim.polynomials.items()

@@ -22,7 +22,7 @@ from hfa_support.files import MATRIX_FILES
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckRequest(PlantOptions, OutputOptions):
-    """Request of `hfa prove check`: a certificate, and the data with which it must agree."""
+    """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
 
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
     at: Any = scheduled(
@@ -39,7 +39,10 @@ class CheckRequest(PlantOptions, OutputOptions):
     design: Any = design_option("design with the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the file of the user's own aircraft. The report names that of the certificate."""
+        """Return the origin of the user's aircraft file, or {} without one.
+
+        The report names the aircraft of the certificate.
+        """
         return self._origin_of_file({}) if self.own else {}
 
 

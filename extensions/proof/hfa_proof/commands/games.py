@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 
 
 class Stated(NamedTuple):
-    """A proved statement.
+    """The game about which a statement is proved.
 
     request: options of the command
     named: the game
     family: the flights of the aircraft, or None for a plant from a file
-    value: scheduling value, as typed, or that of the trim"""
+    value: scheduling value as typed, or that of the trim; None for a plant from a file
+    """
 
     request: SolutionRequest
     named: NamedGame
@@ -38,12 +39,15 @@ class Stated(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolutionRequest(PlantOptions, OutputOptions):
-    """Request of `hfa prove solution`."""
+    """Options of `hfa prove solution`."""
 
     at: Any = scheduled(interval_of, "DEG", "value of the game, read as an exact decimal number")
 
     def stated(self) -> Stated:
-        """Return the game that the options name."""
+        """Return the game that the options define.
+
+        Raises BadInputError if they give several scheduling values.
+        """
         typed = self.at
         request = self
         if typed is not None and len(typed) != 1:
@@ -70,7 +74,7 @@ class SolutionRequest(PlantOptions, OutputOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CriticRequest(SolutionRequest):
-    """Request of `hfa prove critic`."""
+    """Options of `hfa prove critic`."""
 
     file: Path = option(
         f"critic to compare: W, P or K ({' '.join(MATRIX_FILES)})",
@@ -122,7 +126,7 @@ def critic(request: CriticRequest) -> int:
 
 
 def _prepared(request: SolutionRequest) -> None:
-    """Raise BadInputError where flint is missing, or -o names no file of a certificate."""
+    """Raise BadInputError if python-flint is not installed, or -o is not a .json file."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

@@ -1,4 +1,4 @@
-"""The user's data for a certificate, in the form of its statement."""
+"""The user's data in the form of a statement, for comparison with a certificate."""
 
 from __future__ import annotations
 
@@ -40,18 +40,25 @@ _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
 
 
 def names_aircraft(request: PlantOptions) -> bool:
-    """Return whether the options name an aircraft, with its parameters and limits."""
+    """Return whether an option names an aircraft."""
     return any(name in request.typed for name in _OF_THE_AIRCRAFT)
 
 
 def aircraft_option(request: PlantOptions) -> str:
-    """Return the option that names the aircraft, for a message."""
+    """Return the option that names the aircraft, for a message.
+
+    Without such an option it is the option of the scheduling value.
+    """
     named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
     return f"--{named[0]}" if named else f"--{called_at(request.model)}"
 
 
 def at_one_value(request: PlantOptions) -> Any:
-    """Return the request of one trim, its scheduling variable in the unit of the model."""
+    """Return the request with one scheduling value in the unit of the model, instead of the typed
+    ones.
+
+    Without a value the request is unchanged. Raises BadInputError for several values.
+    """
     if request.at is None:
         return request
     if len(request.at) != 1:
@@ -62,12 +69,12 @@ def at_one_value(request: PlantOptions) -> Any:
 
 
 def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
-    """Return path of an entry -> value from the user's options.
+    """Return entry path -> value from the user's options.
 
     statement: the proved statement
     request: options of the command
 
-    Raises BadInputError for an option that names a field which the statement does not have.
+    Raises BadInputError if an option does not apply to the statement.
     """
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if not isinstance(flight, Flight):
@@ -88,7 +95,9 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the aircraft, the imposed values of its trims, its parameters and limits."""
+    """Return the entries of the aircraft, its trims, parameters and limits, as the options define
+    them.
+    """
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"
@@ -107,7 +116,7 @@ def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return Q, R and delta as typed, and E of the usual game."""
+    """Return the entries Q, R and delta that were typed, and E of the usual game."""
     given = {
         f"weights.{name}": Given(value, f"--{name}")
         for name, value in request.changed_weights().items()
@@ -121,7 +130,7 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the plant of --model, its weights, and the critic."""
+    """Return the entries of the plant of --model, of its weights, and of the critic."""
     request.refuse(
         (*_OF_THE_AIRCRAFT, "at"),
         "names an aircraft, but the certificate is about a plant; leave it out",
@@ -140,10 +149,10 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 
 
 def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return K, P and W of --weights.
+    """Return the entries K, P and W of the critic in --weights.
 
-    Raises NoSolutionError where the file has no K and the statement's K is not the gain of its P or
-    W.
+    Raises NoSolutionError if the file has no K and the statement does not claim that K is the gain
+    of the critic's P or W.
     """
     request.refuse(
         ("design",), "applies to a schedule, but the certificate is about a game; leave it out"
@@ -178,7 +187,10 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
 def _given_controller(
     statement: ScheduleStatement | ModelsStatement, request: CheckRequest
 ) -> dict[str, Given]:
-    """Return the controller of --weights, through the actuators of --design."""
+    """Return the entries of the controller in --weights, with the actuators of --design.
+
+    For a statement about models they are the breakpoints and gains of the file.
+    """
     assert request.weights is not None
     option = f"--weights {request.weights}"
     model = statement.flight.model
@@ -207,7 +219,7 @@ def _given_controller(
 
 
 def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
-    """Return the intervals of uncertain actuators of the statement, or None for a file of gains."""
+    """Return the intervals of the statement's uncertain actuators, or None if it has none."""
     actuators = statement.actuators
     if not isinstance(actuators, UncertainActuators):
         return None

@@ -13,7 +13,7 @@ from hfa_proof.options import RangeOptions, family_of
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelsRequest(RangeOptions):
-    """Linear models between which others are interpolated."""
+    """Options of `hfa prove models`."""
 
     limit_error: float = option(
         "largest relative error of the interpolation; default 1e-3", "X", positive, default=1e-3

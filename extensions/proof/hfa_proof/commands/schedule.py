@@ -31,7 +31,7 @@ _INTERVALS = ("bandwidth", "effectiveness", "delay")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScheduleRequest(WeightOptions, RangeOptions):
-    """A gain schedule, or a scheduled controller, to be proved stabilizing."""
+    """Options of `hfa prove schedule`."""
 
     weights: Path | None = option(
         "gains K over the schedule; default: those of the exact game",
@@ -71,7 +71,10 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     resume: bool = option("continue the unfinished certificate given by -o", rare=True)
 
     def intervals(self) -> Intervals | None:
-        """Return the intervals of uncertain actuators, if any."""
+        """Return the intervals of uncertain actuators, or None without --bandwidth.
+
+        Raises BadInputError for options that do not fit together.
+        """
         from hfa_proof.search.loops import Intervals
 
         if self.bandwidth is None:
