@@ -27,7 +27,10 @@ def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, 
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a parameter set and its hash, or None for parameters of another aircraft."""
+    """Return the name of a parameter set and its hash.
+
+    The result is None if the parameters are those of another aircraft.
+    """
     if set(parameters) != set(Parameters._fields):
         return None
     values = Parameters(**parameters)

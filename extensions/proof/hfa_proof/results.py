@@ -93,13 +93,13 @@ def limits_in_words(subject: Subject, name: str) -> list[str]:
 
 
 def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str:
-    """Return deviations (n,) of the states as text."""
+    """Return the deviations (n,) of the states as text, each with name and unit."""
     pairs = zip(subject.states, np.asarray(place).tolist(), strict=True)
     return ", ".join(f"{name} {subject.model.describe(name, value)}" for name, value in pairs)
 
 
 def outputs_in_words(subject: Subject) -> tuple[str, ...]:
-    """Return the limits of outputs in one line, or "" without limits."""
+    """Return one line on the limits of outputs, as a tuple; () if no output has limits."""
     listed = []
     for name in subject.model.outputs:
         if name in subject.limits:
@@ -109,7 +109,7 @@ def outputs_in_words(subject: Subject) -> tuple[str, ...]:
 
 
 def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
-    """Return the model, the hash of its file, and every parameter with its value."""
+    """Return a sentence with the model's name, the hash of its file and all parameter values."""
     named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in parameters.items())
     file = model.extras.source[1]
     source = f", file of SHA-256 {file[:16]}" if file else ""
@@ -119,7 +119,7 @@ def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
 def polynomial_in_words(
     terms: Iterable[tuple[float, Sequence[int]]], variables: Sequence[str]
 ) -> str:
-    """Return Σ coefficient variables^exponents as text, each coefficient to six digits."""
+    """Return Σ coefficient variables^exponents as text, with six digits per coefficient."""
     monomials = []
     for coefficient, exponents in terms:
         powers = zip(variables, exponents, strict=True)
@@ -131,9 +131,9 @@ def polynomial_in_words(
 def curved_policies_in_words(
     policies: Mapping[str, Iterable[tuple[float, Sequence[int]]]], states: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the policy of each input that is not linear, one line each.
+    """Return one line on the policy of each input that is not linear.
 
-    policies: input -> the terms of degree 2 and more
+    policies: input -> terms of degree 2 and more
     """
     lines = []
     for name, terms in policies.items():

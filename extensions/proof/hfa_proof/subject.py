@@ -1,8 +1,7 @@
-"""The subject of a certificate: each field of a statement is compared with the user's data, or
-shown.
+"""Comparison of a certificate's statement with the user's data.
 
-Each kind of statement has one table of its fields. A field with a subject is compared where the
-user gave it. The title names the subjects that were not given.
+Each kind of statement has a table of its fields. A field with a subject is compared if the user
+gave it. The first line of the report names the subjects that were not given.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ _COLUMNS = 100
 
 
 class Field(NamedTuple):
-    """The treatment of a field of a statement.
+    """Treatment of a field of a statement.
 
-    subject: name in the first line, or "" for a claim, which is only shown
-    shown: whether a report shows it, apart from the digest
+    subject: name of the field in the first line; "" for a claim, which is only shown
+    shown: whether a report shows the field, apart from the digest
     """
 
     subject: str = ""
@@ -36,7 +35,7 @@ FieldTable = Mapping[str, Field]
 
 
 def _same(stated: Any, own: Any) -> bool:
-    """Return whether two entries are exactly the same, names in any order."""
+    """Return whether two entries are exactly equal; names may be in any order."""
     if isinstance(own, Mapping):
         return (
             isinstance(stated, Mapping)
@@ -55,7 +54,7 @@ def _same(stated: Any, own: Any) -> bool:
 
 
 def _numbers(stated: Any) -> np.ndarray:
-    """Return the entries as doubles, or an empty array where they are not numbers."""
+    """Return the entries as doubles, or an empty array if they are not numbers."""
     try:
         return np.asarray(stated, dtype=float)
     except (TypeError, ValueError):
@@ -66,8 +65,8 @@ class Given(NamedTuple):
     """An entry from the user's data.
 
     value: its value, in the form of a statement's content
-    option: the option that gives it
-    same: (stated, own) -> whether the values agree; default: exact equality
+    option: the option that gave it
+    same: (stated, own) -> whether the values agree; by default exact equality
     """
 
     value: Any
@@ -76,7 +75,11 @@ class Given(NamedTuple):
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
-    """Return a comparison of matrices of one shape, to within a multiple of the largest entry."""
+    """Return a comparison of matrices.
+
+    They agree if their shapes are equal and their differences at most `relative` times the largest
+    entry.
+    """
 
     def same(stated: Any, own: Any) -> bool:
         claimed = _numbers(stated)
@@ -90,7 +93,7 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
 
 
 def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of numbers by name, each to within its own width."""
+    """Return a comparison of numbers by name, each with its own tolerance."""
 
     def same(stated: Any, own: Any) -> bool:
         return set(stated) == set(own) and all(
@@ -104,11 +107,11 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
     """Return the subjects that the user did not give, in the order of the table.
 
     content: content of a statement
-    table: every field of its kind
+    table: every field of statements of this kind
     given: path -> the user's value
 
-    Raises NoSolutionError where an entry differs. Raises BadInputError where the user gave a field
-    that the statement does not have.
+    Raises NoSolutionError if an entry differs from the user's. Raises BadInputError if the user
+    gave a field that the statement does not have.
     """
     stated = dict(entries_of(content, table))
     for path, own in given.items():
@@ -126,7 +129,7 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
-    """Return the name of an entry that differs, or of the first number in it that differs."""
+    """Return the first key at which two mappings differ, or `name` for other entries."""
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
             if not _same(stated.get(key), own.value.get(key)):
@@ -137,7 +140,7 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
 def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
     """Yield path and value of every entry.
 
-    Raises LookupError for an entry that is not in the table.
+    Raises LookupError if an entry is not in the table.
     """
     waiting = [(name, value) for name, value in content.items()]
     while waiting:
@@ -151,9 +154,9 @@ def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[
 
 
 def qualified(claim: str, not_given: Iterable[str]) -> str:
-    """Return a claim with the subjects that the user did not give.
+    """Return a claim followed by the subjects that the user did not give.
 
-    The subjects are on a second line where one is longer than 100 columns.
+    If the line would exceed 100 columns, the subjects are on a second line.
     """
     names = list(not_given)
     if not names:
@@ -165,10 +168,9 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
 
 
 def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
-    """Return a claim, the subjects that the user did not give, and the effects that are not
-    covered.
+    """Return a claim, the subjects that the user did not give, and the effects not covered.
 
-    A word that would make a line longer than 100 columns begins a new line.
+    The effects are on a new line if the line would exceed 100 columns.
     """
     line = qualified(claim, not_given)
     whole = f"{line}, without {not_covered}"

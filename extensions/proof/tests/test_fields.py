@@ -1,4 +1,4 @@
-"""Every field of a statement: one that differs from the input is refused or printed."""
+"""Each changed field of a statement is refused, or printed in the report."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CASES = ("rate", "second order", "actuators", "critic", "plant", "models")
 
 
 def changed(value: Any) -> Any:
-    """Return the entry with its first number or text changed."""
+    """Return the entry with its first number or string changed."""
     if isinstance(value, dict):
         if not value:
             return {"x": 1.0}
@@ -53,7 +53,7 @@ def with_changed(content: Any, path: str) -> Any:
 
 
 def request_for(kind: str, folder: Path) -> CheckRequest:
-    """Return all options that can be given for the subject of a certificate."""
+    """Return a request with all options that apply to the certificate of this kind."""
     statement = certificate(kind)["statement"]
     weights = folder / "weights.npz"
     options: dict[str, Any] = {"model": hfa.aircraft(), "weights": weights}
@@ -79,7 +79,7 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
 
 
 def text_of(kind: str, content: Any) -> str:
-    """Return the report on a statement without its digest."""
+    """Return the text of the report on a statement, without the line of its digest."""
     statement = read_statement(certificate(kind)["kind"], content, model_of(kind))
     lines = checked_report(Verified(statement, 1, WRITTEN)).text().splitlines()
     return "\n".join(line for line in lines if not line.startswith("statement: SHA-256"))
@@ -129,8 +129,10 @@ def test_what_is_not_given_is_named() -> None:
 
 
 def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
-    """Options of another kind are refused and not ignored: an aircraft for a plant's certificate, a
-    plant for an aircraft's, and a design without its controller.
+    """Options that do not apply to the certificate are refused, not ignored.
+
+    Examples are an aircraft for a plant's certificate, a plant for an aircraft's certificate, and a
+    design without its controller.
     """
     model = hfa.aircraft()
     for kind, options in (
@@ -149,8 +151,9 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
 
 
 def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
-    """A statement whose K is not the gain of its W is not verified by a file of W alone, and cannot
-    claim that it is.
+    """A file with W alone is refused for a statement whose K is not the gain of its W.
+
+    A claim that it is the gain of W is refused too.
     """
     made = certificate("plant")
     statement = read_statement(made["kind"], made["statement"], None)

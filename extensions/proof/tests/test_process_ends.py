@@ -1,4 +1,4 @@
-"""A proof that is ended by a signal and continued writes the same certificate."""
+"""A proof that is terminated by a signal and resumed writes the same certificate."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from ended_runs import comes_to_the_same_bits, proc
 @proc
 @pytest.mark.slow
 def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
-    """A proof that is ended at random moments and continued has the same bits."""
+    """A proof that is terminated at random times and resumed writes the same bytes."""
     words = ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json")
     comes_to_the_same_bits(tmp_path, words)

@@ -1,4 +1,4 @@
-"""`hfa prove`: statements, certificates, and errors in one line."""
+"""`hfa prove`: statements, certificates, and one-line errors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return one certificate of each kind."""
+    """Return kind -> path of a certificate."""
     folder = tmp_path_factory.mktemp("kinds")
     solved = folder / "solved.json"
     assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
@@ -49,8 +49,9 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 @pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "models"])
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
-    """A certificate of each kind is verified without further options, with a title of at most 100
-    columns.
+    """A certificate of each kind is verified without further options.
+
+    The lines of the title have at most 100 columns.
     """
     result = hfa("prove", "--check", str(certificates[kind]), "--json", "-o", "check.md")
     assert result.code == 0
@@ -70,8 +71,9 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
 def test_a_certificate_is_bound_to_ones_own_data(
     certificates: dict[str, Path], tmp_path: Path
 ) -> None:
-    """A certificate passes with the user's own gains, weights and angles. Others give exit code 1,
-    and a field that it does not state gives 2.
+    """A certificate is accepted with the user's gains, weights and angles that it states.
+
+    Other values give exit code 1, and an option for a field that it does not state gives 2.
     """
     critic = str(certificates["critic"])
     schedule = str(certificates["schedule"])
@@ -138,7 +140,7 @@ def test_what_is_checked_is_the_aircraft_of_certificate(tmp_path: Path) -> None:
 
 
 def test_digest_is_of_proof_and_edited_date_shows(certificate: Path, tmp_path: Path) -> None:
-    """The digest covers the proof, and an edited date is noticed."""
+    """The digest does not depend on the date. A file with an edited date is refused."""
     again = tmp_path / "again.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "0")
@@ -176,7 +178,7 @@ def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: 
 
 
 def test_table_that_is_unstable_between_angles_is_refuted(tmp_path: Path) -> None:
-    """A table that is unstable between its angles is refuted."""
+    """A gain table that is unstable between its angles is refuted, with exit code 1."""
     table = unstable_between(15.0, 15.03)
     path = tmp_path / "table.json"
     controller = table.controller

@@ -1,4 +1,4 @@
-"""Arithmetic of proofs, shared by prover and checker: balls, Taylor models, and functions of them."""
+"""Arithmetic of proofs, shared by prover and checker: balls and Taylor models."""
 
 from typing import Any
 

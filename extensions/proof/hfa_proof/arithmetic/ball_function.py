@@ -1,4 +1,4 @@
-"""Evaluation of CasADi functions, instruction by instruction, on balls, series and Taylor models."""
+"""Evaluation of CasADi functions on balls, series and Taylor models, by their instructions."""
 
 from __future__ import annotations
 

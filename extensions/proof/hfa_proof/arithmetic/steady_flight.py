@@ -1,4 +1,4 @@
-"""Trim equations and linear models of an aircraft as functions of balls, series and Taylor models."""
+"""Trim equations and linear models as functions of balls, series and Taylor models."""
 
 from __future__ import annotations
 

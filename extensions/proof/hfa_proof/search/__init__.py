@@ -1,1 +1,1 @@
-"""Statements, the search for their proofs, certificates and reports."""
+"""Search for proofs, and their certificates and reports."""

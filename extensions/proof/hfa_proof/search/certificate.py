@@ -1,4 +1,4 @@
-"""A proof: a statement and its witness, and the file of its certificate."""
+"""A proof, which is a statement with its witness, and the file of its certificate."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Proof(Reported):
     """A statement and its proof.
 
     statement: the proved statement
-    witness: the evidence that the checker needs
-    data: the result for JSON, with `proved`, except for models
+    witness: evidence for the checker, {} if nothing is proved
+    data: the result for JSON, with the entry `proved` except for models
     """
 
     statement: Statement
@@ -59,20 +59,22 @@ class Proof(Reported):
 
     @property
     def proved(self) -> bool:
-        """True if the whole claim is proved. A grid of models is always proved where it is
-        found.
+        """Whether the full claim is proved.
+
+        A grid of models exists only if it is proved.
         """
         return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:
-        """Return the proved statements in words, tables and data."""
+        """Return the report of the proved statement."""
         return proof_report(self.statement, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
         """Write the certificate, with all digits of every double.
 
-        The digest does not cover the run. Raises NoSolutionError where no part of the claim is
-        proved.
+        origin: provenance of the run; the digest does not cover it
+
+        Raises NoSolutionError if no part of the claim is proved.
         """
         if not self.witness:
             raise NoSolutionError("nothing is proved; there is nothing to certify")
@@ -92,7 +94,12 @@ def witness_content(value: Any) -> Any:
 
 
 class CertificateFile:
-    """The file of a running proof, valid at any time, with the part proved so far."""
+    """The file of a proof in progress. It is valid at any time and contains the part proved so far.
+
+    path: the file
+    origin: provenance of the run
+    resume: whether to continue the proof in the file
+    """
 
     def __init__(self, path: Path, origin: Provenance, *, resume: bool = False) -> None:
         self.path = path
@@ -101,7 +108,7 @@ class CertificateFile:
         self._next = time.monotonic() + _PAUSE
 
     def save(self, proof: Proof, *, finished: bool = False) -> None:
-        """Write the present content, unless it is incomplete and was written a short time ago."""
+        """Write the proof, unless it is unfinished and the file was written a short time ago."""
         start = time.monotonic()
         if finished or start > self._next:
             proof.write(self.path, self._origin)
@@ -109,11 +116,11 @@ class CertificateFile:
             self._next = now + max(_PAUSE, _RARELY * (now - start))
 
     def known(self, statement: ScheduleStatement, model: Model) -> Content:
-        """Return the witness of an earlier run, verified again.
+        """Return the verified witness of an earlier run, or {} without --resume.
 
-        statement: the statement to prove: its flight without trims, controller and actuators
+        statement: the statement to prove; its trims and proved values are not compared
 
-        Raises BadInputError when the file is not a certificate of this statement, or does not prove
+        Raises BadInputError if the file is not a certificate of this statement, or does not prove
         it.
         """
         if not self._resume:
@@ -134,7 +141,7 @@ class CertificateFile:
 
 
 def _subject(content: Content) -> Content:
-    """Return the subject of a statement, without its proved values."""
+    """Return the entries of a statement on flight, controller and actuators, without trims."""
     subject = {
         name: value
         for name, value in content.items()

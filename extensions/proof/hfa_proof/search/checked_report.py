@@ -1,4 +1,4 @@
-"""The report of a checked certificate."""
+"""Report of a checked certificate."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ from hfa_support.reporting.text import Table
 def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a verified statement.
 
-    It contains aircraft, flight, controller, limits and weights, and whether the statement is
+    It contains the aircraft, flight, controller, limits and weights, and whether the statement is
     proved on the whole interval.
 
-    verified: the statement that the checker proved
-    not_given: parts of its subject that the user did not give, which the title names
+    verified: the statement that the checker has proved
+    not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
     content = content_of(statement)
@@ -108,9 +108,9 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
 
 
 def _checked_verdict(statement: Statement, data: Content) -> str:
-    """Return the verdict on a verified statement: proved, refuted, or the open part.
+    """Return the verdict on a verified statement: proved, refuted or open.
 
-    data: the report's data, with `proved`
+    data: data of the report, with `proved`
     """
     if data["proved"]:
         return "Verified, proved"
@@ -122,7 +122,9 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
 
 
 def _flight_said(flight: Flight) -> tuple[str, Content]:
-    """Return the aircraft, its trims, limits and errors of parameters, in words and as data."""
+    """Return text and data about the aircraft, its trims, its limits and the errors of its
+    parameters.
+    """
     model = flight.model
     lines = [_aircraft_said(flight)]
     lines.append(f"trims at {_values_said(model, flight.imposed)}")
@@ -152,7 +154,7 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
 
 
 def _identity(flight: Flight) -> tuple[str, str] | None:
-    """Return the name and the hash of the parameters, or None for an aircraft of a file."""
+    """Return the name and the hash of the parameters, or None for an aircraft from a file."""
     return None if flight.model.extras.source[1] else identity_of(flight.parameters)
 
 
@@ -172,7 +174,7 @@ def _values_said(model: Model, values: Mapping[str, float]) -> str:
 
 
 def _controller_said(statement: ScheduleStatement) -> list[str]:
-    """Return names and sizes of the controller, and the actuators, in words."""
+    """Return lines of text about the size, signals and actuators of the controller."""
     controller: Controller = statement.controller
     lines = [
         f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
@@ -193,7 +195,10 @@ def _plain(value: Any) -> str:
 
 
 def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
-    """Return the distances and modes, which are added to the data too."""
+    """Return a table of the distances and text about modes and delta_min.
+
+    The proved values are added to `data`.
+    """
     rows = [
         (name, at_least(low, 6), at_most(high, 6))
         for name, (low, high) in statement.distances.items()
@@ -241,9 +246,7 @@ def _weights_said(weights: Weights) -> list[str]:
 
 
 def _matrix_said(values: np.ndarray) -> str:
-    """Return a short text for a matrix: I, its diagonal, or its SHA-256. The data contain its
-    entries.
-    """
+    """Return a short text for a matrix: I, its diagonal, or its size and SHA-256."""
     diagonal = np.diag(values)
     if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
         if set(diagonal.tolist()) == {1.0}:

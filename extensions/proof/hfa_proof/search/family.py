@@ -1,6 +1,6 @@
-"""Steady flights of a model that differ only in its scheduling variable, and their trims on boxes.
+"""Trims of an aircraft over an interval of its scheduling variable, as polynomials on boxes.
 
-The results are found here in doubles. The checker's own test, called on every box, proves them.
+The search computes them in doubles. The checker's test, called on every box, proves them.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _STEPS = 4
 
 
 class Box(NamedTuple):
-    """Interval of scheduling values from `low` to `high`, exact doubles in the user's unit."""
+    """Interval of scheduling values from `low` to `high`, as exact doubles in the user's unit."""
 
     low: float
     high: float
 
     @property
     def middle(self) -> float:
-        """Middle of the box, where it is divided."""
+        """Center of the box, where it is divided."""
         return (self.low + self.high) / 2
 
 
@@ -64,12 +64,14 @@ def bisected(
     narrowest: float,
     start: float = -math.inf,
 ) -> Iterator[tuple[Box, Proved | None]]:
-    """Yield each box with the result of `prove`, or its halves where it returns None or cannot
-    decide.
+    """Yield boxes, each with the result of `prove`.
 
-    A box no wider than `narrowest` is not halved and is yielded with None. Boxes up to `start` are
-    skipped. They are bisected as if no box among them had been proved as a whole, so that a
-    continued proof has the same boxes as an uninterrupted one.
+    A box is halved if `prove` returns None, or raises Undecided or Rejected. A box no wider than
+    `narrowest` is not halved and is yielded with None.
+
+    start: boxes up to this value are skipped. Boxes that contain it are halved without a trial, so
+    that
+        a resumed proof has the same boxes as an uninterrupted one.
     """
     waiting = list(boxes)[::-1]
     while waiting:
@@ -90,11 +92,11 @@ def bisected(
 @checks_arguments
 @dataclass(frozen=True)
 class Family:
-    """Trims at any value of the scheduling variable.
+    """Trims of an aircraft at any value of its scheduling variable.
 
-    model: the aircraft; its parameters have the values of its declaration
+    model: the aircraft with its declared parameter values
     flights: imposed and free variables; by default those of the model's trim
-    spread: parameter -> half width of its possible values
+    spread: parameter -> half-width of its possible values
     """
 
     model: Model
@@ -103,21 +105,24 @@ class Family:
 
     @property
     def step(self) -> float:
-        """A power of two that corresponds to 1 deg of an angle with the nominal value 1/57."""
+        """Unit of box widths in the unit of the scheduling variable.
+
+        It is 1 deg for an angle, otherwise a power of two near π / 180 nominal values.
+        """
         if self.model.schedule_unit == "deg":
             return 1.0
         nominal = self.model.signals[self.model.schedule].nominal
         return float(2.0 ** round(math.log2(math.radians(nominal))))
 
     def condition(self, scheduling_value: float | None = None) -> TrimCondition:
-        """Return the trim condition at a scheduling value, by default the model's own."""
+        """Return the trim condition at a scheduling value, by default at the model's own value."""
         flights = usual_condition(self.model) if self.flights is None else self.flights
         if scheduling_value is None or self.model.schedule in self.model.parameters:
             return flights.at(None)
         return flights.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
-        """Return the trim in doubles. Raises TrimError without a trim."""
+        """Return the trim at a scheduling value, in doubles. Raises TrimError if there is none."""
         model = self.model
         if model.schedule in model.parameters:
             value = in_model_unit(model, scheduling_value)
@@ -125,9 +130,9 @@ class Family:
         return find_operating_point(model, self.condition(scheduling_value))
 
     def flight(self, low: float, high: float) -> Flight:
-        """Return the flights of an interval in the form of a statement, without their stated trims.
+        """Return the flights of an interval in the form of a statement, without stated trims.
 
-        Raises BadInputError where a limit is wider than the model's.
+        Raises BadInputError if a limit is wider than the model's.
         """
         model = self.model
         condition = self.condition()
@@ -147,7 +152,11 @@ class Family:
         return Flight(model, parameters, spread, imposed, limits, low, high, ())
 
     def check(self, low: float, high: float) -> None:
-        """Raise BadInputError unless the trims of the interval are of the kind that is proved."""
+        """Raise BadInputError unless proofs support the trims from `low` to `high`.
+
+        The model must have a scheduling variable. At each of its values, all rates of the trim must
+        be 0, with as many unknowns as equations.
+        """
         model = self.model
         if not model.schedule:
             raise BadInputError(
@@ -176,6 +185,8 @@ class Family:
 class TrimSearch:
     """Trims of a family on boxes, and the linear models that the checker proves there.
 
+    family: the trims
+    low, high: ends of the interval
     measured: outputs of the linear models
     """
 
@@ -191,10 +202,10 @@ class TrimSearch:
         self._refuse_what_nothing_balances(low)
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """Return the linear model on a box.
+        """Return the linear model on a box, which is cached.
 
-        Raises Undecided or Rejected when the box is too wide or a trim may lie beyond its limits.
-        Raises TrimError when the middle has no trim.
+        Raises Undecided or Rejected if the box is too wide or a trim may exceed its limits. Raises
+        TrimError if the center has no trim.
         """
         if box not in self._linear_models:
             trim = self.trim_box(box)
@@ -202,7 +213,7 @@ class TrimSearch:
         return self._linear_models[box]
 
     def _refuse_what_nothing_balances(self, low: float) -> None:
-        """Raise BadInputError when an equation that no unknown moves does not hold."""
+        """Raise BadInputError if an equation that depends on no unknown is not satisfied."""
         start = self.family.point(low).values
         trim = TrimBox(low, low, {}, {})
         values: dict[str, Any] = known_values(self.flight, trim, decimals=False)
@@ -217,7 +228,9 @@ class TrimSearch:
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
-        """Return polynomials of the trims, and radii within which the checker will find them."""
+        """Return polynomials of the trims on a box, and radii in which the checker can prove the
+        trims.
+        """
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)
         C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))
@@ -235,8 +248,9 @@ class TrimSearch:
         return trim
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
-        """Return the trim about one center, for the doubles and for every number that rounds to
-        them.
+        """Return the trim at a scheduling value, with two radii about one center.
+
+        The radii contain the trim for the stored doubles, and for all decimals that round to them.
         """
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)
@@ -250,10 +264,10 @@ class TrimSearch:
         return PointTrim(center, of_doubles, of_decimals)
 
     def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
-        """Return unknown -> the radius within which its root is sought.
+        """Return unknown -> radius within which its root is to be proved.
 
-        It is √n times the step of Newton's method, C F, times `room`, and a little of its nominal
-        value.
+        The radius is √n times the size of the Newton step C F times `room`, plus a small multiple
+        of the nominal value.
 
         C: approximation of F_w⁻¹
         residual: F at the center
@@ -268,14 +282,14 @@ class TrimSearch:
         return radii
 
     def stated_trim(self, scheduling_value: float) -> StatedTrim:
-        """Return the trim in doubles."""
+        """Return the trim at a scheduling value, in doubles, in the form of a statement."""
         values = map(float, self._newton(scheduling_value))
         return StatedTrim(
             scheduling_value, dict(zip(self._equations.unknowns, values, strict=True))
         )
 
     def _newton(self, scheduling_value: float, *, precise: bool = False) -> list[arb]:
-        """Return the unknowns at one scheduling value, rounded to doubles unless `precise`."""
+        """Return the unknowns at a scheduling value, rounded to doubles unless `precise`."""
         unknowns = self._equations.unknowns
         start = self.family.point(scheduling_value).values
         values = [arb(float(start[name])) for name in unknowns]
@@ -289,7 +303,7 @@ class TrimSearch:
         return values if precise else [arb(float(value)) for value in values]
 
     def _residual(self, trim: TrimBox, *, decimals: bool = True) -> TaylorModel:
-        """Return F along the polynomials, a column."""
+        """Return F along the polynomials of a box, as a column."""
         values: dict[str, Any] = known_values(self.flight, trim, decimals=decimals)
         for name, (c0, c1, c2, *errors) in trim.polynomials.items():
             values[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
@@ -297,7 +311,7 @@ class TrimSearch:
         return stacked([[residual[row]] for row in self._rows])
 
     def _slopes(self, scheduling_value: float, values: Sequence[arb]) -> Any:
-        """Return F_w at a point."""
+        """Return the Jacobian F_w at a scheduling value and values of the unknowns."""
         trim = TrimBox(scheduling_value, scheduling_value, {}, {})
         imposed = known_values(self.flight, trim, decimals=False)
         at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}
@@ -306,7 +320,10 @@ class TrimSearch:
         return stacked([slopes[row] for row in self._rows]).parts[0]
 
     def _add_errors(self, trim: TrimBox, C: Any) -> None:
-        """Add the effect of each parameter error on the unknowns."""
+        """Add the first-order effects of the parameter errors to the polynomials of a box.
+
+        C: approximation of F_w⁻¹
+        """
         for index, slope in enumerate(self._residual(trim).parts[4:]):
             steps = (C * slope).entries()
             for name, step in zip(self._equations.unknowns, steps, strict=True):

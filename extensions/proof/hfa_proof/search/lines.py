@@ -1,6 +1,6 @@
-"""Symmetric H, found in doubles, for the number of eigenvalues on both sides of a line.
+"""Search, in doubles, for matrices H that count the eigenvalues on each side of a line.
 
-With H the checker counts the eigenvalues of a box of matrices.
+With H the checker counts them for all matrices of a box.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _DEPENDENT = 1e12
 
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
-    """Return (count, line): the number of eigenvalues of every matrix right of Re λ = -rate, and
-    its H.
+    """Return the number of eigenvalues of every matrix with Re λ > -rate, and the line that proves
+    it.
 
-    The result is None if no H proves it, because an eigenvalue may lie on the line.
+    The result is None if no H proves a number, because an eigenvalue may be on the line.
 
     A: the matrices, (n, n)
     rate: 1/s
@@ -40,7 +40,9 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """Return at most one proved line on each side of the axis, the nearest to it."""
+    """Return at most one proved line on each side of the imaginary axis, the nearest that was
+    found.
+    """
     abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
     lines = []
     for side in (-1.0, 1.0):
@@ -61,7 +63,7 @@ def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
 
 
 def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
-    """Return bounds on the number of eigenvalues with a positive real part, and their lines."""
+    """Return bounds on the number of eigenvalues with positive real part, and lines as proof."""
     on_axis = find_line(A)
     if on_axis is not None:
         count, line = on_axis
@@ -77,14 +79,14 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
 
 
 def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield H (n, n) for the middle of a box, and coordinates T in which to prove it.
+    """Yield matrices H (n, n) for the center of a box, and coordinates T in which to prove each.
 
-    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. Each h is for
-    a different set of additions. N is the largest effect of a set in these coordinates, and h = y/x
-    with G x = 1, G'y = 1 and G = diag|Re λ + a| - N. Where G has a positive inverse, diag(h) G + G'
-    diag(h) is positive definite (Berman and Plemmons 1979). h = 1/|Re λ + a| is that of Lyapunov's
-    equation, for additions smaller than their entries allow. Where eigenvectors are dependent,
-    Lyapunov's equation is solved for A.
+    H = T⁻ᵀ diag(±h) T⁻¹, with T the eigenvectors of the center matrix. Each h > 0 tolerates a
+    different set of deviations from the center matrix. N is the largest effect of the set in these
+    coordinates, and h = y/x with G x = 1, G'y = 1 and G = diag|Re λ + a| - N. If G has a positive
+    inverse, diag(h) G + G'diag(h) is positive definite (Berman and Plemmons 1979). h = 1/|Re λ + a|
+    solves Lyapunov's equation and suffices for small deviations. If the eigenvectors are nearly
+    dependent, Lyapunov's equation is solved for A instead.
     """
     middle, *additions = A.parts
     A_middle = doubles(middle)
@@ -117,7 +119,12 @@ def _shares(
     inverse: np.ndarray,
     additions: Sequence[arb_mat],
 ) -> np.ndarray | None:
-    """Return h = y/x of `_candidates`, or None if G has no positive inverse."""
+    """Return h = y/x of `_candidates`, (n,), or None if G has no positive inverse.
+
+    distances: |Re λ + a|
+    vectors, inverse: T and T⁻¹
+    additions: the deviations from the center matrix
+    """
     G = np.diag(distances)
     for addition in additions:
         rows = addition.tolist()
@@ -134,8 +141,10 @@ def _shares(
 
 
 def _lyapunov_candidate(A: np.ndarray, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Return H of (A + a I)'H + H (A + a I) = -I, unless two eigenvalues are mirrored in the
-    line.
+    """Yield H of (A + a I)'H + H (A + a I) = -I, and its eigenvectors.
+
+    Nothing is yielded if two eigenvalues are nearly mirror images in the line, so that the equation
+    is nearly singular.
     """
     from scipy.linalg import solve_continuous_lyapunov
 

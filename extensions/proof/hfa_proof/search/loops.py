@@ -1,5 +1,4 @@
-"""Controllers and actuators in the form of a statement, made from gains, designs and exact
-games."""
+"""Controllers and actuators of a statement, from gains, designs and exact games."""
 
 from __future__ import annotations
 
@@ -43,7 +42,7 @@ class Intervals:
     """Intervals of uncertain actuators.
 
     bandwidth: lowest and highest, rad/s
-    effectiveness: lowest and highest
+    effectiveness: lowest and highest factor
     delay: largest, s
     """
 
@@ -54,15 +53,15 @@ class Intervals:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """The loop in a proof of a schedule."""
+    """Controller and actuators in a proof of a schedule."""
 
     controller: Controller
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """Return the interval, cut at the breakpoints.
+        """Return the parts of the interval between breakpoints.
 
-        Raises BadInputError when they do not cover it.
+        Raises BadInputError if the breakpoints do not cover the interval, or unless low < high.
         """
         if not low < high:
             raise BadInputError(
@@ -83,16 +82,16 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """Return the loop of gains, with uncertain actuators of first order if intervals are given.
+    """Return the loop of gains u = -K x.
 
-    The policy is u = -K x, or with intervals also u = -K [x; positions of the actuators].
+    With intervals, it has uncertain first-order actuators, and K may also act on their positions.
 
-    model: model of the aircraft
+    model: the aircraft
     breakpoints: (g,), values of the scheduling variable
-    K: (g, m, n), or with intervals (g, m, n + m)
-    intervals: intervals of bandwidth, effectiveness and delay of the actuators
+    K: (g, m, n), or with intervals also (g, m, n + m)
+    intervals: intervals of bandwidth, effectiveness and delay of the actuators, or None
 
-    Raises BadInputError for a single gain and for other shapes.
+    Raises BadInputError if there is only one breakpoint or K has another shape.
     """
     if len(breakpoints) < 2:
         raise BadInputError("a table of gains needs at least two breakpoints, in increasing order")
@@ -121,7 +120,10 @@ def loop_of_gains(
 
 
 def loop_of_schedule(gains: GainSchedule, intervals: Intervals | None = None) -> Loop:
-    """Return the loop of a gain schedule."""
+    """Return the loop of a gain schedule.
+
+    intervals: intervals of uncertain actuators, or None
+    """
     return loop_of_gains(gains.model, gains.file_breakpoints, gains.gains, intervals)
 
 
@@ -131,16 +133,14 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """Return the loop of a scheduled controller with constant commands, through actuators.
+    """Return the loop of a scheduled controller with constant commands, and its actuators.
 
-    controller: controller, whose commands are left out
-    actuators: input -> actuator of its design
-    model: model of the aircraft
-    intervals: intervals of bandwidth, effectiveness and delay, in place of the numbers of the
-        actuators
+    controller: the controller; its commands are omitted actuators: input -> actuator of the design
+    model: the aircraft intervals: intervals of bandwidth, effectiveness and delay, which replace
+    the actuators' values; or
+        None
 
-    Raises a BadInputError that names an input without an actuator, or a measurement that a proof
-    does not support.
+    Raises BadInputError, which names an input without an actuator or an unsupported measurement.
     """
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]
@@ -176,11 +176,11 @@ def loop_of_servo(
 def exact_gains(
     family: Family, low: float, high: float, intervals: Intervals | None, **changes: Any
 ) -> Loop:
-    """Return the gains of the exact game between two scheduling values.
+    """Return the loop of the exact game's gains at breakpoints from `low` to `high`.
 
-    With actuators they are those of an LQR on the aircraft with its slowest actuators.
+    With intervals, they are the gains of an LQR for the aircraft with its slowest actuators.
 
-    changes: changes of the usual game
+    changes: weights that differ from the usual game
     """
     model = family.model
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
@@ -197,8 +197,9 @@ def exact_gains(
 
 
 def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, Any]) -> Game:
-    """Return the game of the aircraft with actuators of first order, whose positions cost
-    nothing.
+    """Return the game of the aircraft with first-order actuators, whose positions have no weight.
+
+    slowest: bandwidth, rad/s
     """
     n, m = game.B.shape
     A = np.block([[game.A, game.B], [np.zeros((m, n)), -slowest * np.eye(m)]])
@@ -211,9 +212,7 @@ def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, An
 def _uncertain(
     orders: Sequence[int], dampings: Sequence[float], intervals: Intervals
 ) -> UncertainActuators:
-    """Return actuators of these orders and dampings, with all other numbers within the
-    intervals.
-    """
+    """Return uncertain actuators with these orders and damping ratios."""
     return UncertainActuators(
         tuple(orders),
         np.array(dampings, dtype=float),

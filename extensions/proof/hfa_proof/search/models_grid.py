@@ -1,7 +1,7 @@
-"""The coarsest breakpoints between which linear interpolation has a proved bound of the error.
+"""Search for the fewest breakpoints with a proved bound of the interpolation error between them.
 
-The search here is in doubles. The checker's own tests prove trims, A, B and K on every cell, and
-their distance from the chord of two breakpoints.
+The search uses doubles. The checker's tests prove trims, A, B and K on every cell, and their
+difference from the linear interpolation.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _PARTS = ("A", "B", "inputs", "K")
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """The proved part of an interval between two models."""
+    """A box of scheduling values with its proved linear model and solution of the game."""
 
     box: Box
     linear: LinearModelBox
@@ -66,7 +66,7 @@ class Cell:
     exact: Solution
 
     def at(self, s: float) -> dict[str, np.ndarray]:
-        """Return A, B, the inputs and K at an end, s = -1 or 1, in doubles."""
+        """Return A, B, inputs and K at an end of the cell, s = -1 or 1, in doubles."""
         models = {
             "A": self.linear.A,
             "B": self.linear.B,
@@ -87,19 +87,21 @@ class Cell:
 def prove_models(
     family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
 ) -> Proof:
-    """Return A, B, the trimmed inputs and the usual game's K at as few breakpoints as the bound
-    allows.
+    """Return a proof of linear models that interpolate A, B, the trim inputs and K of the usual
+    game.
 
-    family: the flights
+    family: the trims
     low, high: ends of the interval of the scheduling value
     tolerance: largest permitted error, as in `ModelsStatement`
-    progress: called with (cells done, cells in all)
+    progress: called with (cells done, all cells)
 
-    From `low` on, every step is the longest that is proved to keep every error below the tolerance,
-    at every scheduling value between two breakpoints. Breakpoints are ends of cells of 1/16 of a
-    step, or less. `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K
-    (g, m, n) there, and as `error` the bounds of `ModelsStatement`. Raises NoSolutionError when no
-    step is fine enough, and BadInputError unless low < high.
+    From `low` on, each step is the longest for which every error is proved below the tolerance, at
+    every scheduling value between the two breakpoints. Breakpoints are ends of cells of 1/16 of a
+    step or less. The entries of the proof's `data` are the breakpoints, A (g, n, n), B,
+    inputs_offset (g, m), K (g, m, n) and `error`, the bounds of `ModelsStatement`.
+
+    Raises NoSolutionError if even the shortest step exceeds the tolerance, and BadInputError unless
+    low < high.
     """
     if not low < high:
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
@@ -115,7 +117,7 @@ def prove_models(
 
 
 class GridSearch:
-    """Cells of an interval, in increasing order, and the grids whose breakpoints are their ends."""
+    """Cells of an interval, in increasing order, and grids whose breakpoints are ends of cells."""
 
     def __init__(self, family: Family, low: float, high: float, tolerance: float) -> None:
         self.family = family
@@ -128,7 +130,7 @@ class GridSearch:
         self._weights = weights_of(self._game)
 
     def add(self, box: Box) -> None:
-        """Prove a box, or its parts. Raises NoSolutionError where that is not possible."""
+        """Prove a box, or its parts, and append the cells. Raises NoSolutionError if this fails."""
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
@@ -137,9 +139,10 @@ class GridSearch:
             self.cells.append(cell)
 
     def _prove(self, box: Box) -> Cell | None:
-        """Return the proved cell, or None where it has to be halved.
+        """Return the proved cell of a box, or None if the box has to be halved.
 
-        It is halved where it uses too much of the tolerance with breakpoints at its own ends.
+        It is halved if its error with breakpoints at its own ends is too large a part of the
+        tolerance.
         """
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)
@@ -151,8 +154,10 @@ class GridSearch:
         return cell
 
     def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
-        """Return the cell with the proved solution of the game. Raises Rejected where none is
-        proved."""
+        """Return the cell with the proved solution of the game.
+
+        Raises Rejected if none is proved.
+        """
         solution_box = _solution_near(self._game, self._weights, linear)
         for reach in _REACHES:
             tried = replace(solution_box, reach=arb(reach * float(solution_box.reach)))
@@ -162,10 +167,11 @@ class GridSearch:
         raise Rejected("the solution of the game is not proved on this box")
 
     def coarsest(self) -> tuple[list[int], dict[str, float]]:
-        """Return the index of the cell that begins at each breakpoint, for the last breakpoint the
-        number of cells, and the largest errors.
+        """Return the breakpoints of the coarsest grid, and the largest errors.
 
-        Raises NoSolutionError where the error on a single cell exceeds the tolerance."""
+        A breakpoint is given by the index of the cell that begins there, the last one by the number
+        of cells. Raises NoSolutionError if the error on a single cell exceeds the tolerance.
+        """
         ends = [0]
         largest = dict.fromkeys(_PARTS, 0.0)
         while ends[-1] < len(self.cells):
@@ -190,7 +196,10 @@ class GridSearch:
         return ends, largest
 
     def tables(self, ends: Sequence[int]) -> ModelsStatement:
-        """Return the models at the beginning of these cells and at the end of the last one."""
+        """Return the models at breakpoints, in the form of a statement.
+
+        ends: index of the cell that begins at each breakpoint; the number of cells for the last end
+        """
         count = len(self.cells)
         return self._tables(
             [(self.cells[k], -1.0) if k < count else (self.cells[-1], 1.0) for k in ends]
@@ -203,7 +212,10 @@ class GridSearch:
         return ModelsStatement(self._flight, self._weights, breakpoints, **tables, errors={})
 
     def _errors(self, first: int, last: int) -> dict[str, float]:
-        """Return the largest errors on these cells with breakpoints at their outer ends."""
+        """Return the largest errors on the cells from `first` to before `last`.
+
+        The models are interpolated between the outer ends of these cells.
+        """
         tables = self.tables([first, last])
         largest = dict.fromkeys(_PARTS, 0.0)
         for cell in self.cells[first:last]:
@@ -213,7 +225,10 @@ class GridSearch:
 
 
 def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> SolutionBox:
-    """Return P(s) of the game on a box to second order, with the reach left by Newton's step."""
+    """Return P(s) of the game on a box to second order, with a reach from the Newton step.
+
+    Raises Rejected if A - S P is not found Hurwitz.
+    """
     middle = replace(game, A=doubles(linear.A.parts[0]), B=doubles(linear.B.parts[0]))
     units = NormalForm.of(middle).units
     T = matrix(np.diag(units))
@@ -237,7 +252,7 @@ def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> Solu
 
 
 def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield P in these units at s = -_ZERO, 0 and _ZERO, symmetric."""
+    """Yield the symmetric P in these units at s = -_ZERO, 0 and _ZERO."""
     for s in (-_ZERO, 0.0, _ZERO):
         A, B = (doubles(model.polynomial_at(s)) for model in (linear.A, linear.B))
         form = NormalForm.of(replace(game, A=A, B=B))

@@ -34,9 +34,9 @@ INTERPOLATION_ERRORS = {
 
 
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Return the runs, neighbors of the same result merged.
+    """Return the runs with adjacent ones merged if their results are equal.
 
-    runs: (low, high, result), ascending
+    runs: (low, high, result), in increasing order
     """
     together: list[tuple[float, float, Found]] = []
     for low, high, result in runs:
@@ -48,7 +48,7 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
 
 
 def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
+    """Return the intervals (low, high) between `low` and `high` that no run covers, in order.
 
     runs: runs in any order, which may overlap
     """
@@ -64,9 +64,10 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 
 
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
-    """Return scheduling values as data, under dihedral_deg for the HFA.
+    """Return scheduling values as data.
 
-    For other models the key is the name of the scheduling variable.
+    The key is `dihedral_deg` for the flexible aircraft, otherwise the scheduling variable's name in
+    `scheduled`.
     """
     if model.extras.names_schedule:
         return {model.schedule_key: breakpoints}
@@ -74,9 +75,9 @@ def breakpoint_data(model: Model, breakpoints: Any) -> Content:
 
 
 def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
-    """Return the proved properties of the loop and of the modes of A.
+    """Return the data of a statement about a schedule: proved, refuted and open intervals.
 
-    moving: whether a rate is claimed
+    moving: whether a rate of the scheduling variable is claimed
     """
     flight = statement.flight
     model = flight.model
@@ -134,7 +135,7 @@ def proof_report(statement: Statement, data: Content) -> Report:
     """Return the report of a proof.
 
     statement: the proved statement
-    data: data of the report
+    data: data of the report, which also determines the kind of a proof about a game
     """
     if isinstance(statement, ScheduleStatement):
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
@@ -155,13 +156,13 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 
 
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
-    """Return the proved, refuted and open parts of a schedule.
+    """Return the proved, refuted and open parts of a statement about a schedule.
 
-    They are sentences, then tables of the unstable modes of the loop and of A.
+    They are sentences, followed by tables of the unstable modes of the loop and of A.
 
-    statement: statement of the loop
+    statement: the statement
     moving: whether a rate of the scheduling variable is claimed
-    data: the report's data, for the number of boxes
+    data: data of the report, for the number of boxes
     """
     flight = statement.flight
     variable = flight.model.schedule
@@ -187,11 +188,11 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
 
 
 def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
-    """Return the intervals where the loop is unstable, open or stable, in sentences.
+    """Return sentences on the intervals where the loop is unstable, open or stable.
 
-    statement: statement of the loop
-    stable: whether no run has an unstable mode, or may have one
-    data: the report's data, for the number of boxes
+    statement: the statement
+    stable: whether no run of the loop has, or may have, an unstable mode
+    data: data of the report, for the number of boxes
     """
     flight = statement.flight
     unit = flight.model.schedule_unit
@@ -222,7 +223,7 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
 
 
 def _what_is_stable(statement: ScheduleStatement) -> str:
-    """Return the description of the stable loop."""
+    """Return a clause on the loop that is proved stable."""
     if statement.actuators is not None:
         return "the loop through the actuators is stable"
     if statement.controller.A.shape[1]:
@@ -231,9 +232,9 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
 
 
 def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
-    """Return the actuators for which the statement holds.
+    """Return text about the actuators that the statement covers.
 
-    Where the loop is not proved stable, they are the requested ones.
+    stable: whether the loop is proved stable; otherwise the actuators are called "requested"
     """
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
@@ -251,9 +252,7 @@ def _span(run: Run) -> str:
 
 
 def count_said(run: Run) -> str:
-    """Return the number of unstable modes as text: "2", or "0 to 2" where only bounds are
-    proved.
-    """
+    """Return the number of unstable modes as text: "2", or "0 to 2" if only bounds are proved."""
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 
 
@@ -262,10 +261,10 @@ def game_report(
 ) -> Report:
     """Return the report of a proof about a game.
 
-    For a solution it contains the statements one by one and P, for a critic its distances from the
+    For a solution it contains the proved statements and P, for a critic its distances from the
     solution.
 
-    data: data of the proof, with the entry `statement`
+    data: data of the proof; the entry `statement` is "solution" or "critic"
     states: names of the rows of P, or () for z1, z2, ...
     origin: origin of the game, for the title
     file: file of the critic, for the title
@@ -280,10 +279,10 @@ def game_report(
 
 
 def _stabilizing(hurwitz: bool | None, gain: str) -> str:
-    """Return the headline on whether a gain stabilizes.
+    """Return the first line of a report on whether a gain stabilizes.
 
-    hurwitz: the proved property of A - B K, or None where it is open
-    gain: the gain in words
+    hurwitz: whether A - B K is proved Hurwitz or proved not Hurwitz; None if it is open
+    gain: description of the gain
     """
     if hurwitz is None:
         return f"Left open: whether {gain} stabilizes"
@@ -291,7 +290,9 @@ def _stabilizing(hurwitz: bool | None, gain: str) -> str:
 
 
 def _critic_parts(data: Content) -> list[Part]:
-    """Return bounds of the distances of a critic, and whether its gain stabilizes."""
+    """Return a table of the bounds of a critic's distances, and a line on the stability of its
+    loop.
+    """
     rows = [
         (name, at_least(bounds["at_least"], 7), at_most(bounds["at_most"], 7))
         for name, bounds in data["distances"].items()
@@ -301,7 +302,7 @@ def _critic_parts(data: Content) -> list[Part]:
 
 
 def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
-    """Return the proved statements about a solution, and P."""
+    """Return a table of the proved statements about a solution, and a table of P."""
     above = data["delta_min_above"]
     most = data["delta_min_at_most"]
     bracket = "open"
@@ -328,14 +329,16 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
-    """Return a sentence on the proved property of a closed loop, or None if it is open."""
+    """Return a clause on whether a closed loop is proved Hurwitz, proved not Hurwitz, or open
+    (None).
+    """
     if closed_loop is None:
         return "open: a mode may lie on the axis"
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"
 
 
 def _models_report(statement: ModelsStatement, data: Content) -> Report:
-    """Return the proved bounds and the breakpoints. The matrices are in the data."""
+    """Return the report of interpolated models: bounds and steps. The matrices are in its data."""
     model = statement.flight.model
     breakpoints = statement.breakpoints
     unit = model.schedule_unit
@@ -358,7 +361,7 @@ def _models_report(statement: ModelsStatement, data: Content) -> Report:
 
 
 def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
-    """Return every entry of the models with its unit."""
+    """Return a row for every entry: breakpoint, matrix, row, column, value and unit."""
     model = statement.flight.model
     states = model.linear
     inputs = tuple(model.inputs)
@@ -378,6 +381,6 @@ def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
 
 
 def interval_said(flight: Flight) -> str:
-    """Return the scheduling values of a flight: "dihedral from 5 to 15 deg"."""
+    """Return the interval of scheduling values as text: "dihedral from 5 to 15 deg"."""
     unit = flight.model.schedule_unit
     return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"

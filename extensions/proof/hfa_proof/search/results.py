@@ -1,4 +1,4 @@
-"""Results of `hfa prove`, with each entry declared once."""
+"""Results of `hfa prove`, as written in JSON. Each entry is declared once."""
 
 from __future__ import annotations
 
@@ -14,50 +14,44 @@ from hfa_support.reporting.results import Matrix, Result, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProofData(Result):
-    """The result of a proof or a check, as keys of dicts: null means open, and entries that
-    a kind does not have are omitted.
+    """Result of a proof or a check. null means open. Fields that a kind does not have are omitted.
 
     statement: schedule, solution, critic or check.
-    dynamics: published or newton, or the name of another model.
-    dihedral_deg: interval, degrees.
-    proved: whether everything is proved.
-    one_branch: whether the trims of all boxes are one branch.
-    decay_rate: 1/s.
-    loop: runs of angles with their unstable modes, A - B K, and open intervals.
-    modes: runs of angles with the unstable modes of A; open: the least and the most.
-    refuted: where it is proved unstable.
+    dynamics: published, newton, or the name of another model.
+    dihedral_deg: interval of the dihedral angle, degrees.
+    proved: whether the full claim is proved.
+    one_branch: whether the trims of all boxes are on one branch.
+    decay_rate: proved decay rate where the loop is stable, 1/s.
+    loop: intervals with the number of unstable modes of the loop, and open intervals.
+    modes: intervals with the number of unstable modes of A; open intervals with its bounds.
+    refuted: intervals where the loop is proved unstable.
     not_covered: effects that the statement does not cover.
-    boxes: enclosures, or their number.
-    source: of a checked certificate of another aircraft: SHA-256 of its files.
-    P: value z' P z.
-    delta: disturbance weight, null for none.
-    scheduled: of another aircraft: scheduling variable -> interval.
-    dihedral_rate_deg_s: with --rate.
-    scheduled_rate: of another aircraft: with --rate, per second.
-    actuators: with --bandwidth: bandwidth, effectiveness, delay.
-    lyapunov: with --rate.
-    kind: of a checked certificate: schedule, game or models.
-    parameters: of a checked certificate: the covered set.
-    parameter_hash: of a checked certificate.
-    written: of a checked certificate: version, command and date in the file; not verified.
-    statement_sha256: of a checked certificate: SHA-256 of the JSON text of its statement.
-    claim: of a checked certificate: its statement, every field.
-    not_given: of a checked certificate: fields that no option gave and that were not compared.
-    limits: of a checked certificate: lowest and highest value of each input and unknown of the
-        trims.
-    spread: of a checked certificate: half widths of the parameters.
-    game: of a checked certificate: Q, R, E, delta.
-    error: of checked models: proved bounds.
-    nodes: of checked models.
-    relative_radius: of the enclosure of P.
-    positive_definite: true, false or null for open.
-    worst_case_hurwitz: A - S P.
-    closed_loop_hurwitz: A - B K.
-    delta_min_above: proved lower end.
-    delta_min_at_most: proved upper end.
-    unstable_modes: of A, null where they are not counted.
-    unstable_modes_between: the least and the most.
-    distances: P, K -> at_least, at_most.
+    boxes: enclosures of A and B, or the number of boxes.
+    source: SHA-256 of the files of another aircraft; of a checked certificate.
+    P: matrix of the value z'P z.
+    delta: disturbance weight, null without a disturbance.
+    scheduled: scheduling variable -> interval; for another aircraft.
+    dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s; with --rate.
+    scheduled_rate: proved rate of the scheduling variable, per second; with --rate, for another
+        aircraft.
+    actuators: bandwidth, effectiveness and delay; with --bandwidth. lyapunov: Lyapunov function for
+    a moving scheduling variable; with --rate. kind: schedule, game or models; of a checked
+    certificate. parameters: parameters of the aircraft; of a checked certificate. parameter_hash:
+    hash of the parameters; of a checked certificate. written: version, command and date in the
+    file, not verified; of a checked certificate. statement_sha256: SHA-256 of the JSON text of the
+    statement; of a checked certificate. claim: every field of the statement; of a checked
+    certificate. not_given: fields that were not compared, because no option gave them; of a checked
+    certificate. limits: lowest and highest value of each input and unknown of the trims; of a
+    checked certificate. spread: half-widths of the parameters; of a checked certificate. game: Q,
+    R, E and delta; of a checked certificate. error: proved bounds of the interpolation errors; of
+    checked models. nodes: number of breakpoints; of checked models. relative_radius: relative
+    radius of the enclosure of P. positive_definite: whether P is proved positive definite.
+    worst_case_hurwitz: whether A - S P is proved Hurwitz. closed_loop_hurwitz: whether A - B K is
+    Hurwitz; false is proved too. delta_min_above: proved lower bound of delta_min.
+    delta_min_at_most: proved upper bound of delta_min. unstable_modes: number of unstable modes of
+    A, null if only bounds are proved. unstable_modes_between: lowest and highest number of unstable
+    modes of A. distances: part of the critic -> bounds of its relative distance, at_least and
+    at_most.
     """
 
     schema = "hfa.proof/1"
@@ -107,10 +101,10 @@ class ProofData(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InterpolatedModels(StatesAndInputs, Result):
-    """Linear models that interpolate within a proved bound.
+    """Linear models that are interpolated within a proved bound of the error.
 
-    statement: the models and their bounds
-    tolerance: the requested bound.
+    statement: the models and their bounds.
+    tolerance: the largest error that the user permits.
     """
 
     schema = "hfa.lpv/1"
@@ -126,25 +120,24 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def model(self) -> Model:
-        """Name of the aircraft."""
+        """The aircraft."""
         return self.statement.flight.model
 
     @property
     def dihedral_deg(self) -> Vector | None:
-        """Breakpoints of the dihedral angle, degrees, or None for another aircraft."""
+        """Breakpoints of the dihedral angle, degrees; None for another aircraft."""
         return self.statement.breakpoints if self.model.extras.names_schedule else None
 
     @property
     def scheduled(self) -> Mapping[str, Vector] | None:
-        """Return scheduling variable -> breakpoints for an aircraft other than the HFA, else
-        None."""
+        """Scheduling variable -> breakpoints; None for the flexible aircraft of the paper."""
         if self.model.extras.names_schedule:
             return None
         return {self.model.schedule: self.statement.breakpoints}
 
     @property
     def inputs_offset(self) -> Matrix:
-        """Inputs U0 at each breakpoint, (G, m)."""
+        """Trim inputs U0 at each breakpoint, (g, m)."""
         return self.statement.inputs[..., 0]
 
     @property
@@ -155,14 +148,14 @@ class InterpolatedModels(StatesAndInputs, Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertificateData(Result):
-    """The file of a certificate, as keys of a text that contains digests of itself.
+    """The file of a certificate.
 
     kind: schedule, game, models, region, region-boxes or cost-boxes.
     toolchain: version that wrote it.
-    statement: the claim, declared in extensions/proof/hfa_proof/checker/statement.py.
-    witness: the evidence, declared in extensions/proof/hfa_proof/checker/witness.py.
+    statement: the claim, declared in hfa_proof/checker/statement.py.
+    witness: the evidence, declared in hfa_proof/checker/witness.py.
     digest: SHA-256 of the text before it, equal for equal proofs.
-    checksum: SHA-256 of the text before it, provenance included.
+    checksum: SHA-256 of the text before it, including the provenance.
     """
 
     schema = "hfa.certificate/9"

@@ -1,7 +1,7 @@
-"""Proof that at every scheduling value the trim exists and the controller stabilizes.
+"""Search for a proof that the trim exists and the loop is stable at every scheduling value.
 
-The unstable modes are counted. For a moving scheduling value a Lyapunov function of it is proved to
-decrease at every value and rate.
+The unstable modes are counted. For a moving scheduling value, a Lyapunov function that depends on
+it is proved to decrease at every value and rate.
 """
 
 from __future__ import annotations
@@ -65,7 +65,11 @@ _POWER = 8
 
 @dataclass(frozen=True, eq=False)
 class ProvedBox:
-    """A box with the bounds of its unstable modes and its entry in a certificate."""
+    """A box with its proved bounds of the number of unstable modes and its entry in a certificate.
+
+    rate: decay rate, 1/s
+    content: the entry
+    """
 
     box: Box
     least: int
@@ -75,7 +79,7 @@ class ProvedBox:
 
     @property
     def run(self) -> Run:
-        """The bounds of the box."""
+        """The bounds of the box, as a run."""
         return Run(self.box.low, self.box.high, self.least, self.most)
 
 
@@ -90,18 +94,18 @@ def prove_schedule(
     file: CertificateFile | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """Prove or refute, box by box, that the loop is Hurwitz, and bound the unstable modes of A.
-    Return the proof.
+    """Return a proof, box by box, that the loop is or is not Hurwitz, with bounds of A's unstable
+    modes.
 
-    family: the flights
+    family: the trims
     loop: controller and actuators, or gains u = -K x
     low, high: ends of the interval of the scheduling value
-    moving: whether to prove also how fast the scheduling value may move
-    file: the certificate, which is written during the proof
-    progress: called during the proof with the parts done and their number
+    moving: whether to prove stability for a moving scheduling value too
+    file: the certificate, which is written during the proof; or None
+    progress: called during the proof with the number of parts done and of all parts
 
-    Raises NoSolutionError where a scheduling value has no trim, and BadInputError when the
-    controller or the model does not cover the interval.
+    Raises NoSolutionError if a scheduling value has no trim, and BadInputError if the controller or
+    the model does not cover the interval.
     """
     if isinstance(loop, GainSchedule):
         loop = loop_of_schedule(loop)
@@ -127,7 +131,7 @@ def prove_schedule(
 
 
 class ScheduleSearch:
-    """The search for a proof of a loop on an interval."""
+    """Search for the proof of a loop on an interval of scheduling values."""
 
     def __init__(self, family: Family, loop: Loop, low: float, high: float) -> None:
         self.family = family
@@ -143,8 +147,10 @@ class ScheduleSearch:
         self.motion: Content | None = None
 
     def prove(self, name: str) -> Iterator[Box]:
-        """Yield each box of the loop, or of the modes of A, in increasing order, as proved or
-        open."""
+        """Yield each box, in increasing order, after its proof or if it remains open.
+
+        name: "loop", or "modes" for the modes of A
+        """
         prove = self._prove_loop if name == "loop" else self._prove_modes
         narrowest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         if name == "loop" and isinstance(self.loop.actuators, UncertainActuators):
@@ -156,8 +162,11 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Return a box on which the loop is proved stable with a decay rate, or else its number of
-        unstable modes. The result is None where neither is proved."""
+        """Return a box on which the number of unstable modes of the loop is proved.
+
+        A stable loop is proved with a decay rate, or with uncertain actuators by Lyapunov
+        functions. The result is None if nothing is proved.
+        """
         linear = self.linear_model(box)
         if isinstance(self.loop.actuators, UncertainActuators):
             pieces = find_pieces(linear, self.family.model, self.loop)
@@ -178,8 +187,10 @@ class ScheduleSearch:
         return self._counted(box, self.linear_model(box).A, 0.0)
 
     def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """Return the box if its eigenvalues right of -rate are those right of the axis, else
-        None."""
+        """Return a box with the proved number of eigenvalues of A with Re λ > -rate.
+
+        The result is None if no number is proved.
+        """
         proof = find_line(A, rate)
         if proof is None:
             return None
@@ -188,7 +199,7 @@ class ScheduleSearch:
         return ProvedBox(box, count, count, rate, content)
 
     def bound_crossings(self) -> None:
-        """Bound the unstable modes of A on the boxes where they are not counted."""
+        """Prove bounds of A's number of unstable modes on the intervals where it is not counted."""
         widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         counted = [proved.run for proved in self.boxes["modes"]]
         for low, high in gaps(counted, self.low, self.high):
@@ -205,7 +216,10 @@ class ScheduleSearch:
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
 
     def prove_motion(self, progress: Progress | None) -> None:
-        """Prove a rate up to which the scheduling value may move, or None if nothing is proved."""
+        """Prove a rate up to which the scheduling value may move, and store it with its proof.
+
+        Nothing is stored if no rate is proved.
+        """
         search = MotionSearch(self)
         for rate in search.suggested_rates():
             boxes = search.boxes(rate, progress)
@@ -215,7 +229,10 @@ class ScheduleSearch:
                 return
 
     def resume(self, witness: Content) -> None:
-        """Take over the boxes that an earlier run left, verified."""
+        """Append the boxes of an earlier run.
+
+        witness: its verified witness
+        """
         for name, boxes in self.boxes.items():
             for content in witness.get(name, []):
                 box = Box(*content["range"])
@@ -253,7 +270,9 @@ class ScheduleSearch:
         return Proof(self.statement(), witness)
 
     def data(self) -> Content:
-        """Return further data of a result: the Lyapunov function and entries of A and B."""
+        """Return further data of the result: bounds of A and B on each box, and the Lyapunov
+        function.
+        """
         boxes = []
         for proved in self.boxes["loop"]:
             linear = self.linear_model(proved.box)
@@ -266,18 +285,22 @@ class ScheduleSearch:
         return data
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """Return the aircraft on a box."""
+        """Return the linear model on a box. Raises Rejected if the box is too wide."""
         if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
             raise Rejected("the parameter errors are enclosed only on narrower boxes")
         return self.trims.linear_model(box)
 
     def closed_loop(self, box: Box) -> TaylorModel:
-        """Return F of ζ' = F ζ on a box."""
+        """Return F of the closed loop ζ' = F ζ on a box."""
         linear = self.linear_model(box)
         return closed_loop(linear, self.family.model, self.loop.controller, self.loop.actuators)
 
     def _runs(self, name: str, size: int) -> tuple[Run, ...]:
-        """Return the bounds on the whole interval: those of the boxes, and 0 to all elsewhere."""
+        """Return runs over the whole interval: the proved bounds, and 0 to `size` elsewhere.
+
+        name: "loop" or "modes"
+        size: number of eigenvalues
+        """
         proved = [box.run for box in self.boxes[name]]
         cuts = sorted({self.low, self.high, *(end for run in proved for end in run[:2])})
         runs = []
@@ -289,7 +312,7 @@ class ScheduleSearch:
         return tuple(Run(low, high, *bounds) for low, high, bounds in joined(runs))
 
     def _stated_trims(self) -> tuple[StatedTrim, ...]:
-        """Return one stated trim for each part of the interval that the boxes cover."""
+        """Return a stated trim at the beginning of each contiguous set of boxes."""
         boxes = sorted(proved.box for name in self.boxes for proved in self.boxes[name])
         starts = []
         reached = -math.inf
@@ -303,9 +326,10 @@ class ScheduleSearch:
 class MotionSearch:
     """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
 
-    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all rates between
-    them. P solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between
-    them. Therefore V is continuous, and P is as smooth as F, regardless of its modes.
+    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 is proved for both signs of the largest η', and therefore
+    holds for all rates between them. P solves F'P + P F = -W at its breakpoints, with the same W at
+    all of them, and is linear between them. V is therefore continuous, and P is as smooth as F even
+    where modes of F coincide.
     """
 
     def __init__(self, search: ScheduleSearch) -> None:
@@ -321,9 +345,9 @@ class MotionSearch:
     def suggested_rates(self) -> list[float]:
         """Return rates of the scheduling variable to try, the largest first.
 
-        They are parts of the largest rate that a Lyapunov function allows in the middles of the
-        boxes. Its P at the ends of the boxes is stored in `self.P`. The result is [] where the
-        loops cannot be enclosed, one of them is not stable, or a P is not positive definite.
+        They are parts of the largest rate that a Lyapunov function allows at the centers of the
+        boxes. Its P at the ends of the boxes is stored in `self.P`. The result is [] if a loop
+        cannot be enclosed or is not stable, or a P is not positive definite.
         """
         try:
             loops = [self._search.closed_loop(box) for box in self._boxes]
@@ -351,9 +375,7 @@ class MotionSearch:
         return rates
 
     def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
-        """Return the boxes on which the rate is proved, or none when it is not proved on all of
-        them.
-        """
+        """Return the boxes that prove a rate, or [] if it is not proved on all of them."""
         narrowest = _NARROWEST_MOVING * self._search.family.step
         proved: list[Content] = []
         for whole in told(self._boxes, progress):
@@ -377,7 +399,7 @@ class MotionSearch:
 
 
 def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """Return P of A'P + P A = -W."""
+    """Return the solution P of A'P + P A = -W."""
     from scipy.linalg import solve_continuous_lyapunov
 
     P = solve_continuous_lyapunov(A.T, -W)
@@ -385,11 +407,11 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 
 def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
-    """Return the rate that W allows at all points A, dA/dη, and a W > 0 that allows a large one.
+    """Return the largest rate that was found, and its W > 0.
 
-    At a rate W + η' dP/dη > 0 is required. At first P is the identity in the modes of the middle
-    point. W is then moved, step by step, toward Σ |dP/dη|^p. This is a sum over the points in units
-    of W, where the largest counts most.
+    A rate η' requires W ± η' dP/dη > 0 at all points (A, dA/dη). For the first W, P is the identity
+    in the modes of the center point. W is then moved, step by step, toward Σ |dP/dη|^p, the sum
+    over the points in units of W. The power p gives the largest terms the most weight.
     """
     W = _first_weight(points[len(points) // 2][0])
     best = (0.0, np.eye(len(W)))
@@ -416,7 +438,7 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
 
 
 def _first_weight(A: np.ndarray) -> np.ndarray:
-    """Return W with which P is the identity in the modes of A, or I where they are dependent."""
+    """Return W for which P is the identity in the modes of A; I if the modes are dependent."""
     values, vectors = np.linalg.eig(A)
     try:
         inverse = np.linalg.inv(vectors)

@@ -1,7 +1,4 @@
-"""Proof of the exact solution of a game, and of a critic's distance from it.
-
-The distance is bounded for W, P and K.
-"""
+"""Proof of the exact solution of a game, and of the distances of a critic's W, P and K from it."""
 
 from __future__ import annotations
 
@@ -66,9 +63,9 @@ _SHARP = 1e-6
 
 
 def weights_of(game: Game) -> Weights:
-    """Return the weights of a game for a statement.
+    """Return the weights of a game in the form of a statement.
 
-    Raises NoSolutionError unless Q >= 0 and R > 0, decided exactly.
+    Raises NoSolutionError unless Q >= 0 and R > 0, which is decided exactly.
     """
     Q = (game.Q + game.Q.T) / 2
     R = (game.R + game.R.T) / 2
@@ -84,14 +81,14 @@ def weights_of(game: Game) -> Weights:
 
 @dataclass(frozen=True, eq=False)
 class ExactGame:
-    """A game whose A and B are enclosed.
+    """A game with enclosures of A and B.
 
     game: the game in doubles
     weights: weights of the statement
     plant: plant of the statement
-    trim: trim of A and B, or None for a plant
-    doubles: A and B of the doubles
-    wide: A and B for every number that rounds to the doubles
+    trim: trim of A and B, or None for a plant given by matrices
+    doubles: A and B for the stored doubles
+    wide: A and B for every number that rounds to these doubles
     """
 
     game: Game
@@ -108,11 +105,11 @@ class ExactGame:
         """Return a game with enclosures of its A and B.
 
         game: the game in doubles
-        family: family whose linear model has A and B, or None where they are the matrices of the
-            game, exactly
+        family: trims whose linear model has A and B, or None if the game's A and B are exact
         scheduling_value: scheduling value of the linear model, or None without a family
 
-        Raises NoSolutionError as `weights_of`, and where no trim is found.
+        Raises NoSolutionError if Q or R is not definite as required (`weights_of`), or no trim is
+        found.
         """
         weights = weights_of(game)
         if family is None or scheduling_value is None:
@@ -141,16 +138,19 @@ class ExactGame:
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
     def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
-        """Return the stabilizing solution, proved, with the sign of its lowest eigenvalue.
+        """Return the evidence and the enclosure of the stabilizing solution.
 
-        Raises NoSolutionError when it cannot be proved.
+        decimals: whether to cover every number that rounds to the doubles
+        lowest: sign that its lowest eigenvalue must have
+
+        Raises NoSolutionError if this is not proved.
         """
         A, B = self.wide if decimals else self.doubles
         box = find_solution(self.game, self.weights, A, B)
         return box, solution_on(self.weights, A, B, box, lowest)
 
     def has_value(self) -> bool:
-        """True if a stabilizing and positive definite solution is proved to exist."""
+        """Return whether a stabilizing and positive definite solution is proved to exist."""
         try:
             self.solution()
         except (NoSolutionError, ArithmeticError):
@@ -158,10 +158,10 @@ class ExactGame:
         return True
 
     def why_no_value(self) -> SolutionBox | list[float] | None:
-        """Return a proof that the game has no value, or None.
+        """Return evidence that the game has no value, or None if there is no proof.
 
-        It is a stabilizing solution with a negative eigenvalue, or frequencies between which the
-        Hamiltonian has an eigenvalue on the axis.
+        The evidence is a stabilizing solution with a negative eigenvalue, or frequencies (rad/s)
+        between which the Hamiltonian matrix has an eigenvalue on the imaginary axis.
         """
         try:
             return self.solution(lowest=-1)[0]
@@ -175,8 +175,9 @@ class ExactGame:
         return frequencies
 
     def _frequencies_of_both_signs(self) -> Iterator[float]:
-        """Yield one ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the
-        axis.
+        """Yield one ω with det(j ω I - H) > 0 and one with det(j ω I - H) < 0, if they are found.
+
+        They are sought near the eigenvalues of H that are closest to the imaginary axis.
         """
         values = np.linalg.eigvals(NormalForm.of(self.game).hamiltonian)
         nearest = np.argsort(np.abs(values.real))[:4]
@@ -202,11 +203,9 @@ class ExactGame:
 
 
 def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
-    """Return P of the Riccati equation by Newton's method on midpoints, from that of the Schur
-    method.
+    """Return P of the Riccati equation with evidence, by Newton's method from a Schur solution.
 
-    Raises NoSolutionError when the Schur method finds no P, or a mode of A - S P may lie on the
-    axis.
+    Raises NoSolutionError if no solution is found or A - S P is not proved Hurwitz.
     """
     form = NormalForm.of(game)
     units = form.units
@@ -233,7 +232,10 @@ def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) 
 
 
 def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_mat:
-    """Return L⁻¹ F(P) with L(E) = (A - S P)'E + E (A - S P)."""
+    """Return L⁻¹ F(P) with F the Riccati residual and L(E) = (A - S P)'E + E (A - S P).
+
+    Raises NoSolutionError if L is singular within rounding.
+    """
     n = P.nrows()
     loop = A - S * P
     residual = (loop.transpose() * P + P * A + Q).range()
@@ -250,9 +252,9 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
 class Bracket:
     """Proved bracket refused < delta_min <= value.
 
-    The game has a value at `value` and no value at `refused`.
+    The game has a value at delta = `value` and none at delta = `refused`.
 
-    why: the proof that no value exists at `refused`
+    why: evidence that it has none at `refused`
     """
 
     value: float
@@ -263,15 +265,15 @@ class Bracket:
 def prove_delta_min(
     exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
 ) -> Bracket | None:
-    """Return the narrowest bracket of delta_min that can be proved, or None.
+    """Return the narrowest bracket of delta_min that is proved, or None.
 
-    exact: the game, whose own δ is not used
+    exact: the game; its own delta is not used
     in_doubles: delta_min as computed in doubles, where the search begins
-    progress: called before every halving
+    progress: called before every bisection step
 
-    The δ for which the game has a value are an interval (delta_min, inf] (Basar and Bernhard,
-    Theorem 4.11). One δ with a value therefore bounds delta_min from above, and one without from
-    below.
+    The delta for which the game has a value form an interval (delta_min, inf] (Basar and Bernhard,
+    Theorem 4.11). A delta with a value therefore bounds delta_min from above, and one without a
+    value from below.
     """
     if in_doubles.value <= 0.0:
         return None
@@ -310,7 +312,7 @@ def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -
 
 
 def _tell(progress: Progress | None, what: str) -> None:
-    """Report the current step. The remaining work is not known."""
+    """Report the current step; the remaining work is not known."""
     if progress is not None:
         progress(0, 1, what)
 
@@ -322,18 +324,19 @@ def prove_solution(
     scheduling_value: float | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """Return the stabilizing solution of a game, enclosed.
+    """Return a proof that encloses the stabilizing solution of a game.
 
     game: the game in doubles
-    family: flights whose linear model has A and B; None if A and B are the matrices of the game
+    family: trims whose linear model has A and B; None if the game's A and B are exact
     scheduling_value: scheduling value of that linear model, or None without a family
     progress: called with the current step
 
-    `data` of the result has P, the printed one, and `relative_radius`, within which the exact
-    solution lies (Frobenius). For the aircraft's game the radius also covers every parameter that
-    rounds to the same decimal. P > 0 and A - S P Hurwitz are always proved. `proved` of the result
-    is True if A - B K is also proved Hurwitz and delta lies above a proved bracket of delta_min.
-    Raises NoSolutionError when the game has no value, or when it cannot be enclosed.
+    The proof's `data` contains the printed P and `relative_radius`, within which the exact solution
+    lies (Frobenius norm). With a family, the radius also covers every number that rounds to the
+    stored parameters. P > 0 and A - S P Hurwitz are always proved. The attribute `proved` is True
+    if A - B K is also proved Hurwitz and delta is above a proved bracket of delta_min.
+
+    Raises NoSolutionError if the game has no value or its solution cannot be enclosed.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -398,16 +401,16 @@ def prove_critic(
     family: Family | None = None,
     scheduling_value: float | None = None,
 ) -> Proof:
-    """Return a proof of the distance of a critic's W, P and K from the exact ones, and of whether A
-    - B K is Hurwitz.
+    """Return a proof of a critic's distance from the exact solution, and of the stability of A - B
+    K.
 
     game, family, scheduling_value: as for `prove_solution`
-    critic: its W, P or K are compared
+    critic: critic whose W, P or K are compared
 
-    `proved` of the result is True if A - B K is proved Hurwitz.
+    The attribute `proved` of the result is True if A - B K is proved Hurwitz.
 
-    Raises BadInputError for a network, for which no proof exists, and NoSolutionError when the
-    exact solution cannot be enclosed.
+    Raises BadInputError for a network, and NoSolutionError if the exact solution cannot be
+    enclosed.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -455,7 +458,7 @@ def prove_critic(
 
 
 def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
-    """Return whether K follows from the critic's P and W, by the checker's criterion."""
+    """Return whether K follows from the critic's P and W, by the test of the checker."""
     if len(parts) == 1:
         return False
     try:
@@ -466,10 +469,9 @@ def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
-    """Return the entry of the trim in a witness: unknown -> center and two radii.
+    """Return the entry of the trim in a witness: unknown -> center, radius and wide radius.
 
-    The radii are those of the doubles and of all decimals that round to them. The entry is empty
-    for a plant without a trim.
+    The result is {} without a trim.
     """
     if trim is None:
         return {}

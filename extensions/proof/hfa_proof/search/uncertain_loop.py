@@ -1,7 +1,7 @@
-"""A loop whose actuators have bandwidths, effectiveness and delays within intervals.
+"""Search for proofs of a loop whose actuators have uncertain bandwidth, effectiveness and delay.
 
 One Lyapunov function is found for all bandwidths of a piece. The condition is a matrix inequality,
-linear in H and X, at the ends of each piece. `check_pieces` of the checker proves it.
+linear in H and X, at the ends of each piece. The checker proves it (`check_pieces`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """Return the pieces that prove the loop on a box for all of its actuators, or an empty list."""
+    """Return pieces that prove the loop on a box for all of its actuators; [] if not found."""
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
@@ -36,7 +36,10 @@ def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]
 def _pieces(
     loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float], halvings: int
 ) -> list[Piece]:
-    """Return pieces for an interval of bandwidths, which is halved where one piece is not found."""
+    """Return pieces for an interval of bandwidths, or [] if none are found.
+
+    The interval is halved, at most `halvings` times, if no single piece is found.
+    """
     piece = _piece(loop, actuators, bandwidth)
     low, high = bandwidth
     if piece is not None:
@@ -79,7 +82,10 @@ def _piece(
 def _points(
     loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return ζ' and (q, z) as rows of (ζ, d, e), at both ends of the box and of the bandwidths."""
+    """Return pairs of ζ' and (q, z), as rows that act on (ζ, d, e).
+
+    There is one pair for each end of the box and each end of the bandwidths.
+    """
     least, most = actuators.effectiveness
     n = loop.G.nrows()
     a = loop.G.ncols()
@@ -101,9 +107,9 @@ def _points(
 
 
 def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the form in (ζ, d, e) that must be positive.
+    """Return the matrix of the form in (ζ, d, e) that must be positive definite.
 
-    It is -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q - z'X_2 z.
+    The form is -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q - z'X_2 z.
     """
     n, size = rates.shape
     growth = np.eye(size)[:, :n] @ H @ rates
@@ -113,10 +119,11 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
 def common_lyapunov(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return H and X for all of the points (rates, rows), in doubles, or None if no H is found.
+    """Return H and X for all points (rates, rows), in doubles, or None if they are not found.
 
-    Clarabel (Goulart and Chen, 2024) finds the largest t with the form of `decrease` - t I >= 0 at
-    all points, 0 <= H <= I, 0 <= X <= 100, in the modes of their mean. t > 0 is required.
+    Clarabel (Goulart and Chen, 2024) maximizes t such that the form of `decrease` minus t I is
+    positive semidefinite at all points, with 0 <= H <= I and 0 <= X <= 100, in the modes of the
+    mean rates. t > 0 is required.
     """
     n, size = points[0][0].shape
     mean = np.mean([rates for rates, _ in points], axis=0)
@@ -142,10 +149,10 @@ def common_lyapunov(
 def _largest_margin(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return H, (n, n), and the diagonal of X, (size - n,), of the largest t, or None unless t > 0.
+    """Return H (n, n) and the diagonal of X (size - n,) for the largest t, or None unless t > 0.
 
-    t is a lower bound: the form of `decrease` - t I >= 0 at all points (rates, rows), with 0 <= H
-    <= I and 0 <= X <= 100.
+    The form of `decrease` minus t I is positive semidefinite at all points (rates, rows), with
+    0 <= H <= I and 0 <= X <= 100.
     """
     import cvxpy as cp
 

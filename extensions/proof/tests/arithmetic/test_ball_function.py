@@ -1,6 +1,4 @@
-"""Enclosures of the model's instructions contain the values and shrink, and a wrong one is
-detected.
-"""
+"""Enclosures of the model's rates contain the exact values, and wrong operations are detected."""
 
 from __future__ import annotations
 
@@ -26,8 +24,10 @@ Balls = list[Any]
 
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
-    """Return the number of rates outside the enclosure at random points of a box of states and
-    inputs, with rates computed to 200 bits.
+    """Return how many points have a rate outside the enclosure.
+
+    The points are random in a box of states, inputs and parameters. Their rates are computed with
+    200 bits.
     """
     random = np.random.default_rng(seed)
     rates = BallFunction(rates_function(VARIANTS[dynamics]))
@@ -87,9 +87,7 @@ def test_the_program_s_own_numbers_come_out() -> None:
 
 
 def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wrong instruction is detected: each operation of the model in turn is off by 1e-9 of its
-    value.
-    """
+    """An operation with a relative error of 1e-9 is detected, for each operation of the model."""
     function = rates_function(VARIANTS["published"])
     point = model_at(15.0).point
     parameters = hfa_model.parameters_of(family().model)
@@ -132,7 +130,7 @@ ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
     ],
 )
 def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], at: Any) -> None:
-    """A branch whose condition is not decided raises an error. Exactly 0 counts as not positive."""
+    """An undecided branch raises Undecided. A value of exactly 0 is not accepted as positive."""
     x = ca.SX.sym("x")
     with pytest.raises(Undecided):
         BallFunction(ca.Function("f", [x], [expression(x)]))([at])

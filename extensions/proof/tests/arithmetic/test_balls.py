@@ -1,5 +1,6 @@
-"""Statements about balls are certain or are not made. Taylor models contain the values, with the
-remainder that theory gives.
+"""Comparisons of balls are true only if proved, and Taylor models contain the exact values.
+
+Their remainders have the order of the theory.
 """
 
 from __future__ import annotations
@@ -29,21 +30,21 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
 
 
 def test_intervals_about_0_hold_the_whole_radius() -> None:
-    """An interval about 0 contains the whole radius."""
+    """The interval symmetric about 0 contains the whole ball, including its radius."""
     assert symmetric(arb(1, 0.1)).contains(arb(1.09))
     assert symmetric(arb(-2, 0.1)).contains(arb(-2.09))
 
 
 @pytest.mark.parametrize("slope", [-1.75, -1.25, -0.75, -0.25, 0.25, 0.75, 1.25, 1.75])
 def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
-    """Corners bound the least value of slope s + s², which is at -slope / 2."""
+    """The corners of slope s + s² reach its lowest value, at s = -slope / 2."""
     corners = TaylorModel(arb(0), arb(slope), arb(1)).corners()
     assert min(float(corner.lower()) for corner in corners) <= -(slope**2) / 4.0
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
-    """The remainder along a box is of third order in its size."""
+    """The remainder decreases by a factor of about 8 if the box is halved."""
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(12.0, dynamics).point
     parameters = hfa_model.parameters_of(family(dynamics).model)
@@ -58,8 +59,9 @@ def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
 
 
 def escaped(dynamics: str, points: int, seed: int) -> int:
-    """Return the number of rates outside the Taylor models at random points of a random line
-    through the trim, with rates computed to 200 bits.
+    """Return the number of rates outside their Taylor models.
+
+    They are computed with 200 bits at random points of a random line through the trim.
     """
     random = np.random.default_rng(seed)
     function = BallFunction(rates_function(VARIANTS[dynamics]))
@@ -104,9 +106,9 @@ def test_taylor_models_contain_a_hundred_thousand_random_points(dynamics: str) -
 
 
 def test_errors_of_parameters_are_carried_to_first_order() -> None:
-    """Errors of parameters are carried to first order, and products of errors are in the remainder.
+    """Parameter errors are propagated to first order, and their products are in the remainder.
 
-    The function is (1 + 0.1 s + 0.2 t_1 - 0.1 t_2)² / x at random points.
+    The function is (1 + 0.1 s + 0.2 t_1 - 0.1 t_2)² / (3 - 0.2 s + 0.3 t_2) at random points.
     """
     x = ca.SX.sym("x")
     y = ca.SX.sym("y")
@@ -132,7 +134,7 @@ def test_errors_of_parameters_are_carried_to_first_order() -> None:
 
 
 def test_number_over_taylor_model_taylor_model_over_number() -> None:
-    """2 / (3 + s / 5) and its inverse contain the values at random s."""
+    """The models of 2 / (3 + s / 5) and (3 + s / 5) / 2 contain the values at random s."""
     model = TaylorModel(arb(3), arb(0.2))
     for found, exact in (
         (2 / model, lambda s: 2 / (3 + s / 5)),

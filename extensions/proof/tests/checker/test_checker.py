@@ -38,7 +38,7 @@ def test_what_was_proved_verified_and_all_of_reported(kind: str, tmp_path: Path)
 
 
 def test_statement_is_read_back_as_it_was_written() -> None:
-    """A statement that is written and read again is equal to the original."""
+    """A statement that is written and read again equals the original."""
     for kind in PROOFS:
         own = certificate(kind)
         statement = read_statement(own["kind"], copy.deepcopy(own["statement"]), model_of(kind))
@@ -72,7 +72,7 @@ def test_what_no_box_proves_refused_unless_said_open(name: str, tmp_path: Path) 
 
 
 def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
-    """A claim with too few or too many unstable modes is refused.
+    """A claim of too few or too many unstable modes is refused.
 
     A of `published` gains a third unstable mode at 16.688 deg.
     """
@@ -104,8 +104,9 @@ def test_a_missing_certificate_is_said(tmp_path: Path) -> None:
 def test_where_alpha_is_free_derivative_follows_pitch_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Derivatives of the trim equations with respect to each unknown equal central differences,
-    with pitch = alpha + gamma.
+    """With alpha free, the Jacobian of the trim equations equals central differences.
+
+    pitch = alpha + gamma changes with alpha.
     """
     condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
     flights = Family(hfa.aircraft(), condition)
@@ -144,8 +145,9 @@ def test_where_alpha_is_free_derivative_follows_pitch_with(
 
 
 def test_the_root_lies_where_newton_s_step_leads() -> None:
-    """For x² = 2 about 1.4 the enclosure contains sqrt(2) - 1.4, and neither 0 nor the mirror
-    image.
+    """For x² = 2 about 1.4 the enclosure contains sqrt(2) - 1.4, and not 0.
+
+    A radius that does not contain the root is refused.
     """
     radius = arb("0.1")
     at_center = arb_mat([[arb("1.4") ** 2 - 2]])

@@ -65,7 +65,7 @@ def _one(*parts: float) -> TaylorModel:
 
 
 def _distance_too_large(made: Any) -> None:
-    """Claim a lower bound above the distance, and an upper bound above that."""
+    """Claim a lower bound of the distance that exceeds the distance."""
     _, most = made["statement"]["distances"]["K"]
     made["statement"]["distances"]["K"] = [1.5 * most, 2.0 * most]
 
@@ -76,12 +76,15 @@ def _distance_too_small(made: Any) -> None:
 
 
 def _delta_min(share: float) -> Callable[[Any], Any]:
-    """Move the lower or the upper end of a bracket over delta_min."""
+    """Return a change that moves one end of the bracket across delta_min.
+
+    share: factor; below 1 for the upper end, otherwise for the lower end
+    """
     return lambda ends: [ends[0], ends[1] * share] if share < 1.0 else [ends[0] * share, ends[1]]
 
 
 def _faster(made: Any) -> None:
-    """Claim actuators of any higher bandwidth, with the evidence of slow ones."""
+    """Claim actuators of higher bandwidth, with the evidence for slow ones."""
     made["statement"]["uncertain_actuators"]["bandwidth"][1] = 1e6
     for box in made["witness"]["loop"]:
         box["pieces"][-1]["bandwidth"][1] = 1e6
@@ -94,7 +97,10 @@ def _slower(made: Any) -> None:
 
 
 def _refused_with_a_value(made: Any) -> None:
-    """Claim a delta whose game has a value as the smallest, with its positive solution as evidence."""
+    """Claim that delta_min exceeds a delta for which the game has a value.
+
+    The evidence is its positive solution.
+    """
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
     witness = made["witness"]
@@ -103,9 +109,9 @@ def _refused_with_a_value(made: Any) -> None:
 
 
 def _refused_by_the_other_solution(made: Any) -> None:
-    """Claim a delta whose game has a value as the smallest, with its negative solution as evidence.
+    """Claim that delta_min exceeds a delta for which the game has a value.
 
-    The negative solution does not stabilize.
+    The evidence is the negative solution, which does not stabilize.
     """
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
@@ -120,7 +126,7 @@ def _refused_by_the_other_solution(made: Any) -> None:
 
 
 def _only_a_gain(made: Any) -> None:
-    """Claim that K is the gain of a value that is not stated."""
+    """Claim that K is the gain of the critic's P or W, although the critic has neither."""
     for name in ("P", "W"):
         made["statement"]["critic"].pop(name, None)
         made["statement"]["distances"].pop(name, None)
@@ -128,7 +134,7 @@ def _only_a_gain(made: Any) -> None:
 
 
 def _a_gain_of_other_weights(made: Any) -> None:
-    """Claim that K, which is another gain, is the gain of W."""
+    """Claim that K is the gain of W, although it is another gain."""
     del made["statement"]["critic"]["P"]
     del made["statement"]["distances"]["P"]
     made["statement"]["gain_of_value"] = True
@@ -213,7 +219,7 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 
 
 def _ends_early(runs: Any) -> Any:
-    """End the last run halfway, with no claim above it."""
+    """Return runs whose last one ends halfway, without a claim above it."""
     *others, (low, high, least, most) = runs
     return [*others, [low, 0.5 * (low + high), least, most]]
 
@@ -304,8 +310,9 @@ def test_limits_of_outputs_are_checked(load: float) -> None:
 
 
 def test_an_equation_within_rounding_of_0_counts() -> None:
-    """An equation 0 x = 0 needs no unknown. 0 x = e with |e| <= 1e-60 is not known to be 0 and is
-    rejected.
+    """An equation 0 x = 0 needs no unknown. The equation 0 x = e with |e| <= 1e-60 is refused.
+
+    Its residual may differ from 0.
     """
     slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
     assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
@@ -314,7 +321,7 @@ def test_an_equation_within_rounding_of_0_counts() -> None:
 
 
 def test_bounds_of_a_distance_hold_all_of_box() -> None:
-    """Bounds on a distance hold in the whole box."""
+    """The bounds of a distance contain its values in the whole box."""
     least, most = distance_bounds(_one(3.0, 0.5, 0.0, 0.0), None)
     assert least <= 2.5
     assert most >= 3.5
@@ -322,8 +329,9 @@ def test_bounds_of_a_distance_hold_all_of_box() -> None:
 
 
 def test_motion_in_both_directions_is_checked() -> None:
-    """Motion in both directions is checked: for x' = -x with P = 1 the decrease 2 outweighs a
-    growth of 1, and not one of ±3.
+    """A motion is refused if V increases for either sign of the rate.
+
+    For x' = -x with P = 1 the decrease 2 exceeds a growth of 1, but not of ±3.
     """
     loop, P = _one(-1.0), _one(1.0)
     check_motion(loop, P, arb_mat([[1.0]]), np.eye(1))
@@ -333,8 +341,9 @@ def test_motion_in_both_directions_is_checked() -> None:
 
 
 def test_each_actuator_has_its_own_numbers() -> None:
-    """Each actuator has its own numbers: u = -x by 0.9 of 2 / (s + 2), and v = -3 x by a second
-    order of 5 rad/s.
+    """The loop contains each actuator with its own order, damping, bandwidth and effectiveness.
+
+    u = -x acts through 0.9 of 2 / (s + 2), v = -3 x through 0.4 of a second order of 5 rad/s.
     """
     signals = {name: Signal() for name in ("u", "v")}
     model = Model(
@@ -365,7 +374,7 @@ def test_each_actuator_has_its_own_numbers() -> None:
 
 
 def test_the_delay_acts_on_the_commands_that_arrive() -> None:
-    """x' = -x(t - delay) is unstable with a delay of 2 s, and proved with 0.5 s."""
+    """x' = -x(t - delay) is proved stable with a delay of 0.5 s and refused with 2 s."""
     zero, one = _one(0.0), _one(1.0)
     loop = LoopBox(zero, arb_mat([[0]]), arb_mat([[1]]), -one)
     for delay, X in ((0.5, [1.0, 10.0]), (2.0, [1e-3, 10.0])):
@@ -380,7 +389,10 @@ def test_the_delay_acts_on_the_commands_that_arrive() -> None:
 
 
 def test_a_line_beside_the_axis_bounds_one_side() -> None:
-    """For x' = -x a line at -2 counts a stable mode, and one at +1 counts none."""
+    """A line beside the imaginary axis gives a bound on one side only.
+
+    For x' = -x, the line at -2 counts the stable mode, and the line at +1 counts none.
+    """
     A = _one(-1.0)
     left = Line(np.array([[-1.0]]), np.eye(1), 2.0)
     right = Line(np.array([[1.0]]), np.eye(1), -1.0)
@@ -389,7 +401,7 @@ def test_a_line_beside_the_axis_bounds_one_side() -> None:
 
 
 def test_a_root_must_be_within_its_radius() -> None:
-    """A root of x - 1 claimed at 0 with radius 0.5 is refused, although its slope is exact."""
+    """The root of x - 1 is refused about 0 with a radius of 0.5, and proved with a radius of 2."""
     residual = arb_mat([[arb(-1)]])
     slope = arb_mat([[arb(1)]])
     with pytest.raises(Rejected, match="a root"):
@@ -398,7 +410,7 @@ def test_a_root_must_be_within_its_radius() -> None:
 
 
 def test_boxes_of_another_branch_are_refused() -> None:
-    """Boxes of the trims -sqrt(1 + p) are refused for the branch stated at +sqrt(2)."""
+    """Boxes of the trims -sqrt(1 + p) are refused for a branch stated at +sqrt(2)."""
     made = certificate("two trims")
     flight = read_statement("schedule", copy.deepcopy(made["statement"]), two_trims()).flight  # type: ignore[union-attr]
     models = []
@@ -411,8 +423,9 @@ def test_boxes_of_another_branch_are_refused() -> None:
 
 @ctx.workprec(256)
 def test_solutions_far_from_the_stated_are_enclosed() -> None:
-    """A root of 0.75 p² + 2 p = 1 is enclosed if the stated one is 0.1 off with a reach of 0.5,
-    where one step of Newton's method does not suffice.
+    """A root of 0.75 p² + 2 p = 1 is enclosed if the stated one has an error of 0.1.
+
+    The reach is 0.5. One Newton step would not suffice.
     """
     one = np.eye(1)
     root = (arb(1.75).sqrt() - 1) / arb(0.75)
@@ -431,7 +444,7 @@ def test_weights_that_are_no_cost_are_refused() -> None:
 
 
 def test_a_determinant_of_one_sign_proves_no_axis() -> None:
-    """A determinant of one sign does not prove that H has an eigenvalue on the axis.
+    """Frequencies at which the determinant has one sign do not prove an eigenvalue on the axis.
 
     H of x' = -x + u without disturbance has none.
     """
@@ -454,7 +467,7 @@ def test_degrees_are_enclosed_in_radians() -> None:
 
 
 def test_the_game_of_the_other_trim_is_refused() -> None:
-    """Evidence for the trim -sqrt(2) is refused for a statement on +sqrt(2)."""
+    """Evidence for the trim -sqrt(2) is refused for a statement about the trim +sqrt(2)."""
     made = copy.deepcopy(of_the_other_trim("one of two"))
     flight = certificate("one of two")["statement"]["flight"]
     made["statement"]["flight"]["trims"] = flight["trims"]
@@ -466,8 +479,9 @@ def test_the_game_of_the_other_trim_is_refused() -> None:
 
 @ctx.workprec(256)
 def test_a_loop_that_only_the_doubles_stabilize() -> None:
-    """A loop is refused whose pole -2 q sqrt(1 + p) - K is negative by less than the decimals of
-    the double q differ.
+    """A loop that is stable for the stored doubles only is refused if all decimals are claimed.
+
+    Its pole -2 q sqrt(1 + p) - K is closer to 0 than the rounding of the double q.
     """
     model = replace(
         two_trims(),
@@ -502,8 +516,9 @@ def test_a_loop_that_only_the_doubles_stabilize() -> None:
 
 @ctx.workprec(256)
 def test_table_errors_for_doubles_alone_are_refused() -> None:
-    """A table error is refused if it holds for the doubles of the parameters and not for all
-    decimals from which they may be read.
+    """A table error is refused if it is true only for the stored doubles of the parameters.
+
+    The claim covers all decimals that round to these doubles.
     """
     made = certificate("models")
     statement = read_statement("models", copy.deepcopy(made["statement"]), None)
@@ -519,7 +534,7 @@ def test_table_errors_for_doubles_alone_are_refused() -> None:
 
 
 def test_gains_follow_from_both_values_of_critics() -> None:
-    """K = R⁻¹ B'P is 2 for P = 2, and also for W = 2 z²."""
+    """K = R⁻¹ B'P is accepted for P = 2 and W = 2 z², and refused if either is 2.1."""
     one = np.eye(1)
     weights = Weights(one, one, one, np.inf)
     B = TaylorModel(arb_mat([[1]]))
@@ -531,8 +546,9 @@ def test_gains_follow_from_both_values_of_critics() -> None:
 
 
 def test_trims_apart_by_an_error_are_different() -> None:
-    """A trim 0.5 ± 0.3 of another box is the one that this box has within 1 of 0, and a trim 0.5 ±
-    0.7 may be another.
+    """Two trims are recognized as one only if this is true for all errors of the parameters.
+
+    A trim 0.5 ± 0.3 is the only one within 1 of 0. A trim 0.5 ± 0.7 may be another.
     """
 
     def box_at(center: float, error: float) -> Any:

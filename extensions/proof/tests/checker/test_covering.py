@@ -1,4 +1,4 @@
-"""Evidence must cover the statement. This is tested at every point at which it could fail."""
+"""Evidence must cover the statement. This is tested at every point where coverage could fail."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def is_covered(stated: Box, pieces: Sequence[Box]) -> bool:
 
 
 def places(stated: Box, pieces: Sequence[Box]) -> list[tuple[float, ...]]:
-    """Return all ends in the stated box, and a value between each two, in every coordinate.
+    """Return test points in the stated box: all ends, and a value between each two, per coordinate.
 
-    A closed box omits one of these points or none.
+    A set of closed boxes that does not cover the stated box omits at least one of these points.
     """
     values = []
     for i, (least, most) in enumerate(stated):
@@ -49,8 +49,9 @@ def holds(box: Box, place: Sequence[float]) -> bool:
 
 @pytest.mark.parametrize("coordinates", [1, 2, 3])
 def test_what_is_covered_is_what_every_point_says(coordinates: int) -> None:
-    """Boxes cover a box exactly if they contain every such point, with points, duplicates, gaps,
-    overlaps and common ends.
+    """Random boxes cover a box exactly if they contain every test point.
+
+    The boxes include single points, duplicates, gaps, overlaps and common ends.
     """
     random = np.random.default_rng(coordinates)
     verdicts = []
@@ -100,14 +101,17 @@ def test_a_gap_of_one_double_is_one() -> None:
 
 
 def test_points_inside_interval_are_no_evidence_for_it() -> None:
-    """Points inside of an interval are not evidence for the interval."""
+    """Points inside an interval do not cover the interval."""
     points = [[(value, value)] for value in np.linspace(0.0, 1.0, 11).tolist()]
     assert not is_covered([(0.0, 1.0)], points)
     assert is_covered([(0.5, 0.5)], points)
 
 
 def test_many_boxes_of_a_bisection_cover_it() -> None:
-    """A thousand boxes in four coordinates, each a half of another, cover their box."""
+    """1000 boxes from repeated bisection of a box in four coordinates cover it.
+
+    Without one of them they do not.
+    """
     random = np.random.default_rng(5)
     boxes: list[list[tuple[float, float]]] = [[(0.0, 1.0)] * 4]
     while len(boxes) < 1000:

@@ -1,7 +1,8 @@
-"""Forged certificates with right digests. None with a false claim is accepted.
+"""Forged certificates with correct digests. None with a false claim is accepted.
 
 The statement of a forgery is false by construction. Its witness is one that an attacker may try:
-that of the true statement, damaged, exaggerated, or made by the prover for another statement.
+the witness of the true statement, a damaged or exaggerated one, or the prover's witness for another
+statement.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def _witness_of_the_other_trim(kind: str) -> Change:
 
 
 def _bounds_of_the_other_trim(made: Content) -> None:
-    """Insert delta_min of the other trim, with its evidence, next to the solution of this one."""
+    """Insert the delta_min of the other trim, with its evidence, beside the solution of this trim."""
     other = of_the_other_trim("one of two")
     made["statement"]["delta_min"] = other["statement"]["delta_min"]
     for name in ("value", "refused", "frequencies"):
@@ -83,7 +84,7 @@ def _bounds_of_the_other_trim(made: Content) -> None:
 
 
 def _of_another_angle(made: Content) -> None:
-    """Use boxes that are proved for the exact gains for a loop without gains."""
+    """Use boxes that are proved for the exact gains as evidence for a loop without gains."""
     own = content(prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125))
     made["witness"]["loop"] = own["witness"]["loop"]
 
@@ -132,8 +133,9 @@ def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_the_other_trim_has_certificate_of_its_own(tmp_path: Path) -> None:
-    """A certificate of the second trim is refused as evidence for the first one and accepted for
-    its own. Both are named.
+    """A certificate of the second trim is accepted for a statement about this trim.
+
+    The statement contains the trim.
     """
     for kind in ("two trims", "one of two"):
         path = forge(tmp_path / "other.json", of_the_other_trim(kind))
@@ -235,7 +237,7 @@ def test_what_is_wrong_is_named(name: str, tmp_path: Path) -> None:
 
 
 def test_a_game_of_another_angle_is_refused(tmp_path: Path) -> None:
-    """The right solution at 14.6 deg is refused for a statement at 14.5 deg."""
+    """The solution at 14.6 deg is refused as evidence for a statement at 14.5 deg."""
     made = copy.deepcopy(certificate("solution"))
     made["witness"] = content(prove_solution(game_at(14.6), family(), 14.6))["witness"]
     assert_refused(made, "solution", tmp_path / "forged.json")

@@ -1,8 +1,8 @@
-"""Certificates with parts removed: accepted claims are still true.
+"""Certificates with parts removed or changed: every claim that is still accepted is true.
 
 In true and in false certificates every list is emptied, shortened, or gets an entry twice. Every
-interval becomes a point, every entry is removed, and every pair is exchanged. Accepted claims are
-judged in doubles by `certificate_truth`, by another method than the checker's.
+interval becomes a point, every entry is removed, and every pair is exchanged. `certificate_truth`
+tests accepted claims in doubles, by another method than the checker's.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """Return the certificate with these changes in turn, or None if one of them does not apply."""
+    """Return a certificate of this kind after these changes, or None if one of them does not apply."""
     made = copy.deepcopy(certificate(kind))
     try:
         for change in changes:
@@ -62,10 +62,11 @@ def changed(kind: str, *changes: Change) -> Content | None:
 
 
 def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path) -> int:
-    """Assert that each claim of an accepted changed certificate is true. Return the number of
-    accepted ones.
+    """Assert that all claims of accepted changed certificates are true.
 
-    names: of removals, each alone or after a false statement
+    Return the number of accepted certificates.
+
+    names: changes of each certificate: a removal, or a false statement and a removal
     """
     every_removal = removals(certificate(kind))
     statements = false_statements(kind)
@@ -82,14 +83,14 @@ def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path
 
 
 def some_removals(kind: str, count: int, seed: int = 3) -> list[tuple[str, ...]]:
-    """Return this number of removals from the true certificate, or all."""
+    """Return the names of `count` random removals from the true certificate, or of all."""
     names = sorted(removals(certificate(kind)))
     order = np.random.default_rng(seed).permutation(len(names))
     return [(names[number],) for number in order[:count]]
 
 
 def combined(kind: str, count: int, seed: int = 0) -> list[tuple[str, ...]]:
-    """Return false statements, each with a removal."""
+    """Return random pairs of a false statement and a removal."""
     random = np.random.default_rng(seed)
     statements = sorted(false_statements(kind))
     every_removal = sorted(removals(certificate(kind)))
@@ -119,7 +120,7 @@ def test_there_are_thousands_of_them() -> None:
 
 @pytest.mark.parametrize("kind", ["scalar", "plant", *LARGE_GAMES])
 def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path) -> None:
-    """A wrong critic without a claim does not count as proved."""
+    """A wrong critic without a claim about it is not reported as proved."""
     for name, change in wrong_critics_without_a_claim(kind).items():
         made = changed(kind, change)
         assert made is not None
@@ -133,7 +134,9 @@ def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path
 
 
 def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
-    """The first line names the gain of a refuted critic."""
+    """The first line states that stability is open if the certificate of a wrong gain claims
+    nothing.
+    """
     made = changed(
         "plant",
         put(array(lambda K: -5.0 * K), *CLAIM, "critic", "K"),
@@ -171,7 +174,10 @@ def test_no_piece_proves_no_bandwidth(
 
 
 def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
-    """A decay rate is refused for loops without a proof."""
+    """A decay rate is refused for a loop without proved runs.
+
+    Without the rate the certificate is accepted, and its report is "not proved".
+    """
     opened = put(lambda runs: [[runs[0][0], runs[-1][1], 0, 6]], *CLAIM, "loop")
     made = changed("rate", opened, put(1e6, *CLAIM, "decay_rate"))
     assert made is not None
@@ -189,8 +195,9 @@ def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("at", [1.0625, 1.25, 1.5])
 def test_a_second_branch_is_refused_without_its_boxes(at: float, tmp_path: Path) -> None:
-    """The branch x = -sqrt(1 + p), on which the loop is not stable, is refused without boxes of its
-    own.
+    """A claim about the branch x = -sqrt(1 + p) is refused without boxes for it.
+
+    The loop is not stable on this branch.
     """
     second = {"breakpoint": at, "unknowns": {"x": -float(np.sqrt(1.0 + at))}}
     made = changed("two trims", put(lambda trims: [*trims, second], *CLAIM, "flight", "trims"))

@@ -1,6 +1,4 @@
-"""Trims and linear models on boxes of scheduling values, and the trims that a statement may
-cover.
-"""
+"""Trims and linear models on boxes of scheduling values, and trims that proofs do not support."""
 
 from __future__ import annotations
 
@@ -80,17 +78,16 @@ def test_the_remainder_shrinks_with_the_third_power() -> None:
 
 @pytest.mark.parametrize("limits", [(0.0, 201.0), (-1.0, 200.0)])
 def test_limits_wider_than_the_models_are_refused(limits: tuple[float, float]) -> None:
-    """Limits wider than those of the model are refused."""
+    """Limits that are wider than the model's are refused."""
     flights = Family(hfa.aircraft(), release(LEVEL_FLIGHT, limits={"throttle": limits}))
     with pytest.raises(BadInputError, match="limits of throttle are wider"):
         flights.flight(14.0, 14.5)
 
 
 def test_an_interval_without_a_trim_is_named() -> None:
-    """An interval without a trim is named, and a box that ends just before the last trim does not
-    rule it out.
+    """Boxes without a trim are refused, and boxes up to the last trim are proved.
 
-    Beyond 40 deg elevator_center reaches 30 deg.
+    Beyond about 40 deg, elevator_center exceeds its limit of 30 deg.
     """
     search = TrimSearch(family(), 0.0, 50.0)
     with pytest.raises((Undecided, Rejected)):
@@ -125,7 +122,7 @@ def test_doubles_alone_give_a_sharper_model() -> None:
 
 
 def test_trims_that_statement_is_not_about_are_refused() -> None:
-    """Trims that the statement does not cover are refused."""
+    """Trims with a scheduled speed, or with other free variables, are refused."""
     flights = family()
     flights.check(0.0, 20.0)
     assert len(flights.condition(10.0).free) == 4

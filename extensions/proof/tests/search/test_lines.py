@@ -1,4 +1,4 @@
-"""Eigenvalues on both sides of the imaginary axis are counted with proof, or left undecided."""
+"""Eigenvalues on each side of the imaginary axis are counted with proof, or left undecided."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ def widened(A: np.ndarray, radii: np.ndarray) -> arb_mat:
 
 @pytest.mark.parametrize(("real_part", "count"), [(-1e-9, 1), (1e-9, 3), (-1.0, 1), (1.0, 3)])
 def test_eigenvalues_close_to_the_axis_are_counted(real_part: float, count: int) -> None:
-    """Six modes in mixed coordinates are counted, the slowest a pair with this real part."""
+    """The unstable modes of a matrix with six modes are counted, also if a pair is close to the
+    axis.
+
+    real_part: real part of this pair
+    """
     blocks = np.diag([-3.0, -10.0, 2.0, -0.5, real_part, real_part])
     blocks[4, 5], blocks[5, 4] = 1.0, -1.0
     mixing = np.random.default_rng(1).standard_normal((6, 6))
@@ -45,7 +49,10 @@ def test_an_eigenvalue_on_the_axis_is_left_open(A: list[list[float]]) -> None:
 
 
 def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
-    """A ball of stable and unstable matrices, and dependent eigenvectors, are left undecided."""
+    """A ball of stable and unstable matrices is left undecided.
+
+    A matrix with dependent eigenvectors is counted correctly or left undecided.
+    """
     A = np.diag([-1.0, -1e-9])
     assert unstable_modes(matrix(A)) == 0
     assert unstable_modes(widened(A, np.full((2, 2), 2e-9))) is None
@@ -53,8 +60,9 @@ def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
 
 
 def test_additions_do_less_than_entries_could_are_counted() -> None:
-    """Modes of A + E with |E| <= N are counted if the spectral radius of |Re λ|⁻¹ N is below 1,
-    though |Re λ|⁻¹ alone does not prove it.
+    """Modes of A + E with |E| <= N are counted where h = |Re λ|⁻¹ alone does not prove them.
+
+    The condition is that the spectral radius of |Re λ|⁻¹ N is below 1.
     """
     A = np.diag([-1.0, -1.5])
     N = np.array([[0.0, 2.0], [0.3, 0.0]])
@@ -74,8 +82,9 @@ def test_additions_do_less_than_entries_could_are_counted() -> None:
 def test_modes_on_axis_are_bounded_from_both_sides(
     A: list[list[float]], bounds: tuple[int, int]
 ) -> None:
-    """The two modes of a double integrator, on the axis with dependent eigenvectors, are bounded
-    from both sides.
+    """The number of unstable modes is bounded from both sides if modes are on the axis.
+
+    An example is the double integrator, whose eigenvectors are dependent.
     """
     found, lines = bounds_of_modes(TaylorModel(matrix(A)))
     assert found == bounds
@@ -95,5 +104,5 @@ def test_modes_on_axis_are_bounded_from_both_sides(
     ],
 )
 def test_the_sign_of_lowest_eigenvalue_is_decided_exactly(Q: np.ndarray, sign: int) -> None:
-    """The sign of the smallest eigenvalue is decided exactly."""
+    """The sign of the lowest eigenvalue is decided exactly."""
     assert lowest_sign(Q) == sign

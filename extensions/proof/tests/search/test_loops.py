@@ -1,5 +1,6 @@
-"""Loops with memory, with actuators of interval data, and of other aircraft: proved up to the
-limit, and undecided beyond it.
+"""Loops with controller states, uncertain actuators, and other aircraft.
+
+They are proved up to the limit of stability, and left undecided beyond it.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 
 
 def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> ScheduledController:
-    """Return u = -K x_f, x_f' = (y - x_f)/lag, with a filtered acceleration without effect.
+    """Return the controller u = -K x_f + direct * acceleration with filters x_f' = (y - x_f)/lag.
 
-    K is the gain of the exact game.
+    K is the gain of the exact game, multiplied by `gain`.
     """
     K = np.array([exact_gain(14.0), exact_gain(15.0)])
     n = len(SENSORS)
@@ -70,7 +71,7 @@ def fast(order: int = 1) -> dict[str, Actuator]:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_loop_is_that_of_its_parts(order: int) -> None:
-    """The loop equals one written block by block at an angle of the table."""
+    """The loop equals a loop assembled block by block, at an angle of the table."""
     controller = filtered()
     model = model_at(14.0)
     loop = loop_of_servo(controller, fast(order), family().model)
@@ -109,7 +110,10 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
 
 @pytest.mark.parametrize("apart", [0.0, 200.0])
 def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: float) -> None:
-    """A loop with filters and actuators is proved and verified, even if their modes are equal."""
+    """A loop with filters and actuators is proved and verified for a moving dihedral.
+
+    The modes of the filters may coincide. Three times the proved rate is refused.
+    """
     speeds = np.diag(np.linspace(400.0, 400.0 + apart, len(SENSORS)))
     controller = replace(filtered(), A=-np.array([speeds, speeds]), B=np.array([speeds, speeds]))
     actuators = {
@@ -139,9 +143,7 @@ def test_too_long_a_lag_is_refuted() -> None:
 
 
 def test_output_reaches_inputs_at_once_part_of_loop() -> None:
-    """Direct feedback of the acceleration is part of the loop, which equals that in doubles at the
-    centers.
-    """
+    """Direct feedback of the acceleration enters the loop with the expected entries."""
     model = model_at(14.0)
     loop = loop_of_servo(filtered(direct=1e-5), fast(), family().model)
     search = TrimSearch(family(), 14.0, 15.0, loop.controller.outputs(family().model))
@@ -158,9 +160,9 @@ def test_output_reaches_inputs_at_once_part_of_loop() -> None:
     ("delay", "slowest"), [(0.02, 1.8), pytest.param(0.5, 1.8, marks=pytest.mark.slow), (0.0, 0.02)]
 )
 def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -> None:
-    """By the eigenvalues of the delay equation the loop tolerates 0.02 s and not 0.5 s.
+    """A loop is proved with a delay of 0.02 s and left open with 0.5 s, as its eigenvalues require.
 
-    Actuators of 0.02 rad/s have no effect on the aircraft, which is unstable at 14 deg.
+    With actuators of 0.02 rad/s it is left open too: the aircraft is unstable at 14 deg.
     """
     loop = through_actuators(14.0, 14.125, delay=delay, slowest=slowest)
     drawn = np.random
@@ -186,9 +188,7 @@ def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -
 
 
 def test_one_lyapunov_function_serves_all_stable_points() -> None:
-    """One Lyapunov function V = x² serves x' = -x + k (x + d), |d| <= |x|/2, for k up to 0.5 and
-    not 0.7.
-    """
+    """V = x² proves x' = -x + k (x + d), |d| <= |x|/2, for k up to 0.5. Up to 0.7 nothing is found."""
     for most, exists in ((0.5, True), (0.7, False)):
         rows = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
         points = [(np.array([[-1.0 + k, 0.0, k]]), rows) for k in (0.0, most)]
@@ -201,8 +201,10 @@ def test_one_lyapunov_function_serves_all_stable_points() -> None:
 
 
 def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
-    """LQR gains of the Navion (weights 1/nominal²) are proved and verified with its file. Negated
-    gains are refuted.
+    """LQR gains of the Navion, scheduled over speed, are proved and verified with its file.
+
+    The certificate is refused without this file. Negated gains are refuted. The weights are
+    1/nominal².
     """
     flights = Family(load_model("examples/navion.py:NAVION"))
     gains = []
@@ -234,7 +236,7 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
 
 
 def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
-    """The command proves and verifies the GTM."""
+    """The command proves gains of the GTM and verifies the certificate."""
     own = ("--aircraft", "examples/gtm.py:GTM")
     saved = str(tmp_path / "gtm.json")
     assert (
@@ -251,8 +253,10 @@ def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
     [(ca.fabs, None), (lambda v: ca.fmax(v, 0), 1), (lambda v: ca.fmin(v, 1), 0)],
 )
 def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | None) -> None:
-    """v' = u - p v + kink(v) at v = 1, scheduled over p, is proved away from the kink and undecided
-    at it.
+    """v' = u - p v + kink(v) at v = 1 is proved if the kink is elsewhere, and left open at the
+    kink.
+
+    p is the scheduling variable. A kink that balls do not support is refused by its name.
     """
     model = Model(
         name="kinked",

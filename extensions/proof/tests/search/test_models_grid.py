@@ -1,4 +1,4 @@
-"""A grid of linear models with a proved interpolation error."""
+"""Linear models at breakpoints with a proved interpolation error."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WITHIN = 4.9e-4
 
 
 def test_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
-    """The error is below its bound and close to it."""
+    """The interpolation errors at sampled angles are below their bounds, and some are near them."""
     grid = prove_models(family(), 14.0, 14.5, WITHIN)
     data = grid.data
     report = grid.report()

@@ -1,6 +1,4 @@
-"""Whole intervals of dihedral, an instability between two angles of a table, and the admissible
-rate of the dihedral angle.
-"""
+"""Proofs over intervals of dihedral: stability, refutation, moving dihedral, and resumed proofs."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ def loop_at(loop: Loop, angle: float, dynamics: str = "published") -> np.ndarray
 
 
 def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
-    """Assert that the proved rate and entries hold on a grid."""
+    """Assert that the loop has the proved decay rate, and A and B the proved bounds, on a grid."""
     for box in proof.data["boxes"]:
         low, high = box["dihedral_deg"]
         for angle in (low, (low + high) / 2, high):
@@ -60,8 +58,9 @@ def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
-    """The loop, the modes of A, and a rate are proved. The same Lyapunov function does not prove
-    twice the rate.
+    """The loop, the modes of A and a rate of the dihedral are proved.
+
+    The same Lyapunov function does not prove twice the rate.
     """
     loop = exact_loop(14.0, 14.5, dynamics=dynamics)
     proof = prove_schedule(family(dynamics), loop, 14.0, 14.5, moving=True)
@@ -89,7 +88,7 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
 def test_rate_search_is_wrong_about_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A rate 1.5 times that of the Lyapunov function is not proved, and the loop is."""
+    """A rate 1.5 times the one that the Lyapunov function allows is not proved, but the loop is."""
     # The planted fault: a search that claims too much.
     monkeypatch.setattr("hfa_proof.search.schedule_proof._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
@@ -104,7 +103,10 @@ def test_rate_search_is_wrong_about_is_not_proved(
 def test_instability_between_two_angles_is_found_and_refuted(
     end: float, unstable: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An instability between two angles is found, and the claim is refuted."""
+    """Gains that are unstable between two stable angles are refuted, with the number of modes.
+
+    The open angles, where a mode crosses the axis, form narrow intervals.
+    """
     if end < 15.06:  # boxes twice as wide take less time
         monkeypatch.setattr("hfa_proof.search.schedule_proof.NARROWEST", 2.0**-9)
     loop = unstable_between(15.0, 15.06)
@@ -133,8 +135,9 @@ def test_instability_between_two_angles_is_found_and_refuted(
 
 
 def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
-    """The angle at which a mode crosses the axis is enclosed: A of `published` gains a third
-    unstable mode at 16.688 deg.
+    """The angle at which a mode of A crosses the axis is enclosed.
+
+    A of `published` gains a third unstable mode at 16.688 deg.
     """
     proof = proved("crossing")
     assert counts(proof.statement.modes) == [(2, 2), (2, 3), (3, 3)]
@@ -145,9 +148,9 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
 
 
 def test_how_many_modes_may_unstable_within_errors_said() -> None:
-    """The report states how many modes may be unstable within the errors of the parameters.
+    """With parameter errors, the data contains bounds on the number of unstable modes.
 
-    At 11.5 deg `published` has none or two. Four modes are far left.
+    At 11.5 deg, A of `published` has none or two. Its other four modes are far to the left.
     """
     wide = replace(family(), spread=default_parameters().standard_errors)
     rows = prove_schedule(wide, exact_loop(11.5, 11.53125), 11.5, 11.53125).data["modes"]
@@ -158,8 +161,10 @@ def test_how_many_modes_may_unstable_within_errors_said() -> None:
 def test_an_interrupted_proof_is_continued_to_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A proof interrupted after the loop of a part, or after the modes of A, is continued to the
-    same bits.
+    """A proof that is interrupted and resumed writes the same bytes as an uninterrupted one.
+
+    It is interrupted in the proof of the loop, or in that of the modes of A. An edited file is
+    refused.
     """
     # A proof of a test is over before it would be written the first time.
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
@@ -192,7 +197,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
 
 
 def test_what_cannot_be_proved_of_is_refused() -> None:
-    """Infinite gains, intervals without angles, and angles beyond the table are refused."""
+    """Gains that overflow, empty intervals, and intervals beyond the table are refused."""
     huge = np.full((2, 5, 6), 1e308)
     table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa.aircraft())
     with pytest.raises(BadInputError, match="too large to compute with"):
@@ -227,8 +232,9 @@ def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, 
 @pytest.mark.parametrize("errors", [0.0, 1.0])
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
-    """The whole range is proved for the identified aircraft with a rate, and for all aircraft
-    within one standard error of every parameter.
+    """The full range of 0 to 20 deg is proved for the identified aircraft, with a rate.
+
+    It is also proved for all aircraft within one standard error of every parameter, without a rate.
     """
     angles = np.linspace(0.0, 20.0, 11).tolist()
     flights = family(dynamics)

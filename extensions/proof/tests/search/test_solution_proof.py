@@ -1,6 +1,4 @@
-"""Proofs of the exact game compared with sixty digits, on both sides of delta_min, and for wrong
-critics.
-"""
+"""Proofs of exact solutions, of delta_min from both sides, and of the distances of critics."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ ONE = np.eye(1)
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_the_solution_of_paper_s_game_is_proved(dynamics: str) -> None:
-    """The solution of the paper's game is proved."""
+    """The solution of the paper's game is proved, and delta_min is bracketed."""
     proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
     assert ("A - S P is Hurwitz", "proved") in proof.report().parts[0].rows
@@ -56,8 +54,9 @@ def test_the_enclosure_holds_the_sixty_digits() -> None:
 
 
 def test_a_root_that_does_not_stabilize_is_told() -> None:
-    """Of the roots p = 1 ± sqrt(2) of p² - 2 p - 1 = 0 for a = 1, only the larger one is proved,
-    because it is positive and stabilizes.
+    """The root of p² - 2 p - 1 = 0 that does not stabilize is refused.
+
+    For a = 1 the roots are 1 ± sqrt(2). The larger one is positive and stabilizes, and is proved.
     """
     exact = ExactGame.of(Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf))
     box, right = exact.solution()
@@ -95,8 +94,9 @@ def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
     "A", [[[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]]
 )
 def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path) -> None:
-    """A double integrator and a cart are proved. The eigenvalues of A on the axis are bounded and
-    not counted.
+    """A double integrator and a cart are proved.
+
+    The eigenvalues of A on the axis are not counted, but their number is bounded.
     """
     B = np.zeros((len(A), 1))
     B[-1] = 1.0
@@ -112,7 +112,7 @@ def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path
 
 
 def test_q_that_is_not_quite_semidefinite_is_refused() -> None:
-    """A Q that is slightly indefinite is refused."""
+    """A Q with a slightly negative eigenvalue is refused."""
     game = Game(A=-np.eye(2), B=np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=5.0)
     slightly = replace(game, Q=np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]))
     with pytest.raises(NoSolutionError, match="Q has a negative eigenvalue in exact arithmetic"):
@@ -128,7 +128,7 @@ def test_the_search_says_what_it_does() -> None:
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3])
 def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
-    """The proved distance of a changed critic equals its change."""
+    """The proved distance of a changed critic equals the relative change."""
     game = game_at(15.0)
     functions = basis("quadratic", 6)
     exact = solve_game(game)
@@ -151,8 +151,8 @@ def test_what_has_no_value_or_not_fit_refused() -> None:
 
 
 def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
-    """The bracket of delta_min is proved by an eigenvalue of H on the axis below it. A lower
-    bracket is refused.
+    """delta_min is bracketed from below by an eigenvalue of H on the axis. A lower bracket is
+    refused.
     """
     own = content(proved("scalar"))
     assert "frequencies" in own["witness"]
@@ -166,8 +166,9 @@ def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
 def test_an_unstable_gain_is_certified_as_such(
     tmp_path: Path,
 ) -> None:
-    """A gain that does not stabilize is certified as unstable. One with a pole on the axis is
-    not.
+    """A gain that does not stabilize is certified as unstable.
+
+    Whether a gain with a pole on the axis stabilizes is left open.
     """
     proof = prove_critic(game_at(15.0), from_gain(game_at(15.0), np.zeros((5, 6))))
     assert proof.data["closed_loop_hurwitz"] is False

@@ -1,6 +1,6 @@
-"""Decide in doubles whether a certificate's claim is true, by another method than the checker's.
+"""Test in doubles whether a certificate's claim is true, by another method than the checker's.
 
-At some scheduling values, it uses trims, eigenvalues and solutions of games.
+It uses trims, eigenvalues and solutions of games at some scheduling values.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NEAR = 1e-4
 
 
 def what_is_false(statement: Content, kind: str) -> list[str]:
-    """Return the false claims of a certificate. An accepted one must have none."""
+    """Return descriptions of the false claims of a statement; [] if none is found."""
     if "errors" in statement:
         return list(_false_of_models(statement, kind))
     if "critic" in statement:
@@ -43,7 +43,7 @@ def what_is_false(statement: Content, kind: str) -> list[str]:
 
 
 class FlightInDoubles:
-    """The trims of a statement's flight."""
+    """The trims of a statement's flight, computed in doubles."""
 
     def __init__(self, flight: Content, kind: str) -> None:
         model = model_of(kind) or hfa.aircraft(flight["dynamics"])
@@ -70,7 +70,7 @@ class FlightInDoubles:
         return np.array(model.A), np.array(model.B)
 
     def named(self, value: float) -> dict[str, float]:
-        """Return the values of the trim by name."""
+        """Return name -> value of the trim at a scheduling value."""
         return dict(self.point(value).values)
 
     def what_is_false(self) -> Iterator[str]:
@@ -120,7 +120,7 @@ def _false_counts(
 
 
 def _loop_of(statement: Content) -> SimpleNamespace:
-    """Return controller and actuators as `loop_in_doubles` accepts them."""
+    """Return the controller and the actuators of a statement, in the form of `loop_in_doubles`."""
     numbers = {
         name: np.array(entry) if name in ("breakpoints", *"ABCD") else entry
         for name, entry in statement["controller"].items()
@@ -147,7 +147,10 @@ def _loop_of(statement: Content) -> SimpleNamespace:
 def _closed_loop(
     statement: Content, model: Model, A: np.ndarray, B: np.ndarray, value: float
 ) -> np.ndarray:
-    """Return the closed loop without actuators or with fixed ones."""
+    """Return the matrix of the closed loop without actuators or with fixed ones.
+
+    A, B: linear model of the aircraft at the scheduling value
+    """
     loop = _loop_of(statement)
     if loop.actuators is None:
         controller = loop.controller
@@ -170,7 +173,7 @@ def _closed_loop(
 
 
 def _abscissae(statement: Content, A: np.ndarray, B: np.ndarray, value: float) -> Iterator[float]:
-    """Yield the abscissae at the corners of the uncertain intervals."""
+    """Yield the spectral abscissae of the loop at the corners of the uncertain intervals."""
     actuators = statement["uncertain_actuators"]
     loop = _loop_of(statement)
     count = len(loop.controller.inputs)

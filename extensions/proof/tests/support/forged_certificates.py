@@ -1,4 +1,4 @@
-"""False statements with right digests, and witnesses that an attacker may try for them."""
+"""False statements with correct digests, and witnesses that an attacker may try for them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ Change = Callable[[Content], None]
 
 
 def put(value: Any, *path: Any) -> Change:
-    """Return a change of the value at a path to a value or by a function. None removes it."""
+    """Return a change that replaces the value at a path.
+
+    value: the new value, a function old value -> new value, or None to remove the entry
+    path: keys of the entry
+    """
 
     def change(content: Content) -> None:
         holder: Any = content
@@ -53,8 +57,9 @@ def runs_of(least: int, most: int) -> Callable[[Any], Any]:
 
 
 def of_flights() -> dict[str, Change]:
-    """Return false statements for every kind about an aircraft: no trim exists, or it exceeds its
-    limits.
+    """Return name -> change to a false statement about a flight, for all kinds about an aircraft.
+
+    After the change, no trim exists, or it exceeds its limits.
     """
     changes: dict[str, Change] = {}
 
@@ -70,7 +75,11 @@ def of_flights() -> dict[str, Change]:
         changes[f"trim moved by {step}"] = first_trim(lambda x, _, step=step: x + step)
 
     def limit(end: int, width: float) -> Change:
-        """Return a limit that the trim violates, with its ends in order."""
+        """Return a change to limits that the trim violates.
+
+        end: 1 for limits above the trim, 0 for limits below it
+        width: distance relative to 1 + |value|
+        """
 
         def change(content: Content) -> None:
             flight = content["statement"]["flight"]
@@ -228,7 +237,7 @@ def false_statements(kind: str) -> dict[str, Change]:
 
 
 def _each_box(content: Content) -> Iterator[Content]:
-    """Return every object of a witness with numbers of a proof."""
+    """Yield every object in the witness."""
     waiting: list[Any] = [content["witness"]]
     while waiting:
         part = waiting.pop()
@@ -258,7 +267,7 @@ def _wider_trims(content: Content) -> None:
 
 
 def _follows_the_statement(content: Content) -> None:
-    """Set rates, trims and bandwidths to those of the statement."""
+    """Set rates, trims and bandwidths in the witness to the values of the statement."""
     statement = content["statement"]
     for box in _each_box(content):
         if "rate" in box and box in content["witness"].get("loop", []):
@@ -293,7 +302,7 @@ WITNESSES: dict[str, Change] = {
 
 
 def forgeries() -> list[tuple[str, str, str]]:
-    """Return kind, false statement and witness of each forgery."""
+    """Return (kind, name of the false statement, name of the witness) of each forgery."""
     found = []
     for kind in PROOFS:
         for statement in false_statements(kind):
@@ -313,7 +322,7 @@ def forged(kind: str, statement: str, witness: str) -> Content:
 
 
 def removals(content: Content) -> dict[str, Change]:
-    """Return the removals from everything in the statement and the witness: name -> change."""
+    """Return name -> change that removes or changes a part of the statement or the witness."""
     changes: dict[str, Change] = {}
     for part in ("statement", "witness"):
         for path, value in _containers((part,), content[part]):
@@ -327,8 +336,9 @@ def removals(content: Content) -> dict[str, Change]:
 
 
 def _containers(path: tuple[Any, ...], value: Any) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Return every object and list with its path, and of a matrix or a stack the first list of each
-    level.
+    """Yield the path and the value of every object and list.
+
+    In matrices and stacks, only the first list of each level is included.
     """
     if isinstance(value, dict):
         entries = list(value.items())
@@ -347,7 +357,10 @@ def _has_objects(value: list[Any]) -> bool:
 
 
 def _without(value: Any) -> dict[str, Any]:
-    """Return other values of a list or an object: emptied, shortened, a point, in another order."""
+    """Return name -> changed copy of a list or an object: emptied, shortened, or reordered.
+
+    An interval also becomes a point.
+    """
     if isinstance(value, dict):
         return {"emptied": {}} | _exchanged_entries(value)
     changed: dict[str, Any] = {"emptied": []}
@@ -369,7 +382,7 @@ def _without(value: Any) -> dict[str, Any]:
 
 
 def _exchanged_entries(value: Content) -> dict[str, Any]:
-    """Return the list with neighbouring entries of one type exchanged."""
+    """Return name -> copy of the object with two adjacent entries of equal type exchanged."""
     changed = {}
     keys = list(value)
     for first, second in pairwise(keys):
@@ -380,7 +393,7 @@ def _exchanged_entries(value: Content) -> dict[str, Any]:
 
 
 def wrong_critics_without_a_claim(kind: str) -> dict[str, Change]:
-    """Return changes to a wrong part of a critic without a claim about it."""
+    """Return name -> change to a wrong part of a critic, without a true claim about it."""
     changes: dict[str, Change] = {}
     for part in certificate(kind)["statement"]["critic"]:
         for factor in (-5.0, -3.0, 0.0, 1.5):

@@ -1,6 +1,4 @@
-"""Proofs of the tests, one of every kind, made once a process, and the identified aircraft with
-tables of gains.
-"""
+"""Proofs for tests, one of every kind, each made once per process, and loops of the aircraft."""
 
 from __future__ import annotations
 
@@ -36,20 +34,23 @@ ORIGIN = Provenance("a test", "published")
 
 
 def family(dynamics: str = "published") -> Family:
-    """Return the paper's flights of the identified aircraft."""
+    """Return the trims of the identified aircraft in the paper's flight condition."""
     return Family(hfa.aircraft(dynamics, default_parameters().values))
 
 
 def exact_loop(*angles: float, dynamics: str = "published") -> Loop:
-    """Return the gains of the exact game at the angles, deg."""
+    """Return the loop of the exact game's gains at these angles, deg."""
     gains = np.array([exact_gain(angle, dynamics) for angle in angles])
     return loop_of_gains(hfa.aircraft(dynamics), angles, gains)
 
 
 def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8) -> Loop:
-    """Return an LQR with actuators of bandwidths up to 10 rad/s and effectiveness from 0.5 to 1.
+    """Return the loop of an LQR with uncertain actuators.
 
-    slowest: the smallest bandwidth that the statement covers, by default 1.8 rad/s
+    Their bandwidth is up to 10 rad/s, their effectiveness from 0.5 to 1.
+
+    delay: largest delay, s
+    slowest: lowest bandwidth that the statement covers, rad/s
     """
     eye = np.eye(5)
     gains = []
@@ -65,13 +66,17 @@ def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8)
 
 
 def scalar_game(delta: float) -> Game:
-    """Return the game a = -1, b = e = q = r = 1 with p² (1 - 1/δ²) + 2 p - 1 = 0."""
+    """Return the game a = -1, b = e = q = r = 1, with the equation p² (1 - 1/δ²) + 2 p - 1 = 0."""
     one = np.eye(1)
     return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
 
 def between(places: Any, values: Any, place: float) -> np.ndarray:
-    """Return a value of a table of matrices, linear between its breakpoints."""
+    """Return the linear interpolation of a table of matrices.
+
+    places: (g,), breakpoints
+    values: (g, rows, columns)
+    """
     flat = np.array(values).reshape(len(values), -1)
     entries = [np.interp(place, places, column) for column in flat.T]
     return np.array(entries).reshape(np.shape(values)[1:])
@@ -79,9 +84,10 @@ def between(places: Any, values: Any, place: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LoopInDoubles:
-    """The loop ζ' = base ζ + W (lag ζ + G v), v = U ζ, in doubles, written block by block.
+    """The loop ζ' = base ζ + W (lag ζ + G v), v = U ζ, in doubles, assembled block by block.
 
-    The controllers measure states and positions of actuators, and v is delayed.
+    W is the diagonal matrix of the bandwidths. The controllers measure states and positions of
+    actuators, and v is delayed.
     """
 
     base: np.ndarray
@@ -94,6 +100,7 @@ def loop_in_doubles(loop: Any, A: np.ndarray, B: np.ndarray, angle: float) -> Lo
     """Return the loop in doubles.
 
     loop: an object with controller and actuators, such as a statement
+    A, B: linear model of the aircraft at the angle
     """
     controller = loop.controller
     A_c, B_c, C_c, D_c = (
@@ -145,8 +152,12 @@ def delayed_abscissa(
 ) -> float:
     """Return the spectral abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ).
 
-    It is that of the generator of the delay equation on polynomials of degree 12 over the delay.
-    Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
+    It is computed from the generator of the delay equation, on polynomials of degree 12 over the
+    delay. Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
+
+    w: ω, rad/s
+    arrives: diagonal of Λ, the effectiveness
+    late: τ, s
     """
     parts = loop_in_doubles(loop, A, B, angle)
     now = parts.base + w * parts.lag
@@ -168,7 +179,7 @@ def delayed_abscissa(
 
 @cache
 def unstable_between(low: float, high: float) -> Loop:
-    """Return gains that stabilize at both angles and not halfway. They were found by trials."""
+    """Return the loop of random gains that stabilize at both angles but not halfway between them."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
     K = exact_gain(low)
     random = np.random.default_rng(0)
@@ -189,7 +200,7 @@ def unstable_between(low: float, high: float) -> Loop:
 
 
 def forge(path: Path, content: dict[str, Any]) -> Path:
-    """Write a certificate with this content and its right digests."""
+    """Write a certificate with this content and correct digests, and return its path."""
     closing = ("digest", "provenance", "checksum")
     head = json.dumps({key: value for key, value in content.items() if key not in closing})[:-1]
     path.write_text(sealed(head, json.dumps(content["provenance"])))
@@ -197,8 +208,10 @@ def forge(path: Path, content: dict[str, Any]) -> Path:
 
 
 def with_memory(order: int = 1, lag: float = 0.002) -> Loop:
-    """Return a controller that measures states through filters, which are its states, with fast
-    actuators.
+    """Return the loop of a controller that measures states through filters, with fast actuators.
+
+    order: order of the actuators
+    lag: time constant of the filters, s
     """
     gains = np.array([exact_gain(angle) for angle in (14.0, 14.125)])
     eye = np.tile(np.eye(6) / lag, (2, 1, 1))
@@ -210,9 +223,10 @@ def with_memory(order: int = 1, lag: float = 0.002) -> Loop:
 
 
 def two_trims(start: float = 1.0) -> Model:
-    """Return x' = 1 + p - x² + u with the trims ±sqrt(1 + p), one stable and one not.
+    """Return the model x' = 1 + p - x² + u, with the trims ±sqrt(1 + p), one stable and one
+    unstable.
 
-    start: initial guess of the search
+    start: initial guess of the trim search
     """
     return Model(
         name="two trims",
@@ -243,7 +257,7 @@ def _of_gtm() -> Proof:
 
 
 def _critic(game: Game, *flights: Any) -> Proof:
-    """Return W and K that are off by 1e-6 and 1e-3."""
+    """Return a proof about a critic whose W and K have relative errors of 1e-6 and 1e-3."""
     exact = solve_game(game)
     functions = basis("quadratic", len(game.A))
     parts = {"W": functions.weights(exact.P) * (1 + 1e-6), "K": exact.K * (1 + 1e-3)}
@@ -283,7 +297,7 @@ def proved(kind: str) -> Proof:
 
 
 def model_of(kind: str) -> Model | None:
-    """Return the user's own model that the certificate needs, or None."""
+    """Return the user's model for certificates of this kind, or None if they need none."""
     models = {
         "two trims": two_trims,
         "one of two": two_trims,
@@ -293,7 +307,7 @@ def model_of(kind: str) -> Model | None:
 
 
 def content(proof: Proof) -> dict[str, Any]:
-    """Return the content of the certificate of a kind."""
+    """Return the content of the certificate of a proof."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "certificate.json"
         proof.write(path, ORIGIN)
@@ -303,13 +317,13 @@ def content(proof: Proof) -> dict[str, Any]:
 
 @cache
 def certificate(kind: str) -> dict[str, Any]:
-    """Return the content of a certificate, which must not be changed."""
+    """Return the content of the certificate of this kind. It is shared and must not be changed."""
     return content(proved(kind))
 
 
 @cache
 def of_the_other_trim(kind: str) -> dict[str, Any]:
-    """Return a certificate of the model with two trims about the unstable one."""
+    """Return the content of a certificate about the unstable trim of the model with two trims."""
     other = two_trims(start=-1.0)
     if kind == "one of two":
         game = Game(A=[[2 * np.sqrt(2.0)]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=20.0)
