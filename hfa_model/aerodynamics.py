@@ -118,9 +118,13 @@ def aircraft_loads(
 ) -> Loads[Quantity]:
     """Return the loads on the aircraft, the sums of the loads on its panels.
 
-    x: states u: inputs density: slug/ft^3 p: parameters variant: variant of the equations winds:
-    winds at the panels. With `winds.ground_drag`, the drag of a panel depends on the speed over
-    ground instead of the airspeed.
+    x: states
+    u: inputs
+    density: slug/ft^3
+    p: parameters
+    variant: variant of the equations
+    winds: winds at the panels. With `winds.ground_drag`, the drag of a panel depends on the speed
+        over ground instead of the airspeed.
     """
     center_speed = x.speed if winds.ground_drag else airspeed(x, winds.center)
     outer_speed = x.speed if winds.ground_drag else airspeed(x, winds.outer)
@@ -146,9 +150,13 @@ def sum_of_panels(
     M = M_c + 2 π M_o + l_b (Z_tc + 2 Z_to cos η) + z_c X_c - 2 l X_o,
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
-    x: states u: inputs; the throttle determines the thrust center: loads on the center panel outer:
-    loads on one outer panel p: parameters variant: determines the lever arm l of the outer panels'
-    forward force and the projection factor π of their section moment (`variants.py`)
+    x: states
+    u: inputs; the throttle determines the thrust
+    center: loads on the center panel
+    outer: loads on one outer panel
+    p: parameters
+    variant: determines the lever arm l of the outer panels' forward force and the projection factor
+        π of their section moment (`variants.py`)
 
     Lift and drag are perpendicular and parallel to the path over ground, also in wind.
     Source: Gibson et al. 2011, Eqs. 31-44.

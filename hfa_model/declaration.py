@@ -80,10 +80,12 @@ def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
     x: the trimmed state
     p: parameters
 
-    speed: half to twice the trimmed speed, ft/s altitude: within 1000 ft of the trim pitch_rate: up
-    to V tan(α_max)/l_b, rad/s, at which the angle of attack at the tail, one boom length behind, is
-    α_max dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the angle of attack at one third
-    of the outer panel's span is α_max
+    speed: half to twice the trimmed speed, ft/s
+    altitude: within 1000 ft of the trim
+    pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the angle of attack at the tail, one boom
+        length behind, is α_max
+    dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the angle of attack at one third of the
+        outer panel's span is α_max
 
     The equations are not valid beyond these rates. The limits of alpha, pitch and dihedral are in
     `STATE_SIGNALS`.

@@ -42,9 +42,10 @@ class Wind(NamedTuple):
 class Winds(NamedTuple):
     """Winds at the panels.
 
-    center: wind at the center panel outer: wind at each outer panel ground_drag: whether the drag
-    depends on the speed over ground, as in the simulation released with Gibson et al. 2011, instead
-    of the airspeed
+    center: wind at the center panel
+    outer: wind at each outer panel
+    ground_drag: whether the drag depends on the speed over ground, as in the simulation released
+        with Gibson et al. 2011, instead of the airspeed
     """
 
     center: Wind

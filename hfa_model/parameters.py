@@ -113,10 +113,12 @@ _FILE: dict[str, Any] = {
 class ParameterSet(ByValue, Reported):
     """Parameters with their origin and uncertainty.
 
-    values: the numbers sources: name -> one of `SOURCES` notes: name -> reason for the value, for
-    assumed values covariance: (n, n), covariance of the identified parameters in the order of
-    `identified`, in their units, propagated from the rounding of the printed digits; (0, 0) if it
-    is unknown name: name of the set or its file
+    values: the numbers
+    sources: name -> one of `SOURCES`
+    notes: name -> reason for the value, for assumed values
+    covariance: (n, n), covariance of the identified parameters in the order of `identified`, in
+        their units, propagated from the rounding of the printed digits; (0, 0) if it is unknown
+    name: name of the set or its file
     """
 
     values: Parameters[float]

@@ -46,9 +46,11 @@ _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_mom
 class TrimLoads(Result):
     """Loads and performance of the flexible aircraft at a trim.
 
-    loads: name -> force or moment on the aircraft or one of its panels load_units: name -> unit of
-    the load performance: name -> value: weight, lift coefficient, load factor and others; for other
-    aircraft, their outputs performance_units: name -> unit of the entry of `performance`
+    loads: name -> force or moment on the aircraft or one of its panels
+    load_units: name -> unit of the load
+    performance: name -> value: weight, lift coefficient, load factor and others; for other
+        aircraft, their outputs
+    performance_units: name -> unit of the entry of `performance`
     """
 
     loads: Mapping[str, float]

@@ -32,16 +32,21 @@ TOGETHER = 1e-6
 class Critic(Reported):
     """Policy u(z) and its value V(z), with the linear part u = -K z and the quadratic part z'Pz.
 
-    K: (m, n), -∂u/∂z at z = 0 P: (n, n), ½ ∂²V/∂z² at z = 0, or None if only a policy is known
-    origin: source of the critic: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1" weights:
-    (M,), V = weights'ψ(z) + constant, or None for a critic without weights basis: ψ, or None
-    without weights constant: V(0) precision: floating-point type of the numbers in the critic's
-    file feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None
-    for an independent policy time: time of this critic in a history, s, or None network: "V",
-    "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each output of the network; empty for
-    matrices and polynomials variants: possible misreading of the file -> function that returns the
-    critic for this reading implies_policy: True if a network contains V or ∂V/∂z, from which its
-    policy follows is_layer: True for a network with one layer on a basis
+    K: (m, n), -∂u/∂z at z = 0
+    P: (n, n), ½ ∂²V/∂z² at z = 0, or None if only a policy is known
+    origin: source of the critic: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1"
+    weights: (M,), V = weights'ψ(z) + constant, or None for a critic without weights
+    basis: ψ, or None without weights
+    constant: V(0)
+    precision: floating-point type of the numbers in the critic's file
+    feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None for an
+        independent policy
+    time: time of this critic in a history, s, or None
+    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each output of the
+        network; empty for matrices and polynomials
+    variants: possible misreading of the file -> function that returns the critic for this reading
+    implies_policy: True if a network contains V or ∂V/∂z, from which its policy follows
+    is_layer: True for a network with one layer on a basis
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)

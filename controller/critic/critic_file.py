@@ -34,9 +34,11 @@ class Reading:
     """Settings for reading a critic file, used for what the file does not contain.
 
     basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
-    basis named in the file, else "quadratic". network: outputs of a network file, as for
-    `from_network` activation: activation between the layers of a state dict; after a comma, the
-    activation of its output scale: (n,), factors on the states at the network's inputs
+        basis named in the file, else "quadratic".
+    network: outputs of a network file, as for `from_network`
+    activation: activation between the layers of a state dict; after a comma, the activation of its
+        output
+    scale: (n,), factors on the states at the network's inputs
     """
 
     basis: str | None = None
@@ -134,12 +136,14 @@ def read_critic(
 ) -> Critic:
     """Return the critic in a file of matrices, weights or a network. In a history, the last one.
 
-    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads game: the game with
-    the states and inputs of the critic; without it only a gain K can be read basis: basis of the
-    weights: a name, or a list of functions; by default the basis named in the file, else
-    "quadratic" network: outputs of a network file and their kinds, as for `from_network`
+    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
+    game: the game with the states and inputs of the critic; without it only a gain K can be read
+    basis: basis of the weights: a name, or a list of functions; by default the basis named in the
+        file, else "quadratic"
+    network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of its
-    output scale: (n,), factors on the states at the network's inputs
+        output
+    scale: (n,), factors on the states at the network's inputs
 
     Raises BadInputError with the name of the file.
 

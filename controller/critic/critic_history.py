@@ -24,9 +24,11 @@ def critics_over_time(
 ) -> tuple[Critic, ...]:
     """Return the critic at each time of a learner's history.
 
-    game: the game whose solution the critics approximate times: (N,), s, increasing, the first at
-    least 0 functions: name of the basis of W parts: W (N, M), P (N, n, n) or K (N, m, n), at least
-    one of them; a single W (M,), P (n, n) or K (m, n) applies to the last time
+    game: the game whose solution the critics approximate
+    times: (N,), s, increasing, the first at least 0
+    functions: name of the basis of W
+    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
+        K (m, n) applies to the last time
 
     Raises BadInputError if a number is not finite or too large, the times do not increase, or an
     array does not have one row per time.

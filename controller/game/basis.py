@@ -24,8 +24,9 @@ PAPER_STATES = 6
 class Basis(Reported):
     """Basis ψ_m(z) = Π_i z_i^exponents[m, i] of V(z) = W'ψ(z) (paper Section 3.2).
 
-    name: name of the basis, as in `BASES` exponents: (M, n), nonnegative integers; the first
-    n(n+1)/2 rows belong to z_i z_j for i <= j, with j varying fastest
+    name: name of the basis, as in `BASES`
+    exponents: (M, n), nonnegative integers; the first n(n+1)/2 rows belong to z_i z_j for i <= j,
+        with j varying fastest
     """
 
     name: str

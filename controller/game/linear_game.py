@@ -27,11 +27,14 @@ def game(
 
     The game keeps the names and units of the model.
 
-    linear: the linear model, with A and B Q: (n, n), or its diagonal, (n,), or state -> weight,
-    with 0 for all other states; by default diag(1/nominal²) R: (m, m), or its diagonal, (m,), or
-    input -> weight, for every input; by default diag(1/nominal²) delta: > 0; inf for LQR, without a
-    disturbance E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or
-    the identity if it has none
+    linear: the linear model, with A and B
+    Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states; by default
+        diag(1/nominal²)
+    R: (m, m), or its diagonal, (m,), or input -> weight, for every input; by default
+        diag(1/nominal²)
+    delta: > 0; inf for LQR, without a disturbance
+    E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or the
+        identity if it has none
 
     Raises BadInputError if a name is unknown, a weight is missing, or a matrix has a wrong shape.
 

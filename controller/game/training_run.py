@@ -30,10 +30,13 @@ class Excitation(Result):
     """Excitation of recorded data: Σ = Σ_j σ̄_j σ̄_j', σ̄ = σ / sqrt(1 + σ'σ) (paper Assumption 1).
 
     rank: rank of the (N_h, M) matrix with the rows ψ(z_j)/|ψ(z_j)|; singular values below
-    `recording.RANK_TOLERANCE` times the largest count as 0 size: M samples: N_h
-    smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0) condition: ratio of the largest to the
-    smallest singular value of the same matrix rounding: value that rounding alone can give to a
-    smallest eigenvalue of 0: (N_h ε)² times the largest eigenvalue of Σ
+        `recording.RANK_TOLERANCE` times the largest count as 0
+    size: M
+    samples: N_h
+    smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0)
+    condition: ratio of the largest to the smallest singular value of the same matrix
+    rounding: value that rounding alone can give to a smallest eigenvalue of 0: (N_h ε)² times the
+        largest eigenvalue of Σ
     """
 
     rank: int
@@ -48,13 +51,21 @@ class Excitation(Result):
 class TrainingRun(Result, Reported):
     """Training run of one learner on one game.
 
-    law: name of the learner basis: name of the basis ψ time: (N,), s weights: (N, M), W with V =
-    W'ψ(z), in the units of the model residual_norm: (N,), Bellman residual of the game on the
-    recorded data, |e| / |z'Qz| law_residual_norm: (N,), residual that the learner minimizes at each
-    time, with the learner's own normalization and stage settling_residual: (N,), |e| divided by the
-    magnitude of the terms that cancel in it K: (m, n), gain of the last weights excitation: rank of
-    the data settings: settings of the learner seed: seed of the data diagnostics: name -> further
-    number names: names of the states and inputs of the game clock: unit of `time`: s, or iterations
+    law: name of the learner
+    basis: name of the basis ψ
+    time: (N,), s
+    weights: (N, M), W with V = W'ψ(z), in the units of the model
+    residual_norm: (N,), Bellman residual of the game on the recorded data, |e| / |z'Qz|
+    law_residual_norm: (N,), residual that the learner minimizes at each time, with the learner's
+        own normalization and stage
+    settling_residual: (N,), |e| divided by the magnitude of the terms that cancel in it
+    K: (m, n), gain of the last weights
+    excitation: rank of the data
+    settings: settings of the learner
+    seed: seed of the data
+    diagnostics: name -> further number
+    names: names of the states and inputs of the game
+    clock: unit of `time`: s, or iterations
     """
 
     schema = "hfa.learning-result/1"

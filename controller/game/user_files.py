@@ -41,10 +41,12 @@ class Defaults:
 class StoredGame(NamedTuple):
     """Game read from a file, with notes.
 
-    notes: unused entries, and defaults that were used provenance: entry -> text on the origin of
-    the plant, as stored in the file discrete: for a plant in discrete time, the discrete-time game
-    whose step is `game`; otherwise None has_time: True if the file declares continuous or discrete
-    time stated: names of the entries A, B, E, Q, R and delta that the file contains
+    notes: unused entries, and defaults that were used
+    provenance: entry -> text on the origin of the plant, as stored in the file
+    discrete: for a plant in discrete time, the discrete-time game whose step is `game`; otherwise
+        None
+    has_time: True if the file declares continuous or discrete time
+    stated: names of the entries A, B, E, Q, R and delta that the file contains
     """
 
     game: Game
@@ -120,8 +122,9 @@ def has_all(found: dict[str, Any], *names: str) -> bool:
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
     """Return the entries of a plant under this project's names, and notes for the user.
 
-    found: arrays read by `read_arrays` needed: required entries; if the file has none of them, they
-    are read from the only structure that contains all
+    found: arrays read by `read_arrays`
+    needed: required entries; if the file has none of them, they are read from the only structure
+        that contains all
 
     Raises BadInputError if the entry `dt` of python-control denotes discrete time.
     """

@@ -65,11 +65,12 @@ class StackEquations:
     the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the discounted plant A - βI.
     β = 0 and s = 1 give the game itself.
 
-    states, drifts: z_j and F_j, (N_h, n), scaled gradient: ∂ψ_j, (N_h, M, n) control: G, (n, m),
-    with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P is a small difference
-    of large numbers, but |G'P z|² is not. disturbance: (n, k), a square root of S_d/δ²
+    states, drifts: z_j and F_j, (N_h, n), scaled gradient: ∂ψ_j, (N_h, M, n)
+    control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P
+        is a small difference of large numbers, but |G'P z|² is not.
+    disturbance: (n, k), a square root of S_d/δ²
     drift_matrix: A fitted to F = A z by least squares, used only to test whether a policy
-    stabilizes
+        stabilizes
     """
 
     basis: Basis
@@ -228,9 +229,10 @@ class StackEquations:
 
         e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V with ∇V = ∂ψ'W (paper Eq. 33 with the extremal policies).
 
-        residual_norm: |e| divided by |z'Qz| settling_residual: |e| divided by the magnitude of the
-        terms that cancel in e, in [0, 1]. It decides whether a critic has settled. If Q is small
-        compared with the value, rounding alone would make `residual_norm` exceed the limit.
+        residual_norm: |e| divided by |z'Qz|
+        settling_residual: |e| divided by the magnitude of the terms that cancel in e, in [0, 1]. It
+            decides whether a critic has settled. If Q is small compared with the value, rounding
+            alone would make `residual_norm` exceed the limit.
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts

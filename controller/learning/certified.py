@@ -145,10 +145,12 @@ def iterate(
     """Take full Newton steps W <- W - N for one problem. Return the last point and whether it
     converged.
 
-    equations: Bellman residuals of the recorded samples here: initial weights, and the problem
-    normaliser: as for `newton_step` to_the_floor: whether to continue until the correction no
-    longer halves, instead of stopping at the relative correction `TRACKING` most: largest number of
-    steps
+    equations: Bellman residuals of the recorded samples
+    here: initial weights, and the problem
+    normaliser: as for `newton_step`
+    to_the_floor: whether to continue until the correction no longer halves, instead of stopping at
+        the relative correction `TRACKING`
+    most: largest number of steps
 
     For an LQ problem (share 0) the steps are those of Kleinman (1968), which converge from every
     stabilizing policy, and `stabilizing_step` safeguards each of them. A singular or infinite step
@@ -329,12 +331,15 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
 class CertifiedSettings:
     """Settings of the certified law.
 
-    predefined_time: T_w, s tick: step of the recorded history, s eta: η in (0, 1), exponent of the
-    scalar law theta: θ in (0, 1), the fraction of each stage's time within which it converges
-    basis: name of the basis samples: N_h >= M, number of samples chosen from the pool; None means
-    50, or more for a basis of more than 33 weights (`enough_for`) pool_samples: number of random
-    states in the pool; None means 500, or more for a large basis initial_weights: W(0) in the
-    model's units, one number for all or (M,)
+    predefined_time: T_w, s
+    tick: step of the recorded history, s
+    eta: η in (0, 1), exponent of the scalar law
+    theta: θ in (0, 1), the fraction of each stage's time within which it converges
+    basis: name of the basis
+    samples: N_h >= M, number of samples chosen from the pool; None means 50, or more for a basis of
+        more than 33 weights (`enough_for`)
+    pool_samples: number of random states in the pool; None means 500, or more for a large basis
+    initial_weights: W(0) in the model's units, one number for all or (M,)
     """
 
     predefined_time: float = 10.0

@@ -206,7 +206,8 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
     """Return the excitation of recorded samples.
 
     regressors: σ_j, (N_h, M). The smallest eigenvalue is that of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ /
-    sqrt(1 + σ'σ). samples: ψ(z_j), (N_h, M). Rank and condition are computed from the rows ψ/|ψ|.
+        sqrt(1 + σ'σ).
+    samples: ψ(z_j), (N_h, M). Rank and condition are computed from the rows ψ/|ψ|.
 
     σ = L'ψ, with L the Lyapunov operator of the closed loop, which is invertible for every
     stabilizing policy. Therefore the regressors have the same rank as ψ. The rank of ψ is used

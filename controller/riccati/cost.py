@@ -30,10 +30,13 @@ class FlightCost(Result):
     Both costs are those under the worst disturbance of the policy. The excess is inf if the cost
     has no bound, because the L2 gain is not below delta or the loop is unstable.
 
-    worst: largest over the initial conditions mean: mean over initial conditions of equal optimal
-    cost gain: L2 gain, which must be below delta exact_gain: L2 gain of the optimum distance:
-    smallest change of A - B K that gives it an undamped mode, relative to its norm in balanced
-    units; 0 for an unstable loop exact_distance: the same distance for the optimum
+    worst: largest over the initial conditions
+    mean: mean over initial conditions of equal optimal cost
+    gain: L2 gain, which must be below delta
+    exact_gain: L2 gain of the optimum
+    distance: smallest change of A - B K that gives it an undamped mode, relative to its norm in
+        balanced units; 0 for an unstable loop
+    exact_distance: the same distance for the optimum
     """
 
     json_keys = (

@@ -32,12 +32,16 @@ if TYPE_CHECKING:
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
-    P: (n, n), of the value z'P z K: (m, n), of the policy u = -K z disturbance_gain: L, (k, n), of
-    the worst disturbance d = L z game: the game certificate: the tests that P passed
+    P: (n, n), of the value z'P z
+    K: (m, n), of the policy u = -K z
+    disturbance_gain: L, (k, n), of the worst disturbance d = L z
+    game: the game
+    certificate: the tests that P passed
     closed_loop_eigenvalues: eigenvalues of A - B K, the loop without disturbance, 1/s
     worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the loop under the worst
-    disturbance, 1/s abscissa_error: largest change of the real parts' maximum, for A - B K, by
-    rounding of A, B and K, 1/s, to first order
+        disturbance, 1/s
+    abscissa_error: largest change of the real parts' maximum, for A - B K, by rounding of A, B and
+        K, 1/s, to first order
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)

@@ -44,10 +44,11 @@ class LoopMargin(NamedTuple):
     """Margins of one loop, or of several loops for one common factor, phase shift or delay.
 
     gain_low, gain_high: the loop remains stable if its gain is multiplied by a factor between them
-    phase: largest tolerated phase shift, deg; inf if every one is tolerated crossover: frequency at
-    which this phase shift makes the loop unstable (|l| = 1), rad/s; nan if |l| is never 1 delay:
-    largest tolerated delay of the signal, s; inf if every one is tolerated disk: α of `DiskMargin`,
-    for simultaneous changes of gain and phase
+    phase: largest tolerated phase shift, deg; inf if every one is tolerated
+    crossover: frequency at which this phase shift makes the loop unstable (|l| = 1), rad/s; nan if
+        |l| is never 1
+    delay: largest tolerated delay of the signal, s; inf if every one is tolerated
+    disk: α of `DiskMargin`, for simultaneous changes of gain and phase
     """
 
     gain_low: float

@@ -47,9 +47,10 @@ class DiskMargin(NamedTuple):
     f = (2 + αε)/(2 - αε), with any complex |ε| < 1.
 
     disk: α, a lower bound of the margin; for more than three inputs the true margin may be slightly
-    larger gain: (2 + α)/(2 - α); real factors f are between 1/gain and gain phase: 2 arctan(α/2),
-    deg, the phase of factors f with |f| = 1 frequency: rad/s, at which the margin is smallest;
-    possibly inf
+        larger
+    gain: (2 + α)/(2 - α); real factors f are between 1/gain and gain
+    phase: 2 arctan(α/2), deg, the phase of factors f with |f| = 1
+    frequency: rad/s, at which the margin is smallest; possibly inf
     """
 
     disk: float

@@ -64,12 +64,16 @@ class Sizes(NamedTuple):
 class NormalForm:
     """Equation A'X + X A + Q - X S X = 0, S = B B' - E E', of one game or a stack, in y = T z.
 
-    A: (..., n, n) inputs: (..., n, m), B of the game in y, before the scaling to R = I; stored
-    because rounding of the scaled B would hide a mode that the inputs barely reach disturbance:
-    (..., n, k), E of the game in y, before division by delta Q: (..., n, n) T: (..., n, n); the P
-    of a game is T'X T root: (m, m), lower triangular, R = root root' delta: delta of the games R:
-    (m, m), R of the user made_of: magnitudes of the terms of the matrices of one game, or None if
-    the matrices were given
+    A: (..., n, n)
+    inputs: (..., n, m), B of the game in y, before the scaling to R = I; stored because rounding of
+        the scaled B would hide a mode that the inputs barely reach
+    disturbance: (..., n, k), E of the game in y, before division by delta
+    Q: (..., n, n)
+    T: (..., n, n); the P of a game is T'X T
+    root: (m, m), lower triangular, R = root root'
+    delta: delta of the games
+    R: (m, m), R of the user
+    made_of: magnitudes of the terms of the matrices of one game, or None if the matrices were given
     """
 
     A: np.ndarray

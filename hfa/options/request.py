@@ -32,15 +32,19 @@ class OfModel(NamedTuple):
 class Option:
     """A command-line option that sets a field of a request.
 
-    about: help of the option; "" hides it form: placeholder of the value in the help, or "" for a
-    switch kind: function word -> value; its BadInputError completes a sentence that begins with the
-    option names: names separated by blanks, as in "-o --output"; without dashes a positional
-    argument named: whether the words are NAME=VALUE[,NAME=VALUE...]; kind then has two arguments,
-    name and text repeated: whether the option is repeatable; the field then contains all values
-    count: number of words, as argparse's nargs, or None for one word required: whether the option
-    is mandatory aliases: alias -> name in the model, for a `named` option rare: whether the option
-    is explained only by `--help more`; `--help` lists its name part: entry point in `hfa.parts`
-    that implements the option; without it the help omits the option
+    about: help of the option; "" hides it
+    form: placeholder of the value in the help, or "" for a switch
+    kind: function word -> value; its BadInputError completes a sentence that begins with the option
+    names: names separated by blanks, as in "-o --output"; without dashes a positional argument
+    named: whether the words are NAME=VALUE[,NAME=VALUE...]; kind then has two arguments, name and
+        text
+    repeated: whether the option is repeatable; the field then contains all values
+    count: number of words, as argparse's nargs, or None for one word
+    required: whether the option is mandatory
+    aliases: alias -> name in the model, for a `named` option
+    rare: whether the option is explained only by `--help more`; `--help` lists its name
+    part: entry point in `hfa.parts` that implements the option; without it the help omits the
+        option
 
     about, form, names and required may be functions of the model that return the value.
     """
@@ -95,9 +99,9 @@ def option(
 ) -> Any:
     """Return a field of a request, with the option that sets it.
 
-    about, form, kind: as in `Option` default: value if the option is not given; ignored for
-    switches and for options that are `named` or
-      `repeated`
+    about, form, kind: as in `Option`
+    default: value if the option is not given; ignored for switches and for options that are `named`
+        or `repeated`
     more: further fields of `Option`
     """
     declared = Option(about, form, kind, **more)

@@ -32,9 +32,10 @@ Record = Annotated[Any, Mapping[str, float]]
 class Entry(NamedTuple):
     """Entry of the data of a result.
 
-    name: key of the entry path: names of nested attributes that lead to the value; the value is
-    None if one of them is None is_optional: whether the entry is omitted if its value is None or
-    empty
+    name: key of the entry
+    path: names of nested attributes that lead to the value; the value is None if one of them is
+        None
+    is_optional: whether the entry is omitted if its value is None or empty
     """
 
     name: str

@@ -179,9 +179,9 @@ def columns(
     """Return a table as text in aligned columns. The first column is aligned left, the others
     right.
 
-    color: whether cells with a tone are colored width: width of the terminal in characters, or
-    None. Columns that do not fit are printed in further
-      blocks, each of which repeats the first column. Cells are never broken.
+    color: whether cells with a tone are colored
+    width: width of the terminal in characters, or None. Columns that do not fit are printed in
+        further blocks, each of which repeats the first column. Cells are never broken.
     """
     cells = (header, *rows)
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]

@@ -112,11 +112,11 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 class Fit:
     """Result of one least-squares fit.
 
-    parameters: fitted parameters, with sources and covariance inputs: fitted trim inputs, one
-    `Input` for each printed dihedral angle sum_of_squares: Σ (difference / half unit)² over the
-    printed entries expected_sum: mean sum of squares due to rounding alone, trace((I - H) C). C is
-    the covariance of
-      the rounding errors, and H is the projection onto the range of the weighted Jacobian.
+    parameters: fitted parameters, with sources and covariance
+    inputs: fitted trim inputs, one `Input` for each printed dihedral angle
+    sum_of_squares: Σ (difference / half unit)² over the printed entries
+    expected_sum: mean sum of squares due to rounding alone, trace((I - H) C). C is the covariance
+        of the rounding errors, and H is the projection onto the range of the weighted Jacobian.
     entries: number of entries that depend on a parameter
     largest: largest |difference| / half unit
     singular_values: singular values of the weighted Jacobian with respect to relative parameters

@@ -51,15 +51,14 @@ class PublishedSettings:
     samples: number N_h of recorded samples, the most different ones of `pool_samples` random states
     normalisation: "root", n = sqrt(1 + σ'σ), or "squared", n = 1 + σ'σ
     stack_policies: "frozen" for the policies of `recorded_weights`, stored with the samples, or
-      "reevaluated" for the policies of the current weights
-    gains: (α₁, α₂), or None for the gains of Theorem 1 integrator: "explicit" (forward Euler) or
-    "proximal" (implicit) coordinates: "raw" for the units of the model, or "scaled" by the root
-    mean square of each recorded
-      channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are in the
-        model's
-      units in both cases.
+        "reevaluated" for the policies of the current weights
+    gains: (α₁, α₂), or None for the gains of Theorem 1
+    integrator: "explicit" (forward Euler) or "proximal" (implicit)
+    coordinates: "raw" for the units of the model, or "scaled" by the root mean square of each
+        recorded channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are
+        in the model's units in both cases.
     flight_start: z(0) of the flight z' = A z + B û that supplies the current sample, for explicit
-      steps; () learns from the recorded samples alone
+        steps; () learns from the recorded samples alone
     """
 
     predefined_time: float = 10.0

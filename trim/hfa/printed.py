@@ -97,11 +97,12 @@ class OfTheHfa(Result):
     """Data of a linear model that only the paper's aircraft has.
 
     A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices
-    B_band: (n, m) two standard errors of each entry of B other_dynamics: dynamics with which the
-    model is compared: newton for a published model, published for a newton model A_difference: (n,
-    n) A with the other dynamics at the same condition minus A B_difference: (n, m) B with the other
-    dynamics at the same condition minus B printed: A and B of the paper, if the trim is one of the
-    paper's
+    B_band: (n, m) two standard errors of each entry of B
+    other_dynamics: dynamics with which the model is compared: newton for a published model,
+        published for a newton model
+    A_difference: (n, n) A with the other dynamics at the same condition minus A
+    B_difference: (n, m) B with the other dynamics at the same condition minus B
+    printed: A and B of the paper, if the trim is one of the paper's
     """
 
     A_band: Matrix | None = None

@@ -69,18 +69,19 @@ def identify(
 
     model: its parameter values are the initial values of the search.
     records: one maneuver or several. Each is a path, a flight, a pandas table, or a dictionary of
-      arrays by name in the model's units: time (s), every input, measured states or outputs. NaN
-        marks
-      a missing sample.
+        arrays by name in the model's units: time (s), every input, measured states or outputs. NaN
+        marks a missing sample.
     free: names of parameters, or patterns such as "Cm_*". Errors of columns can be free too, such
-      as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) + bias.
+        as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) +
+        bias.
     given: parameters that keep their values although a pattern matches them, or name -> fixed
-    value. hold: input without a column, or initial value of an unmeasured state -> value. inputs:
-    "linear" or "steps", the interpolation between samples. Commands of a flight computer are
-      steps.
+        value.
+    hold: input without a column, or initial value of an unmeasured state -> value.
+    inputs: "linear" or "steps", the interpolation between samples. Commands of a flight computer
+        are steps.
     validate: records that are not fitted. Theil's coefficient is computed for them.
     turbulence: whether the air moved. Speed, alpha and beta of the records are then relative to the
-      air, as measured by pitot tubes and vanes.
+        air, as measured by pitot tubes and vanes.
     plan: whether to compare further maneuvers by how much they narrow the bands.
     columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
     progress: called with (work done, total work).

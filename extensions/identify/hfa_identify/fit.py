@@ -165,12 +165,12 @@ class Fit:
 class OutputError:
     """Search for the parameters and initial states that fit records best.
 
-    bounds: limits of the parameters, (p, 2). guesses: guess of each record's initial state, (n,)
-    each. by_motion: whether the variance of each quantity's motion replaces its noise variance. Far
-    from the
-      minimum, motion is then not treated as noise.
+    bounds: limits of the parameters, (p, 2).
+    guesses: guess of each record's initial state, (n,) each.
+    by_motion: whether the variance of each quantity's motion replaces its noise variance. Far from
+        the minimum, motion is then not treated as noise.
     is_rough: whether integration steps may be long, and the sensitivities at the last step are not
-      needed.
+        needed.
     """
 
     def __init__(

@@ -105,10 +105,10 @@ class Prediction(Simulation):
     """One-step predictions of a record.
 
     y: predicted quantities, (N, k). Each is predicted from all earlier samples and from the
-    preceding
-      quantities in the same sample.
+        preceding quantities in the same sample.
     innovations: measured minus predicted from earlier samples alone, (N, k), 0 for a missing
-    sample. present: 1 for a measured sample, 0 for a missing one, (N, k).
+        sample.
+    present: 1 for a measured sample, 0 for a missing one, (N, k).
     """
 
     innovations: np.ndarray

@@ -264,8 +264,9 @@ class Frames:
     def _loads(self, x: ca.SX, u: ca.SX, p: ca.SX, *others: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return loads, engine states and stored values at the end of the frame.
 
-        x: states, with the engine states of the previous frame others: time derivatives of alpha
-        and beta, angular velocity of the earth in body axes, stored values
+        x: states, with the engine states of the previous frame
+        others: time derivatives of alpha and beta, angular velocity of the earth in body axes,
+            stored values
         """
         equations = self._equations
         inputs = {name: each.symbol for name, each in equations.inputs.items()}

@@ -248,10 +248,11 @@ def numbered(element: Element, name: str, number: int | None) -> str:
 class Table:
     """Values and breakpoints of a <table>.
 
-    values: (n1, ..., nd), with the axes rows, columns and tables. breakpoints: breakpoints of each
-    axis, d arrays. parts: one table for each breakpoint of the last axis, if these tables have
-    different breakpoints;
-      else (). With parts, `values` is not used, and `breakpoints` contains the last axis only.
+    values: (n1, ..., nd), with the axes rows, columns and tables.
+    breakpoints: breakpoints of each axis, d arrays.
+    parts: one table for each breakpoint of the last axis, if these tables have different
+        breakpoints; else (). With parts, `values` is not used, and `breakpoints` contains the last
+        axis only.
     """
 
     values: np.ndarray

@@ -32,13 +32,13 @@ class Choices:
     """Options for reading an aircraft.
 
     partial: whether to omit motors, rotors and gas cells, which are not supported. Otherwise they
-    are
-      refused.
+        are refused.
     filters: whether lags, washouts, integrators and other dynamic components have states. Otherwise
-      their steady-state output is used.
-    throttles: whether each engine has a separate throttle. engines: whether the lags of engines are
-    states. Otherwise engines follow their throttles at once. step: duration of JSBSim's frame, s,
-    if the equations are those of a frame; else 0.
+        their steady-state output is used.
+    throttles: whether each engine has a separate throttle.
+    engines: whether the lags of engines are states. Otherwise engines follow their throttles at
+        once.
+    step: duration of JSBSim's frame, s, if the equations are those of a frame; else 0.
     """
 
     partial: bool = False

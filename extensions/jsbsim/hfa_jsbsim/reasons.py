@@ -25,10 +25,11 @@ def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: So
 
     The reasons are found by trims with other free variables.
 
-    parts: content of the aircraft's files. steered: whether the aircraft has inputs. imposed: name
-    -> value imposed by the trim condition. solve: function (held, free) -> values by name, or None.
-    It solves the same condition with the values
-      `held` imposed and the equations `free` dropped.
+    parts: content of the aircraft's files.
+    steered: whether the aircraft has inputs.
+    imposed: name -> value imposed by the trim condition.
+    solve: function (held, free) -> values by name, or None. It solves the same condition with the
+        values `held` imposed and the equations `free` dropped.
     """
     if not steered:
         return "no input of the pilot changes a force or a moment"

@@ -34,10 +34,13 @@ if TYPE_CHECKING:
 class PolicyFlight(Result):
     """Flight of a policy, compared with the best flight found from the same initial condition.
 
-    policy: name of the policy. converges: whether the flight converges to the trim. cost: its cost,
-    or None if it does not converge. over_best: its cost divided by that of the best flight found,
-    or None without either. departure: first departure from the envelope (state, time, value,
-    limit), or None if it stays within. saturated: names of saturated inputs.
+    policy: name of the policy.
+    converges: whether the flight converges to the trim.
+    cost: its cost, or None if it does not converge.
+    over_best: its cost divided by that of the best flight found, or None without either.
+    departure: first departure from the envelope (state, time, value, limit), or None if it stays
+        within.
+    saturated: names of saturated inputs.
     """
 
     policy: str

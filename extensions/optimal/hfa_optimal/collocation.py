@@ -127,9 +127,9 @@ def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
 def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
     """Return lengths of intervals that grow geometrically and add up to `seconds`, s, (N,).
 
-    intervals: number N of intervals. fastest: frequency of the fastest mode of the linear loop,
-    1/s. The first interval resolves it if the
-      limit of the growth permits.
+    intervals: number N of intervals.
+    fastest: frequency of the fastest mode of the linear loop, 1/s. The first interval resolves it
+        if the limit of the growth permits.
     step: simulation step, s. Each length is a multiple of it.
     """
     equal = seconds / intervals

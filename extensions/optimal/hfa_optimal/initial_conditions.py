@@ -69,11 +69,12 @@ class PolicySummary(Result):
     """Summary of a policy's flights, over all initial conditions from which a best flight was
     found.
 
-    policy: name of the policy. lost: number of flights that left the envelope or do not converge to
-    the trim. left: number of flights that left the envelope. converged: number of flights that
-    converge to the trim, within the envelope or not. median: median cost relative to the best
-    flights found, over the flights that converge, or None if
-      none does.
+    policy: name of the policy.
+    lost: number of flights that left the envelope or do not converge to the trim.
+    left: number of flights that left the envelope.
+    converged: number of flights that converge to the trim, within the envelope or not.
+    median: median cost relative to the best flights found, over the flights that converge, or None
+        if none does.
     high: 90 % quantile of that ratio, or None.
     worst: largest value of that ratio, or None.
     """

@@ -38,9 +38,9 @@ def environment(
 ) -> gymnasium.Env:
     """Return a gymnasium environment: an aircraft about its trims.
 
-    model: the aircraft deployment: observations, actions, timing and cost, or the path of a
-    deployment file. It needs no
-        policy. The default is `Deployment.usual(model, dt)`.
+    model: the aircraft
+    deployment: observations, actions, timing and cost, or the path of a deployment file. It needs
+        no policy. The default is `Deployment.usual(model, dt)`.
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model, or one point; default: the model's default
         trim

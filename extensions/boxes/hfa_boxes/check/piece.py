@@ -87,9 +87,9 @@ def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
 class Piece(NamedTuple):
     """The set {W(y) <= c} with y = M z.
 
-    M: (n, n) W: polynomial in y without terms of degree 0 and 1; products of coefficients and
-    powers are exact
-        in doubles
+    M: (n, n)
+    W: polynomial in y without terms of degree 0 and 1; products of coefficients and powers are
+        exact in doubles
     c: level
     """
 

@@ -80,10 +80,10 @@ class BoxStatement:
     within all limits. z are deviations from the equilibrium. For V of degree 2 the set is
     {V <= rho} without the condition |y_i| <= 1, because V > rho outside the cube.
 
-    loop: the model with its policy and saturated inputs policy: SHA-256 of the policy's
-    instructions, or its coefficients equilibrium: moving state -> value; the proved equilibrium
-    differs by at most `SAME_TRIM` nominal
-        values
+    loop: the model with its policy and saturated inputs
+    policy: SHA-256 of the policy's instructions, or its coefficients
+    equilibrium: moving state -> value; the proved equilibrium differs by at most `SAME_TRIM`
+        nominal values
     piece: V and its level, in coordinates y = M z
     extents: moving state -> bounds of its deviation in the set
     """
@@ -108,10 +108,10 @@ class BoxStatement:
     def read(cls, content: Any, own: Model | None, policy: ca.Function | None) -> BoxStatement:
         """Return the statement of a certificate.
 
-        content: the certificate's entry `statement` own: the user's model, if the statement
-        concerns one policy: the user's policy, state deviations -> input deviations; None if the
-        certificate stores
-            its coefficients
+        content: the certificate's entry `statement`
+        own: the user's model, if the statement concerns one
+        policy: the user's policy, state deviations -> input deviations; None if the certificate
+            stores its coefficients
 
         Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
         another model or policy.

@@ -56,8 +56,9 @@ class Node(NamedTuple):
     """A nonlinear node.
 
     kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of one
-    variable. rows: rows of its one or two arguments. level: 1 above the highest level of the nodes
-    in its rows.
+        variable.
+    rows: rows of its one or two arguments.
+    level: 1 above the highest level of the nodes in its rows.
     """
 
     kind: str

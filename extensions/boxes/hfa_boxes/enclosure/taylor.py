@@ -88,8 +88,10 @@ class Models(NamedTuple):
 class Step(NamedTuple):
     """Models of the nodes of a group.
 
-    arguments: models of the rows of each argument factors: for each argument, (values, boxes), the
-    factor by which its error enters the nodes' error nodes: models of the nodes
+    arguments: models of the rows of each argument
+    factors: for each argument, (values, boxes), the factor by which its error enters the nodes'
+        error
+    nodes: models of the nodes
     """
 
     arguments: Sequence[Models]

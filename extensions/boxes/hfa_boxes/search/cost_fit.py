@@ -120,9 +120,12 @@ class Fit:
     In these coordinates the set z'P z <= beyond c becomes the unit ball, turned and stretched to
     the envelope.
 
-    problem: the problem whose cost is bounded c: level wanted: flights at which W is to be large
+    problem: the problem whose cost is bounded
+    c: level
+    wanted: flights at which W is to be large
     beyond: largest z'P z of samples as a multiple of the level; W > c is required where it is
-    larger tell: called with the number of programs before each linear program; may raise
+        larger
+    tell: called with the number of programs before each linear program; may raise
     """
 
     def __init__(

@@ -368,12 +368,13 @@ class GameStatement:
     decimals: True if `distances` and `loop` are claimed for every decimal number that rounds to the
         stored doubles, False if only for these doubles; `delta_min` and `modes` are claimed for the
         doubles only
-    critic: K (m, n), and P (n, n) or W (weights, 1) if the critic has them gain_of_value: whether K
-    is claimed to equal R⁻¹ B' P of the critic's P and W, within `SAME_GAIN` distances: part of the
-    critic -> bounds of |X - X*| / |X*| (Frobenius norm) loop: lowest and highest number of unstable
-    modes of A - B K with the critic's K delta_min: a delta for which the game has no value, and one
-    for which it has; or None modes: lowest and highest number of unstable modes of A; given with
-    delta_min
+    critic: K (m, n), and P (n, n) or W (weights, 1) if the critic has them
+    gain_of_value: whether K is claimed to equal R⁻¹ B' P of the critic's P and W, within
+        `SAME_GAIN`
+    distances: part of the critic -> bounds of |X - X*| / |X*| (Frobenius norm)
+    loop: lowest and highest number of unstable modes of A - B K with the critic's K
+    delta_min: a delta for which the game has no value, and one for which it has; or None
+    modes: lowest and highest number of unstable modes of A; given with delta_min
     """
 
     plant: Flight | Plant

@@ -272,12 +272,13 @@ class PointTrim:
 class GameWitness:
     """Evidence for a statement about a game.
 
-    trim: the trim, or None for a plant given by matrices solution: the solution at the game's delta
-    loop, modes: lines of A - B K and of A value: the solution at the upper end of delta_min
+    trim: the trim, or None for a plant given by matrices
+    solution: the solution at the game's delta
+    loop, modes: lines of A - B K and of A
+    value: the solution at the upper end of delta_min
     refused: evidence at the lower end of delta_min: a solution whose lowest eigenvalue is negative,
-    or
-        frequencies, rad/s, between which the Hamiltonian matrix has an eigenvalue on the imaginary
-          axis
+        or frequencies, rad/s, between which the Hamiltonian matrix has an eigenvalue on the
+        imaginary axis
     """
 
     trim: PointTrim | None

@@ -135,10 +135,11 @@ def loop_of_servo(
 ) -> Loop:
     """Return the loop of a scheduled controller with constant commands, and its actuators.
 
-    controller: the controller; its commands are omitted actuators: input -> actuator of the design
-    model: the aircraft intervals: intervals of bandwidth, effectiveness and delay, which replace
-    the actuators' values; or
-        None
+    controller: the controller; its commands are omitted
+    actuators: input -> actuator of the design
+    model: the aircraft
+    intervals: intervals of bandwidth, effectiveness and delay, which replace the actuators' values;
+        or None
 
     Raises BadInputError, which names an input without an actuator or an unsupported measurement.
     """

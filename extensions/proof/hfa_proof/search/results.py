@@ -34,24 +34,30 @@ class ProofData(Result):
     dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s; with --rate.
     scheduled_rate: proved rate of the scheduling variable, per second; with --rate, for another
         aircraft.
-    actuators: bandwidth, effectiveness and delay; with --bandwidth. lyapunov: Lyapunov function for
-    a moving scheduling variable; with --rate. kind: schedule, game or models; of a checked
-    certificate. parameters: parameters of the aircraft; of a checked certificate. parameter_hash:
-    hash of the parameters; of a checked certificate. written: version, command and date in the
-    file, not verified; of a checked certificate. statement_sha256: SHA-256 of the JSON text of the
-    statement; of a checked certificate. claim: every field of the statement; of a checked
-    certificate. not_given: fields that were not compared, because no option gave them; of a checked
-    certificate. limits: lowest and highest value of each input and unknown of the trims; of a
-    checked certificate. spread: half-widths of the parameters; of a checked certificate. game: Q,
-    R, E and delta; of a checked certificate. error: proved bounds of the interpolation errors; of
-    checked models. nodes: number of breakpoints; of checked models. relative_radius: relative
-    radius of the enclosure of P. positive_definite: whether P is proved positive definite.
-    worst_case_hurwitz: whether A - S P is proved Hurwitz. closed_loop_hurwitz: whether A - B K is
-    Hurwitz; false is proved too. delta_min_above: proved lower bound of delta_min.
-    delta_min_at_most: proved upper bound of delta_min. unstable_modes: number of unstable modes of
-    A, null if only bounds are proved. unstable_modes_between: lowest and highest number of unstable
-    modes of A. distances: part of the critic -> bounds of its relative distance, at_least and
-    at_most.
+    actuators: bandwidth, effectiveness and delay; with --bandwidth.
+    lyapunov: Lyapunov function for a moving scheduling variable; with --rate.
+    kind: schedule, game or models; of a checked certificate.
+    parameters: parameters of the aircraft; of a checked certificate.
+    parameter_hash: hash of the parameters; of a checked certificate.
+    written: version, command and date in the file, not verified; of a checked certificate.
+    statement_sha256: SHA-256 of the JSON text of the statement; of a checked certificate.
+    claim: every field of the statement; of a checked certificate.
+    not_given: fields that were not compared, because no option gave them; of a checked certificate.
+    limits: lowest and highest value of each input and unknown of the trims; of a checked
+        certificate.
+    spread: half-widths of the parameters; of a checked certificate.
+    game: Q, R, E and delta; of a checked certificate.
+    error: proved bounds of the interpolation errors; of checked models.
+    nodes: number of breakpoints; of checked models.
+    relative_radius: relative radius of the enclosure of P.
+    positive_definite: whether P is proved positive definite.
+    worst_case_hurwitz: whether A - S P is proved Hurwitz.
+    closed_loop_hurwitz: whether A - B K is Hurwitz; false is proved too.
+    delta_min_above: proved lower bound of delta_min.
+    delta_min_at_most: proved upper bound of delta_min.
+    unstable_modes: number of unstable modes of A, null if only bounds are proved.
+    unstable_modes_between: lowest and highest number of unstable modes of A.
+    distances: part of the critic -> bounds of its relative distance, at_least and at_most.
     """
 
     schema = "hfa.proof/1"

@@ -37,10 +37,10 @@ class SaturatedLoop(Plant):
     Inputs are saturated at the model's limits. The limits of states and outputs are the model's or
     narrower.
 
-    K: (m, n), in the order of the inputs and the moving states policy: input -> terms of q of
-    degree 2 to `HIGHEST_POLICY`; q = 0 for an input without an entry disturbances: disturbance of
-    the model -> d > 0. It is any measurable w(t) with |w(t)| <= d, and the
-        rates are affine in it. Disturbances without an entry are 0.
+    K: (m, n), in the order of the inputs and the moving states
+    policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`; q = 0 for an input without an entry
+    disturbances: disturbance of the model -> d > 0. It is any measurable w(t) with |w(t)| <= d, and
+        the rates are affine in it. Disturbances without an entry are 0.
     """
 
     K: np.ndarray

@@ -44,11 +44,13 @@ class Part:
 class RegionWitness:
     """Gram matrices of all proofs, in coordinates y, z = T y.
 
-    T: (n, n) order: order of the Taylor polynomials inside: evidence that {V <= rho} lies in the
-    open unit ball parts: evidence that V' < 0 on each part; with disturbances, where V = rho empty:
-    evidence that the set has no point in the other parts extents: state -> evidence for its lowest
-    and highest deviation; for a state without an entry, the
-        extent must contain the unit ball
+    T: (n, n)
+    order: order of the Taylor polynomials
+    inside: evidence that {V <= rho} lies in the open unit ball
+    parts: evidence that V' < 0 on each part; with disturbances, where V = rho
+    empty: evidence that the set has no point in the other parts
+    extents: state -> evidence for its lowest and highest deviation; for a state without an entry,
+        the extent must contain the unit ball
     """
 
     T: np.ndarray

@@ -113,10 +113,10 @@ def invariant_region(
 ) -> Region:
     """Return the largest set that is proved invariant under disturbances.
 
-    region: proved region of the loop without disturbance disturbances: name -> largest absolute
-    value progress: called for each V that is tried; if it raises KeyboardInterrupt, the search ends
-    and the
-        largest set proved so far is returned
+    region: proved region of the loop without disturbance
+    disturbances: name -> largest absolute value
+    progress: called for each V that is tried; if it raises KeyboardInterrupt, the search ends and
+        the largest set proved so far is returned
 
     Raises NoSolutionError if no set is proved.
     """

@@ -42,11 +42,12 @@ _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 class Setting:
     """Settings of a proof by sums of squares.
 
-    order: order of the Taylor polynomials half: highest degree of the monomials in the Gram
-    matrices of V' degree: highest degree of V seconds: processor time that must remain for the
-    attempt reaches: factors on the radius of the ball up to which the set of the next V may extend,
-    tried in
-        order
+    order: order of the Taylor polynomials
+    half: highest degree of the monomials in the Gram matrices of V'
+    degree: highest degree of V
+    seconds: processor time that must remain for the attempt
+    reaches: factors on the radius of the ball up to which the set of the next V may extend, tried
+        in order
     """
 
     order: int
