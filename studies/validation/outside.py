@@ -82,7 +82,7 @@ def outside_data() -> dict[str, Any]:
 
 
 def released_trims() -> tuple[ReleasedTrim, ...]:
-    """Return the trims of the released simulation, in the order of the file."""
+    """Return the trims of the released simulation, in the order of outside.json."""
     data = outside_data()["released_simulation"]
     return tuple(
         ReleasedTrim(
@@ -94,9 +94,9 @@ def released_trims() -> tuple[ReleasedTrim, ...]:
 
 
 def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
-    """Return the entries of A and B in Qu 2018, Eq. (97), compared with those of a model.
+    """Return the entries of A and B printed in Qu 2018, Eq. (97), with those of a linear model.
 
-    B has two of the inputs.
+    The printed B contains two of the inputs.
     """
     data = outside_data()["qu_2018"]
     return tuple(
@@ -119,19 +119,20 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Return half a unit of the last printed digit.
-
-    For an exact entry without decimals it is the rounding error.
-    """
+    """Return half a unit of the last printed digit, or the rounding error of an integer entry."""
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING
 
 
 @dataclass(frozen=True, repr=False)
 class Validation(Checked, Reported):
-    """Every comparison with published and released data.
+    """All comparisons with published and released data.
 
-    fast_roots: (dihedral deg, value read from the figure, computed value), 1/s
+    dynamics: name of the dynamics
+    trims: differences at the trims of the released simulation
+    entries: entries of the third printed model
+    fast_roots: (dihedral angle in deg, root read from the figure, computed root), 1/s
+    checks: limits on all differences
     """
 
     dynamics: str
@@ -141,8 +142,8 @@ class Validation(Checked, Reported):
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
-        """Return the report: the released simulation trim by trim, the third printed model, and the
-        verdicts.
+        """Return a report of the released trims, the third printed model, the fast roots and the
+        checks.
         """
         sources = outside_data()
         trims = [
@@ -194,7 +195,7 @@ class Validation(Checked, Reported):
 
 
 def validate(aircraft: Model) -> Validation:
-    """Trim at each of the released conditions, linearize and compare."""
+    """Trim at each released condition, linearize, and return all comparisons."""
     models = {released: model_at(aircraft, released) for released in released_trims()}
     trims = tuple(_trim_difference(released, model) for released, model in models.items())
     known = outside_data()
@@ -217,9 +218,10 @@ def validate(aircraft: Model) -> Validation:
 
 
 def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
-    """Return the model at a released trim, where five inputs balance four equations.
+    """Return the linear model at a released trim.
 
-    alpha and the center aileron are held at the released values, and the other inputs are solved.
+    Five inputs balance four equations. Therefore alpha and the center aileron are held at the
+    released values, and the other inputs are solved for.
     """
     level = level_flight(
         released.dihedral,

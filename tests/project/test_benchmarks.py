@@ -1,5 +1,5 @@
-"""The benchmarks: peers compute the same quantities, verdicts can fail, and documents show the
-stored results.
+"""Tests of the benchmarks: peers compute equal results, verdicts can fail, documents are
+current.
 """
 
 from __future__ import annotations
@@ -34,8 +34,10 @@ def case() -> FlightCase:
 
 
 def largest_difference_of_rates(peer, count: int = 200) -> float:
-    """Return the largest difference of six rates from those of the aircraft at random states and
-    inputs, relative to the largest rate.
+    """Return the largest difference between the state derivatives of a peer and of the aircraft.
+
+    The derivatives of six states are compared at random states and inputs. Each difference is
+    relative to the largest derivative of its state.
     """
     rng = np.random.default_rng(3)
     low = np.array([50.0, -0.1, -0.1, -0.3, -0.4, -0.3])
@@ -52,12 +54,14 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
 
 
 def test_peers_have_the_dynamics_of_the_aircraft() -> None:
-    """The dynamics of the peers are those of the aircraft."""
+    """The peer's state derivatives equal those of the aircraft within 1e-12."""
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE)) < 1e-12
 
 
 def test_other_dynamics_would_be_noticed() -> None:
-    """A changed inertia or altitude changes the rates of the peer's equations."""
+    """A change of the inertia by 0.1 % or of the altitude by 10 ft is detected in the peer's
+    equations.
+    """
     heavier = PARAMETERS._replace(inertia_roll=1.001 * PARAMETERS.inertia_roll)
     assert largest_difference_of_rates(six_state_rates(heavier, ALTITUDE)) > 1e-5
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE + 10.0)) > 1e-5
@@ -65,7 +69,7 @@ def test_other_dynamics_would_be_noticed() -> None:
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
-    """python-control finds the same trim and, by differences, the same A and B."""
+    """python-control finds the same trim, and its finite differences give A and B within 2e-3."""
     peer, model = peer_point(peer_system(), float(np.radians(10.0)))
     exact = model_at(10.0)
     np.testing.assert_allclose(peer.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
@@ -75,7 +79,7 @@ def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
 
 @pytest.mark.parametrize(("turning", "unknowns"), [(False, 5), (True, 12)])
 def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknowns: int) -> None:
-    """python-control finds the same trims and linear models of the F-16, level and turning."""
+    """python-control finds the same trims and A of the F-16, in level flight and in a turn."""
     condition, name, low, high = f16_case(turning)
     assert len(condition.free) == unknowns
     values = np.linspace(low, high, 5)
@@ -91,7 +95,9 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
 def test_c_by_hand_flies_our_flight(
     case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
 ) -> None:
-    """Handwritten C simulates the same flight, and a planted difference is detected."""
+    """A simulation in handwritten C gives the same flight within 1e-6, and a planted error is
+    detected.
+    """
     data = case.data()
     # The planted fault: constants of another aircraft.
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
@@ -113,14 +119,17 @@ def row(ratio: float, target: float) -> Row:
     [(20.0, 20.0, "yes"), (19.9, 20.0, "NO"), (0.7, 1 / 1.5, "yes"), (0.6, 1 / 1.5, "NO")],
 )
 def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float, verdict: str) -> None:
-    """A row of the table states whether the target is reached."""
+    """The table row of a benchmark states whether its target is reached."""
     line = report.markdown([report.figure([row(ratio, target)])]).splitlines()[-1]
     assert line.startswith("| a job | a peer | 2 µs |")
     assert line.endswith(f"| {verdict} | – |")
 
 
 def test_a_job_is_shown_over_its_limit() -> None:
-    """A row of the table states the time as a multiple of its lower limit."""
+    """The table row of a benchmark gives the time as a multiple of its lower limit.
+
+    Near this limit, a missed target has the verdict "limit" instead of "NO".
+    """
     limited = row(2.0, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
     assert report.markdown([report.figure([limited])]).endswith("| yes | 2 x one evaluation |")
     missed = row(0.5, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
@@ -129,26 +138,28 @@ def test_a_job_is_shown_over_its_limit() -> None:
 
 
 def test_the_run_of_median_ratio_is_stored() -> None:
-    """The run with the median ratio of several runs is stored, together with their range."""
+    """Of several runs, the one with the median ratio is stored, with the range of all ratios."""
     found = report.figure([row(3.0, 1.0), row(9.0, 1.0), row(4.0, 1.0)])
     assert (found["ratio"], found["ratios"], found["runs"]) == (4.0, [3.0, 9.0], 3)
 
 
 def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
-    """The exponent of growth is fitted to the larger sizes only."""
+    """The growth exponent of the time is fitted to the larger sizes only."""
     sizes = [Size(n, 1.0 if n < 100 else 1e-6 * n**3, 100.0) for n in (1, 10, 100, 1000, 10000)]
     assert Growth("a job", "states", tuple(sizes)).slope == pytest.approx(3.0)
 
 
 def test_tables_of_a_page_are_replaced() -> None:
-    """A new table replaces the table with the same header on a page, and nothing else."""
+    """A new table replaces the table with the same header and leaves the other text of a page
+    unchanged.
+    """
     head = "| a | b |\n|---|---|\n"
     page = f"text\n\n{head}| 1 | 2 |\n| 3 | 4 |\n\nmore\n"
     assert report.with_table(page, f"{head}| 5 | 6 |") == f"text\n\n{head}| 5 | 6 |\n\nmore\n"
 
 
 def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> None:
-    """One job of the benchmarks runs without the other jobs."""
+    """A single benchmark can be run without the others."""
     assert bench.main(["--quick", "games"]) == 0
     printed = capsys.readouterr().out
     assert "solve_continuous_are" in printed
@@ -157,7 +168,7 @@ def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> No
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_the_limit_of_a_trim_is_below_it() -> None:
-    """The lower limit of a trim's time is below its measured time."""
+    """The lower limit for the time of a trim is positive and below the measured time."""
     (found,) = bench.report.rows_of("trim", quick=True)
     assert found.limit is not None
     assert 0.0 < found.limit.seconds < found.timing.ours
@@ -167,7 +178,7 @@ def test_the_limit_of_a_trim_is_below_it() -> None:
 def test_every_job_runs_and_quick_runs_store_nothing(
     capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every job runs, and a quick run stores no results."""
+    """Every benchmark runs with --quick, and no result is stored."""
     # The results that are stored must not be written by a test.
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
@@ -180,20 +191,22 @@ def test_every_job_runs_and_quick_runs_store_nothing(
 
 
 def not_shown(document: str, data: dict) -> list[str]:
-    """Return the stored figures, and the jobs with a growth, that have no row in the document."""
+    """Return the table rows of stored results that a document does not contain."""
     rows = [report.markdown([figure]).splitlines()[-1] for figure in data["figures"]]
     rows += [report.growth_markdown([each]).splitlines()[-1] for each in data["growth"]]
     return [row for row in rows if row not in document]
 
 
 def test_the_document_shows_the_stored_figures() -> None:
-    """The documents show every stored result of the benchmarks."""
+    """The documents contain a table row for every stored benchmark result."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     assert not_shown(text, report.stored()) == []
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
-    """Figures that differ from the stored ones by 10 % are reported."""
+    """If the stored results are changed, the check reports every one as missing in the
+    documents.
+    """
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     data = report.stored()
     data["figures"] = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in data["figures"]]
@@ -202,7 +215,9 @@ def test_documents_of_other_figures_would_be_noticed() -> None:
 
 
 def test_stored_verdicts_follow_from_their_figures() -> None:
-    """Stored verdicts follow from their figures, and the first page lists every missed target."""
+    """Each stored verdict follows from its stored times, and the first page lists every missed
+    target.
+    """
     first = report.PAGES[0].read_text("utf-8")
     for figure in report.stored()["figures"]:
         timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])

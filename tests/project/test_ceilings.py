@@ -1,4 +1,4 @@
-"""Limits on the source that a command loads and on the source of the core, in tokens without
+"""Ceilings on the source size of commands, of the core and of its tests, in tokens without
 comments.
 """
 
@@ -36,20 +36,20 @@ print(json.dumps([code, [file for file in files if file]]))
 
 @cache
 def size(path: Path) -> int:
-    """Return the number of tokens of a file, without comments and layout."""
+    """Return the number of tokens in a file, without comments, line breaks and indentation."""
     text = io.StringIO(path.read_text(encoding="utf-8"))
     kinds = (token.type for token in tokenize.generate_tokens(text.readline))
     return sum(kind not in (*_LAYOUT, tokenize.COMMENT) for kind in kinds)
 
 
 def own(path: Path) -> bool:
-    """Return whether a file is a module of our packages."""
+    """Return whether a file is a Python module of the project's packages."""
     return path.suffix == ".py" and any(path.is_relative_to(folder) for folder in FOLDERS.values())
 
 
 @pytest.mark.parametrize("command", LOADED)
 def test_a_command_loads_no_more_than_its_ceiling(command: str, folder: Path) -> None:
-    """A command loads no extension and at most its ceiling of tokens."""
+    """A command of the core imports no extension and at most its ceiling of tokens."""
     np.savez("K.npz", K=exact_gain(15.0))
     words = [sys.executable, "-c", _LIST, *command.split()]
     done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
@@ -62,14 +62,14 @@ def test_a_command_loads_no_more_than_its_ceiling(command: str, folder: Path) ->
 
 
 def test_the_core_is_no_larger_than_its_ceiling() -> None:
-    """The packages of the core have at most the allowed number of tokens."""
+    """The packages of the core do not exceed their ceiling of tokens."""
     core = [folder for folder in FOLDERS.values() if folder.parent == ROOT]
     tokens = sum(size(path) for folder in core for path in folder.rglob("*.py"))
     assert 100_000 < tokens <= CORE
 
 
 def test_tests_of_the_core_keep_their_ceiling() -> None:
-    """The tests of the core have at most the allowed number of tokens."""
+    """The tests of the core do not exceed their ceiling of tokens."""
     studies = ROOT / "tests" / "studies"
     files = [path for path in (ROOT / "tests").rglob("*.py") if not path.is_relative_to(studies)]
     assert 100_000 < sum(size(path) for path in files) <= TESTS

@@ -1,4 +1,4 @@
-"""Files that import each other. Imports inside functions also count."""
+"""Circular imports between modules, including imports inside functions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CIRCLES = 6
 
 
 def modules() -> dict[str, Path]:
-    """Return the modules of the core and of the extensions: dotted name -> file."""
+    """Return dotted name -> file for all modules of the core and the extensions."""
     found = {}
     for folder in FOLDERS.values():
         for path in folder.rglob("*.py"):
@@ -25,9 +25,9 @@ def modules() -> dict[str, Path]:
 
 
 def imports_of(node: ast.AST, *, lazy: bool) -> Iterator[str]:
-    """Return the names that the code of a node imports, without imports for type checkers.
+    """Yield the names imported by the code of a syntax node, without imports under TYPE_CHECKING.
 
-    lazy: whether imports inside functions count
+    lazy: whether imports inside functions are included
     """
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.expr):
@@ -49,7 +49,11 @@ def is_for_checkers(test: ast.expr) -> bool:
 
 
 def circles(trees: dict[str, ast.Module], *, lazy: bool) -> list[set[str]]:
-    """Return the groups of modules that import each other directly or indirectly."""
+    """Return the groups of modules that import each other, directly or indirectly.
+
+    trees: dotted name -> syntax tree
+    lazy: whether imports inside functions are included
+    """
     names = list(trees)
     place = {name: number for number, name in enumerate(names)}
     graph = np.zeros((len(names), len(names)), dtype=bool)
@@ -65,8 +69,9 @@ def circles(trees: dict[str, ast.Module], *, lazy: bool) -> list[set[str]]:
 
 
 def test_circles_only_become_fewer() -> None:
-    """No modules import each other at loading, and with imports inside functions at most `CIRCLES`
-    groups do.
+    """No modules import each other when they are loaded.
+
+    With imports inside functions, there are at most `CIRCLES` groups.
     """
     trees = {name: ast.parse(path.read_text("utf-8")) for name, path in modules().items()}
     assert len(trees) > 400
@@ -75,8 +80,9 @@ def test_circles_only_become_fewer() -> None:
 
 
 def test_a_planted_circle_is_seen() -> None:
-    """A planted circle with one import inside a function is found. Imports for type checkers make
-    none.
+    """A planted circular import with one import inside a function is found.
+
+    Imports under TYPE_CHECKING are not counted.
     """
     sources = {
         "p.a": "from p import b\n",

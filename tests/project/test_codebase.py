@@ -1,6 +1,4 @@
-"""The stored files and the wheel: the wheel has our packages with their data, and no file mentions
-the machine on which it was written.
-"""
+"""The tracked files contain no path of a machine, and the wheel contains all modules and data."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
 
 
 def stored() -> list[str]:
-    """Return the files that git tracks."""
+    """Return the names of the files tracked by git. The test is skipped outside of a repository."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
     if listed.returncode or not listed.stdout:
         pytest.skip("not a checkout of the repository")
@@ -27,7 +25,7 @@ def stored() -> list[str]:
 
 
 def test_nothing_mentions_where_it_was_written() -> None:
-    """No stored file contains a path of the machine on which it was written."""
+    """No tracked file contains a path of the machine on which it was written."""
     texts = {name: (ROOT / name).read_bytes().decode("utf-8", "replace") for name in stored()}
     assert {"README.md", ".ci/run"} <= texts.keys()
     assert [name for name, text in texts.items() if WORKPLACE.search(text)] == []
@@ -43,8 +41,8 @@ DATA = {
 
 @pytest.mark.slow
 def test_the_wheel_holds_all_modules_and_data(tmp_path: Path) -> None:
-    """A wheel built from our sources contains all modules and data, and no stray folder of
-    results.
+    """A wheel built from the sources contains all modules and data of the packages, and nothing
+    else.
     """
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"

@@ -1,4 +1,4 @@
-"""Import contracts of pyproject.toml: they name every package, and violations are detected."""
+"""The import contracts in pyproject.toml cover every package and detect violations."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_contracts_name_every_package() -> None:
 
 
 def test_only_imports_for_types_are_ignored() -> None:
-    """An import that a contract ignores stands under `if TYPE_CHECKING` and nowhere else."""
+    """Every import that a contract ignores occurs only under `if TYPE_CHECKING`."""
     ignored = [line for each in CONTRACTS for line in each.get("ignore_imports", [])]
     assert len(ignored) == 2
     for line in ignored:
@@ -84,7 +84,7 @@ def test_only_imports_for_types_are_ignored() -> None:
 
 @pytest.mark.slow
 def test_planted_breaches_are_seen(tmp_path: Path) -> None:
-    """The linter names each forbidden import that is written into a copy of the project."""
+    """The linter reports each forbidden import that is planted in a copy of the project."""
     pytest.importorskip("importlinter")
     for folder in (*FOLDERS.values(), ROOT / "studies"):
         target = tmp_path / folder.relative_to(ROOT)

@@ -1,6 +1,4 @@
-"""The core works where no extension is installed. `make test-core` runs all its tests in that
-way.
-"""
+"""The core works without extensions. `make test-core` runs all its tests in this way."""
 
 from __future__ import annotations
 
@@ -43,7 +41,7 @@ print(json.dumps(answers))
 
 @pytest.mark.slow
 def test_tests_of_the_core_pass_without_extensions() -> None:
-    """A sample of tests of the core passes where no extension is installed."""
+    """A sample of the core's tests passes in an environment without extensions."""
     words = [sys.executable, CORE_ALONE, "-n", "0", "-m", "not slow", *TESTS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
@@ -51,8 +49,10 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
 
 
 def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
-    """Without extensions the core trims, hides their commands and options, and refuses them in one
-    line."""
+    """Without extensions, the core trims and refuses their commands and options in one line.
+
+    The help does not mention them.
+    """
     sys.path.insert(0, str(ROOT / "tests"))
     try:
         from core_alone import environment
@@ -63,8 +63,9 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     program = PROGRAM.format(lines=lines)
 
     def run_in_it(program: str, check: bool) -> subprocess.CompletedProcess[str]:
-        """Run a command outside of the project's folder, which contains entry points after `pip
-        install .`.
+        """Run a Python program in the environment without extensions.
+
+        The current folder is not the project's folder, which may contain metadata of entry points.
         """
         words = [python, "-c", program]
         return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=check)

@@ -1,17 +1,16 @@
-"""The documents are true: commands run and print the shown output, and links lead to existing
-targets.
+"""The documents are correct: code blocks run and print the shown output, and links are valid.
 
-A ```python block is run. It is saved if its first line is "# FILE.py". A ```text block right after
-it shows its output.
+A ```python block is run. If its first line is "# FILE.py", it is also saved to this file. A ```text
+block directly after it shows its output.
 
-In a ```console block, lines that begin with "$ " are commands, and a command continues after a
-backslash. The lines after a command show its output. "# exit 1" at the end of a command is its exit
-code. A line "..." matches any number of lines. The last line of an output, which names its origin,
-may be left out.
+In a ```console block, lines that begin with "$ " are commands. A backslash continues a command on
+the next line. The lines after a command show its output. "# exit 1" at the end of a command gives
+its exit code. A line "..." matches any number of lines. The last line of an output, which contains
+the provenance, may be omitted.
 
-The blocks of one document run in order, in one folder and one namespace. Blocks in other languages,
-or in none, are not run. Blocks marked as ```console slow are run only if slow tests are selected.
-docs/pictures/NAME has the pictures that the commands of docs/NAME.md draw.
+The blocks of one document are run in order, in one folder and one namespace. Blocks in other
+languages are not run. Blocks marked as ```console slow are run only if slow tests are selected.
+docs/pictures/NAME contains the pictures drawn by the commands in docs/NAME.md.
 """
 
 from __future__ import annotations
@@ -51,8 +50,10 @@ _NONE = Block("", "", 0, slow=False)
 
 
 def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
-    """Run a document's blocks in the current folder, where their files remain, and return the
-    faults.
+    """Run the blocks of a document in the current folder and return their faults.
+
+    name: name of the document in the faults
+    slow: whether slow blocks are run too
     """
     namespace: dict[str, Any] = {"__name__": "__main__"}
     blocks = [block for block in blocks_of(document) if slow or not block.slow]
@@ -128,7 +129,7 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
 
 
 def _study(module: str, words: list[str]) -> Result:
-    """Return the output of `python -m studies.NAME words...`."""
+    """Run `python -m MODULE words...` and return the result."""
     done = subprocess.run(
         [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
     )
@@ -162,7 +163,7 @@ CASES = [
 def test_blocks_run_and_print_what_is_shown(
     path: Path, slow: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each block of a document runs, prints its output and draws its pictures."""
+    """Each block of a document prints the shown output and draws the stored pictures."""
     monkeypatch.chdir(tmp_path)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
     assert "\n\n".join(complaints_here(path, slow=slow)) == ""
@@ -173,21 +174,21 @@ def test_blocks_run_and_print_what_is_shown(
 
 
 def test_every_stored_picture_is_drawn_by_its_document() -> None:
-    """Each stored picture is drawn by a command of its document."""
+    """Each stored picture is named in a block of its document."""
     for picture in PICTURES.glob("*/*.png"):
         blocks = blocks_of(text_of(ROOT / "docs" / f"{picture.parent.name}.md"))
         assert any(picture.name in block.text for block in blocks), picture
 
 
 def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
-    """Return the faults of a document. Its files and pictures remain in the current folder."""
+    """Run the blocks of a document and return their faults. Files remain in the current folder."""
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     return complaints(text_of(document), name=document.name, slow=slow)
 
 
 def illustrate() -> None:
-    """Store the pictures that the documents draw."""
+    """Run the documents with pictures and store the pictures that they draw."""
     for stored in sorted(path for path in PICTURES.iterdir() if path.is_dir()):
         with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
             assert complaints_here(ROOT / "docs" / f"{stored.name}.md", slow=True) == []
@@ -199,7 +200,7 @@ def illustrate() -> None:
     "path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem
 )
 def test_links_lead_to_files_and_headings(path: Path) -> None:
-    """Each local link of a document leads to a file and a heading that exist."""
+    """Each local link in a document leads to an existing file and heading."""
     for title, link in re.findall(r"\[([^\]]*)\]\(([^)\s]+)\)", text_of(path)):
         in_text = path.parent == ROOT / "docs"
         assert not (in_text and title.endswith(".md")), "a link carries the title of its target"
@@ -212,7 +213,7 @@ def test_links_lead_to_files_and_headings(path: Path) -> None:
 
 
 def headings(document: str) -> list[str]:
-    """Return the anchors of the headings, as GitHub makes them."""
+    """Return the anchors that GitHub makes from the headings of a document."""
     titles = re.findall(r"^#+ (.*)$", document, re.M)
     return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
 
@@ -226,7 +227,10 @@ def test_the_readme_names_every_command() -> None:
 
 
 def looks_like(picture: Path, other: Path) -> bool:
-    """Return whether two pictures differ at most by the date and the edges of letters."""
+    """Return whether two pictures have equal size and fewer than 0.5 % clearly different pixels.
+
+    This tolerates another date and the rendering of letters.
+    """
     from matplotlib.image import imread
 
     pixels = imread(picture)
@@ -238,7 +242,9 @@ def looks_like(picture: Path, other: Path) -> bool:
 
 
 def test_every_public_name_is_in_an_example() -> None:
-    """Each public name of the packages below `hfa` occurs in a Python example of the documents."""
+    """Each public name of the packages, except `hfa`, occurs in a Python example of the
+    documents.
+    """
     blocks = (block for path in DOCUMENTS for block in blocks_of(text_of(path)))
     code = "\n".join(block.text for block in blocks if block.language == "python")
     stubs = {name: FOLDERS[name] / "__init__.pyi" for name in PACKAGES if name != "hfa"}
@@ -261,7 +267,7 @@ SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.ste
 def test_examples_run(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """Each example prints the output that its docstring shows, and writes no file."""
+    """Each example script prints the output shown in its docstring and writes no file."""
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")
     output = capsys.readouterr().out
@@ -273,7 +279,7 @@ def test_examples_run(
 
 
 def entries() -> list[Any]:
-    """Return (package.name, value) of every public name with a docstring."""
+    """Return ("package.name", object) for every public class and function."""
     names = [
         (package, name)
         for package in PACKAGES
@@ -284,9 +290,9 @@ def entries() -> list[Any]:
 
 
 def test_examples_of_public_names_print_what_they_show() -> None:
-    """The examples in docstrings of public names run and print the shown results.
+    """The examples in docstrings of public names print the shown results.
 
-    Every name of `hfa` has an example, except the two exceptions.
+    Every name of `hfa` has an example, except the two exception classes.
     """
     parser = doctest.DocTestParser()
     failures = io.StringIO()
@@ -341,7 +347,7 @@ hfa: --dihedral is 'abc'; give a finite number
 
 
 def test_a_sound_document_passes() -> None:
-    """A correct document has no fault."""
+    """The check reports no fault in a correct document."""
     assert complaints(SOUND) == []
 
 
@@ -363,21 +369,21 @@ def test_a_sound_document_passes() -> None:
     ],
 )
 def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint: str) -> None:
-    """Each planted fault of a document is reported."""
+    """The check reports each fault that is planted in a document."""
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))
 
 
 def test_an_old_picture_is_noticed() -> None:
-    """A picture is recognized as equal to itself and different from another one."""
+    """The comparison of pictures accepts a picture as equal to itself and rejects another one."""
     modes = PICTURES / "tutorial" / "modes.png"
     assert looks_like(modes, modes)
     assert not looks_like(modes, PICTURES / "root_locus.png")
 
 
 def test_dots_stand_for_any_lines_alone() -> None:
-    """ "..." on a line matches any number of lines, and nothing else does."""
+    """A line "..." matches any number of lines. All other lines must be equal."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
         assert difference(expected, "a\nb\nc\n") == ""
     for expected in ("", "a", "...\nb", "b\n...", "a\n...\nb", "c\n...\na", "a\nb\n...c"):

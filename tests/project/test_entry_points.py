@@ -1,4 +1,7 @@
-"""Installed packages of others add aircraft and commands. A broken package is named in one line."""
+"""Packages of other authors add aircraft formats and commands by entry points.
+
+A broken package is reported in one line.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*"))
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder into which pip has installed the package that docs/extending.md shows."""
+    """Install the example package of docs/extending.md into a folder and return the folder."""
     source = tmp_path_factory.mktemp("source")
     write_package(source)
     site = tmp_path_factory.mktemp("site")
@@ -38,7 +41,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(site: Path, folder: Path, *words: str) -> Result:
-    """Run `hfa words...` where the packages of a folder are also installed."""
+    """Run `hfa words...` with the packages installed in `site` and return the result."""
     return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
 
 
@@ -57,7 +60,10 @@ print(json.dumps(results))
 
 
 def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
-    """Run each `hfa ...` in one new process where the packages of a folder are also installed."""
+    """Run several `hfa` commands in one new process and return their results.
+
+    site: folder of additional installed packages
+    """
     words = [shlex.split(command)[1:] for command in commands]
     done = subprocess.run(
         [sys.executable, "-c", IN_TURN, json.dumps(words)],
@@ -93,7 +99,7 @@ OTHERS = (
 
 @pytest.fixture(scope="module")
 def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result]:
-    """Return the outputs of the commands of docs/extending.md and of further commands."""
+    """Return the results of the commands in docs/extending.md and of further commands."""
     folder = tmp_path_factory.mktemp("aircraft")
     write_package(folder)
     shutil.rmtree(folder / "hfa_pointmass")
@@ -104,9 +110,9 @@ def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result
 
 
 def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None:
-    """A package with entry points adds a file format of aircraft and a command of two words.
+    """A package adds an aircraft file format and a command of two words.
 
-    Its faults, a missing and a broken file, are reported in one line.
+    A missing or broken aircraft file is reported in one line.
     """
     trimmed, overview, unknown, trim_help, missing, broken, *_ = results[len(OF_THE_PAGE) :]
     assert trimmed.code == 0, trimmed.err
@@ -123,7 +129,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
 
 
 def test_commands_of_the_page_run(results: list[Result]) -> None:
-    """Each command of docs/extending.md has its exit code and prints the output of the page."""
+    """Each command in docs/extending.md returns the shown exit code and prints the shown output."""
     assert len(OF_THE_PAGE) >= 5
     for command, done in zip(OF_THE_PAGE, results, strict=False):
         assert done.code == int(command[2] or 0), f"{command[1]}: {done.out}{done.err}"
@@ -131,7 +137,7 @@ def test_commands_of_the_page_run(results: list[Result]) -> None:
 
 
 def test_an_aircraft_of_a_package_is_nobody_elses(results: list[Result]) -> None:
-    """If a reader leaves `source` empty, the footer names its file, and a changed file has another
+    """If a reader leaves `source` empty, the provenance still names the aircraft's file and its
     hash.
     """
     given, changed = (
@@ -145,7 +151,7 @@ def test_an_aircraft_of_a_package_is_nobody_elses(results: list[Result]) -> None
 
 
 def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
-    """An entry point that is a plain function is refused with the decorator to use."""
+    """A command whose options are not a Request is refused, and the message names the decorator."""
     (tmp_path / "stranger.py").write_text(
         "from hfa.entry_points import CommandEntry\nfrom hfa.options.command import command\n"
         "RUN = CommandEntry('model', 'run', 'stranger:run')\n"
@@ -158,7 +164,10 @@ def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
 
 
 def metadata(site: Path, name: str, entries: str) -> None:
-    """Write the metadata of an installed package, with its name and its entry points."""
+    """Write the metadata of an installed package.
+
+    entries: content of entry_points.txt
+    """
     folder = site / f"{name}-1.0.dist-info"
     folder.mkdir(parents=True)
     (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -166,7 +175,7 @@ def metadata(site: Path, name: str, entries: str) -> None:
 
 
 def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
-    """A package that cannot be loaded is named, and all other commands work."""
+    """A package that cannot be loaded is reported, and all other commands are available."""
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
     refused, overview = run_in_turn(tmp_path, tmp_path, "hfa repair", "hfa --help")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
@@ -177,7 +186,7 @@ def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
 
 
 def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
-    """A command that two packages offer is refused with their names. Other commands run."""
+    """A command that two packages declare is refused with both names. Other commands run."""
     metadata(tmp_path, "other-flights", "[hfa.commands]\nfly = other_flights:FLY\n")
     refused, trimmed = run_in_turn(
         tmp_path, tmp_path, "hfa fly --dihedral 15", "hfa trim --dihedral 10"
@@ -200,17 +209,18 @@ for entry in commands().values():
 
 
 def test_commands_load_without_packages_of_extras() -> None:
-    """The help of every command is printed without optional packages. A command that needs one
-    names it in one line.
+    """Every command prints its help if no optional package is installed.
+
+    A command that requires one names it in one line.
     """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""
 
 
 def test_the_page_of_parts_shows_every_part() -> None:
-    """The page of parts shows every installed part with its signature.
+    """The page on parts contains every installed part with its signature.
 
-    A part is a function with annotations, a module that the page names, or a tuple of results.
+    A part is a function with annotations, a module listed on the page, or a tuple of results.
     """
     page = runpy.run_path(str(ROOT / "docs" / "parts_page.py"))
     shown = page["parts_page"]()
@@ -225,10 +235,9 @@ def test_the_page_of_parts_shows_every_part() -> None:
 
 @pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
 def test_readers_take_what_their_protocol_says(group: str, kind: type) -> None:
-    """The readers of installed packages have the arguments of their protocol.
+    """The readers of installed packages have the required arguments of their protocol.
 
-    Only readers of files have a protocol. `hfa.critics` also names judges and the function that
-    reads a network in memory.
+    Entries of `hfa.critics` that are no file readers are not checked.
     """
     expected = inspect.signature(kind.__call__).parameters.values()
     kinds = [parameter.annotation for parameter in expected][1:]

@@ -1,4 +1,4 @@
-"""The locked versions install on every Python that the project promises."""
+"""The locked versions can be installed with every supported Python."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def pins(lock: str) -> list[Requirement]:
 
 
 def without(pythons: str) -> list[str]:
-    """Return the promised versions that a Requires-Python excludes."""
+    """Return the supported Python versions that a Requires-Python specifier excludes."""
     return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
 
 
@@ -30,8 +30,9 @@ LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.loc
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
-    """Each pinned distribution that is installed here in the locked version supports every promised
-    Python.
+    """Each locked distribution supports every Python version that the project supports.
+
+    Only distributions installed here in the locked version are checked.
     """
     excluded = {}
     compared = 0
@@ -53,7 +54,7 @@ def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
 
 
 def test_each_lock_extends_the_one_before() -> None:
-    """Each lock file has the pins of the previous one and all packages of its extra."""
+    """Each lock file contains the pins of the previous one and all packages of its extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
     needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
@@ -73,7 +74,7 @@ def test_each_lock_extends_the_one_before() -> None:
 
 
 def test_a_pin_that_needs_a_patch_is_seen() -> None:
-    """A pin that requires a later patch version of Python is reported."""
+    """A pin that requires a later patch release of Python is reported."""
     assert without(">=3.11.5") == ["3.11.0"]
     assert without(">=3.9") == []
     assert without("<3.14") == ["3.14.0"]

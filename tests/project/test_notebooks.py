@@ -1,4 +1,4 @@
-"""The notebooks in examples/: their cells run, and their stored outputs are current."""
+"""The notebooks in examples/ run, and their stored outputs are current."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ _PICTURE = r'src="data:image/png;base64,([^"]*)"'
 
 
 def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
-    """Return the source of each code cell, without lines for a kernel alone, and its stored
-    outputs.
-    """
+    """Return (source, stored outputs) of each code cell, without lines that begin with %."""
     cells = [
         cell
         for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
@@ -44,7 +42,10 @@ def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
 
 
 def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
-    """Return the printed text of a cell and the value of its last line."""
+    """Run the source of a cell and return (printed text, value of its last expression).
+
+    names: namespace of the notebook
+    """
     tree = ast.parse(source)
     printed = io.StringIO()
     value = None
@@ -57,8 +58,9 @@ def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
 
 
 def stored(outputs: list[Output], kind: str) -> str:
-    """Return the stored text of an output: the printed text for `kind` "stream", or the text of
-    that MIME type.
+    """Return the stored text of a cell.
+
+    kind: "stream" for printed text, or a MIME type
     """
     printed = [output["text"] for output in outputs if output["output_type"] == "stream"]
     values = [
@@ -68,16 +70,16 @@ def stored(outputs: list[Output], kind: str) -> str:
 
 
 def words(text: str) -> str:
-    """Return the text without pictures, numbers and the spaces that align them.
+    """Return a text without pictures, in which numbers are replaced by # and blanks are normalized.
 
-    Numbers are left out because rounding differs between processors.
+    Numbers are replaced because rounding differs between processors.
     """
     without_pictures = re.sub(_PICTURE, "", text)
     return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\w.+-]*", "#", without_pictures).split())
 
 
 def says_the_same(text: str, old: str) -> bool:
-    """Return whether two texts have the same words and equal pictures."""
+    """Return whether two texts have the same words and similar pictures."""
     if words(text) != words(old):
         return False
     pictures = [base64.b64decode(each) for each in re.findall(_PICTURE, text)]
@@ -85,7 +87,13 @@ def says_the_same(text: str, old: str) -> bool:
 
 
 def is_drawn_as(picture_now: bytes, png: str) -> bool:
-    """Return whether two pictures (base64) differ at most by the date and the edges of letters."""
+    """Return whether two PNG pictures have equal size and fewer than 0.5 % different pixels.
+
+    This tolerates another date and the rendering of letters. The result is False for an empty
+    `png`.
+
+    png: base64 text
+    """
     if not png:
         return False
     picture = imread(io.BytesIO(base64.b64decode(png)))
@@ -96,14 +104,16 @@ def is_drawn_as(picture_now: bytes, png: str) -> bool:
 
 
 def png_of(figure: Figure) -> bytes:
-    """Return the picture of a figure as a notebook stores it."""
+    """Return a figure as PNG, drawn with the settings of a notebook."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=figure.dpi, bbox_inches="tight")
     return file.getvalue()
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
-    """Return the cells whose output now differs from the stored one."""
+    """Run the cells of a notebook and return a message for each output that differs from the stored
+    one.
+    """
     names: dict[str, Any] = {"__name__": "__main__"}
     problems = []
     for number, (source, outputs) in enumerate(cells, start=1):
@@ -129,7 +139,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
-    """The cells of a notebook print their stored output, which contains no path of a machine."""
+    """The cells of a notebook reproduce their stored output. No path of a machine is stored."""
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")
     assert not any(
@@ -139,7 +149,9 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
 
 
 def test_an_outdated_output_is_noticed() -> None:
-    """An outdated output of a cell is reported."""
+    """The check reports an outdated text or value of a cell, but no difference in rounding
+    errors.
+    """
     outputs = [{"output_type": "stream", "text": ["2\n"]}]
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
     alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"
@@ -152,7 +164,7 @@ def test_an_outdated_output_is_noticed() -> None:
 
 
 def test_an_outdated_picture_is_noticed() -> None:
-    """An outdated picture of a cell is reported."""
+    """The check reports an outdated or missing picture of a cell."""
     figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_facecolor({!r})\nfigure"
     drawn = base64.b64encode(png_of(ran(figure.format("white"), {})[1])).decode("ascii")
     picture = [{"output_type": "execute_result", "data": {"image/png": drawn}}]

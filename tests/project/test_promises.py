@@ -1,4 +1,4 @@
-"""The page of promises names tests that exist."""
+"""The page of guarantees names existing tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ _TEST = re.compile(r"`((?:tests|extensions)/\S+\.py)::(test_\w+)`( \(slow\))?")
 
 
 def missing(promise: list[str]) -> str:
-    """Return the name in a row that does not exist, or ""."""
+    """Return the fault in a row of the page, or "" if its tests exist.
+
+    promise: the cells of the row: guarantee, tolerance and tests
+    """
     if len(promise) != 3 or not all(cell.strip() for cell in promise):
         return "a promise has a tolerance and a test"
     tests = _TEST.findall(promise[2])
@@ -37,7 +40,7 @@ def missing(promise: list[str]) -> str:
 
 @pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise[0].strip()[:40])
 def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
-    """Each guarantee of the documents names tests that exist."""
+    """Each guarantee on the page has a tolerance and names existing tests."""
     assert missing(promise) == ""
     assert len(PROMISES) > 20
 
@@ -52,7 +55,7 @@ def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
     ],
 )
 def test_an_empty_promise_is_noticed(change: tuple[int, str]) -> None:
-    """A promise whose test or document does not exist is reported."""
+    """A guarantee without a tolerance or an existing test is reported."""
     promise = list(PROMISES[0])
     promise[change[0]] = change[1]
     assert missing(promise)

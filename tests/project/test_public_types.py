@@ -1,4 +1,4 @@
-"""A user's script with all public names of `hfa` has types that mypy and pyright accept."""
+"""Type checks of a user's script with all public names of `hfa`, by mypy and pyright."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ AT_END = [str(SCRIPT.count("\n") + 1 + place) for place in range(len(WRONG))]
 
 
 def errors_of(tool: str, folder: Path, *options: str) -> list[str]:
-    """Return the lines of the script in which a type checker reports an error."""
+    """Return the numbers of the lines of the script in which a type checker reports an error.
+
+    tool: "mypy" or "pyright"
+    """
     (folder / "script.py").write_text(SCRIPT + "\n".join(WRONG) + "\n", encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-m", tool, *options, "script.py"],

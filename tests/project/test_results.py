@@ -1,5 +1,5 @@
-"""Results at the prompt, in notebooks and in other processes: they show their report, compare, and
-can be pickled.
+"""Results at the Python prompt, in notebooks and in other processes: reports, comparison and
+pickling.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def results() -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_results_show_reports_and_survive_a_pickle(name: str) -> None:
-    """A result shows its report and is restored from a pickle."""
+    """A result displays its report, also as HTML, and is unchanged by pickling."""
     result = results()[name]
     shown = repr(result)
     assert type(result).__name__ == name
@@ -110,7 +110,7 @@ def test_results_show_reports_and_survive_a_pickle(name: str) -> None:
 
 
 def test_linear_models_are_equal_by_their_values() -> None:
-    """Linear models are compared entry by entry, nan equals nan, and they cannot be hashed."""
+    """Linear models are compared entry by entry, where nan equals nan. They cannot be hashed."""
     model = results()["LinearModel"]
     assert model == replace(model, A=model.A.copy())
     changed = model.A.copy()
@@ -126,7 +126,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
 
 
 def test_a_failed_trim_can_be_sent_too() -> None:
-    """A pickled TrimError keeps its message and its point."""
+    """A pickled TrimError keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
         hfa.find_operating_point(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
@@ -134,7 +134,7 @@ def test_a_failed_trim_can_be_sent_too() -> None:
 
 
 def test_a_models_game_equals_its_matrices_game() -> None:
-    """The game of a model is the game of its matrices."""
+    """The game made from a linear model equals the game made from its A and B."""
     model = results()["LinearModel"]
     of_model = hfa.paper.published_game(model, delta=150.0)
     of_matrices = hfa.paper.published_game(model.A, model.B, delta=150.0)
@@ -145,7 +145,7 @@ def test_a_models_game_equals_its_matrices_game() -> None:
 
 
 def test_games_are_equal_by_their_values() -> None:
-    """Two games are equal, with equal hashes, exactly when all their values are equal."""
+    """Two games are equal and have equal hashes only if all their values are equal."""
     game = results()["Game"]
     again = game.with_delta(100.0).with_delta(game.delta)
     assert (again, hash(again)) == (game, hash(game))

@@ -1,4 +1,4 @@
-"""The site of `make docs` in a browser: nothing is cut in a window of ordinary width."""
+"""The site of `make docs` in a browser: nothing is cut off at common window widths."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ _CUT = """const boxes = 'article pre, article table, article .table, article .ta
 
 
 def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
-    """Return the parts of a page that are cut in a window of this width, px."""
+    """Return the texts of the boxes on a page that are cut off in a window of this width in
+    pixels.
+    """
     seen_at(driver, width)
     driver.get(page.as_uri())  # type: ignore[attr-defined]
     cut: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]
@@ -31,7 +33,7 @@ def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
 
 @pytest.mark.slow
 def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
-    """No code box and no table of the site is cut."""
+    """No code box or table of the site is cut off."""
     pytest.importorskip("sphinx", reason="needs sphinx: pip install '.[dev]'")
     with browser() as driver:
         site = tmp_path / "site"
@@ -50,7 +52,7 @@ def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_box_that_is_cut_is_seen(tmp_path: Path) -> None:
-    """The check of the site reports a box that is narrower than its content, and no other box."""
+    """The check reports a box that is narrower than its content, and no other box."""
     page = tmp_path / "page.html"
     box = '<article style="width: 900px"><pre style="overflow: auto">{}</pre></article>'
     with browser() as driver:

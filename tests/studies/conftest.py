@@ -1,4 +1,4 @@
-"""Fixtures of the cases that several studies fly."""
+"""Fixtures of cases that several studies simulate."""
 
 from flown_cases import at_15, newton
 

@@ -1,4 +1,4 @@
-"""The stored best flights from the initial state x(0) of the paper."""
+"""The stored results of the studies of best flights."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ STORED = ROOT / "studies" / "best_flights" / "results" / "best_flights.json"
 
 
 def test_stored_linear_models_are_todays() -> None:
-    """The stored flights are of the shipped aircraft, each with its angle and limits."""
+    """The stored A and B equal those of the current aircraft.
+
+    Flights are stored for every dihedral angle within each set of limits.
+    """
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert data["start"] == START
     for stored in data["models"]:
@@ -39,9 +42,7 @@ def test_stored_linear_models_are_todays() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [2, 5])
 def test_a_flight_is_found_again(index: int) -> None:
-    """A new search finds a stored flight, with the stored costs of the best flight and of the
-    policies.
-    """
+    """A new search gives the stored costs of a best flight and of the policies."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))
@@ -54,9 +55,11 @@ def test_a_flight_is_found_again(index: int) -> None:
 
 
 def test_stored_examination_is_what_the_page_shows() -> None:
-    """Each row of the page follows from the stored flights and meets the requirements.
+    """Each table row in docs/optimize.md follows from the stored flights and meets the
+    requirements.
 
-    SciPy agrees within 1 %, finer meshes within .5 %, and 95 % of the flights are found.
+    The costs by SciPy agree within 1 %, finer meshes within 0.5 %, and 95 % of the flights are
+    found.
     """
     rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
     page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")
@@ -72,9 +75,7 @@ def test_stored_examination_is_what_the_page_shows() -> None:
 
 
 def test_a_wrong_cost_is_noticed() -> None:
-    """SciPy confirms the cost of a flight of the pendulum, and rejects the cost of another
-    flight.
-    """
+    """SciPy confirms the cost of a flight of the pendulum, but not for changed states."""
     problem = problem_of("examples/pendulum.py:PENDULUM")
     (start,) = drawn_starts(problem, 1, 0)
     flown = BestFlights(problem).found(start).flown

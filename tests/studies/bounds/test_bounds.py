@@ -1,4 +1,4 @@
-"""Flights compared with lower bounds of their cost."""
+"""The study that compares flights with lower bounds on their cost."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 def flown_over(coefficient: float) -> FlownAbove:
-    """Return flights of x' = u with Q = R = 1 above the function W = k x². The least cost is x²."""
+    """Compare flights of x' = u with Q = R = 1 with the bound W = k x², where x² is the least cost.
+
+    coefficient: k
+    """
     model = hfa.Model("cart", {"position": hfa.Signal("m")}, {"speed": hfa.Signal("m/s")}, cart)
     problem = flight_problem(model, hfa.find_operating_point(model))
     still = {"position": 0.0, "speed": 0.0}
@@ -34,7 +37,7 @@ def flown_over(coefficient: float) -> FlownAbove:
 
 
 def test_flights_are_above_a_true_bound() -> None:
-    """No flight costs less than a true lower bound."""
+    """No flight costs less than a bound of 0.999 times the least cost."""
     flown = flown_over(0.999)
     assert flown.flights >= 500
     assert flown.below == 0
@@ -42,18 +45,17 @@ def test_flights_are_above_a_true_bound() -> None:
 
 
 def test_a_bound_too_large_by_one_percent_is_found() -> None:
-    """Flights whose cost is below a bound 1 % too large are counted."""
+    """Flights that cost less than a bound of 1.01 times the least cost are counted."""
     assert flown_over(1.01).below > 100
 
 
 def test_the_navion_is_that_of_the_tutorial() -> None:
-    """The Navion of the study has the four longitudinal states of the tutorial."""
+    """The Navion of the study has the four states of the tutorial's Navion."""
     assert navion_of_the_tutorial().linear == ("speed", "alpha", "pitch", "pitch_rate")
 
 
 def test_the_flexible_aircraft_is_the_paper_s_at_one_altitude() -> None:
-    """The linear model of the flexible aircraft at one altitude is that of the aircraft whose
-    altitude varies."""
+    """A and B of the aircraft with constant altitude equal those of the paper's aircraft."""
     dihedral = {"dihedral": float(np.radians(10.0))}
     paper = hfa.find_operating_point(hfa.aircraft("published"), hold=dihedral)
     own = hfa.find_operating_point(FLEXIBLE)
@@ -64,7 +66,9 @@ def test_the_flexible_aircraft_is_the_paper_s_at_one_altitude() -> None:
 
 @pytest.mark.slow
 def test_the_study_proves_and_flies(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    """The study proves a bound of the van der Pol oscillator and flies 100 flights."""
+    """The study proves a cost bound for the van der Pol oscillator and simulates 100
+    trajectories.
+    """
     words = ["--aircraft", "van der Pol", "--starts", "2", "--flights", "100", "-o", str(tmp_path)]
     assert main(words) == 0
     assert "van der Pol" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The study of trained policies: its rule for deployments, its counts, and its stored results."""
+"""The study of trained policies: its deployments, its counts and its stored results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STORED = ROOT / "studies" / "gap" / "results" / "gap.json"
 
 
 def test_actions_reach_the_nearer_limit_at_most() -> None:
-    """The commands in the corners of the box stay within the limits, and one of them reaches a
+    """The inputs at the ends of the action range stay within the limits, and one of them is at a
     limit.
     """
     point = TASKS[1].point()
@@ -34,9 +34,9 @@ def test_actions_reach_the_nearer_limit_at_most() -> None:
 
 
 def test_a_departed_flight_is_no_success() -> None:
-    """A flight that leaves the envelope is not counted as one that stays, and is not in the ratios.
+    """A flight that leaves the envelope is not counted as staying and is excluded from the ratios.
 
-    A flight without a best flight is counted only for the linear optimum.
+    An initial condition without a best flight is compared only with the LQR.
     """
     column = [
         Outcome(stays=True, converges=True, cost=2.0),
@@ -52,7 +52,7 @@ def test_a_departed_flight_is_no_success() -> None:
 
 
 def test_another_setting_trains_anew(tmp_path: Path) -> None:
-    """A record of other settings, or without its policy, does not count as a finished training."""
+    """A training is not finished if its policy is missing or its record has other settings."""
     run = Run(TASKS[0], "PPO", 1, tmp_path)
     assert run.trained() is None
     run.policy.write_bytes(b"")
@@ -61,8 +61,8 @@ def test_another_setting_trains_anew(tmp_path: Path) -> None:
 
 
 def test_stored_results_have_every_aircraft() -> None:
-    """The stored results contain every aircraft and algorithm, with consistent counts of initial
-    states.
+    """The stored results contain every aircraft and algorithm, with consistent counts of
+    flights.
     """
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert [one["aircraft"] for one in data["aircraft"]] == [task.name for task in TASKS]
@@ -76,7 +76,7 @@ def test_stored_results_have_every_aircraft() -> None:
 
 
 def test_the_linear_optimum_is_flown_again() -> None:
-    """New flights of the linear optimum on the pendulum give the stored ratios."""
+    """New simulations of the LQR on the pendulum give the stored cost ratios."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     again = judged(TASKS[0], [])
     stored = data["aircraft"][0]
