@@ -53,9 +53,9 @@ def linear_model_on(
 ) -> LinearModelBox:
     """Return the linear model on a box.
 
-    measured: outputs of the linear model decimals: whether to cover all decimal numbers that round
-    to the parameters and imposed values, not
-        only the doubles
+    measured: outputs of the linear model
+    decimals: whether to cover all decimal numbers that round to the parameters and imposed values,
+        not only the doubles
 
     Raises Rejected unless the box is proved to contain a trim within all limits.
     """

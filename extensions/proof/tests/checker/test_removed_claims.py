@@ -51,7 +51,10 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """Return a certificate of this kind after these changes, or None if one of them does not apply."""
+    """Return a certificate of this kind after these changes.
+
+    The result is None if one of them does not apply.
+    """
     made = copy.deepcopy(certificate(kind))
     try:
         for change in changes:

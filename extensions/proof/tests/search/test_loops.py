@@ -188,7 +188,10 @@ def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -
 
 
 def test_one_lyapunov_function_serves_all_stable_points() -> None:
-    """V = x² proves x' = -x + k (x + d), |d| <= |x|/2, for k up to 0.5. Up to 0.7 nothing is found."""
+    """V = x² proves x' = -x + k (x + d), |d| <= |x|/2, for all k up to 0.5.
+
+    For k up to 0.7 nothing is found.
+    """
     for most, exists in ((0.5, True), (0.7, False)):
         rows = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
         points = [(np.array([[-1.0 + k, 0.0, k]]), rows) for k in (0.0, most)]

@@ -153,7 +153,8 @@ def delayed_abscissa(
     """Return the spectral abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ).
 
     It is computed from the generator of the delay equation, on polynomials of degree 12 over the
-    delay. Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
+    delay.
+    Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
 
     w: ω, rad/s
     arrives: diagonal of Λ, the effectiveness
@@ -179,7 +180,7 @@ def delayed_abscissa(
 
 @cache
 def unstable_between(low: float, high: float) -> Loop:
-    """Return the loop of random gains that stabilize at both angles but not halfway between them."""
+    """Return the loop of random gains that stabilize at both angles but not halfway."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
     K = exact_gain(low)
     random = np.random.default_rng(0)

@@ -312,8 +312,9 @@ def limits_within(
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
     """Return the constraints of a part: name, polynomial, and the degrees of its multiplier.
 
-    low: lowest degree of the multiplier's monomials half: half of the highest degree of the
-    product; a constraint whose degree is too high is omitted
+    low: lowest degree of the multiplier's monomials
+    half: half of the highest degree of the product; a constraint whose degree is too high is
+        omitted
     """
     constraints = []
     for name, polynomial in limits_of(ball, part).items():
