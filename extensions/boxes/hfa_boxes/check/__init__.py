@@ -1,3 +1,4 @@
-"""Checkers of certificates proved on boxes. They repeat the proof and trust no result of the
-search.
+"""Checkers of certificates proved on boxes.
+
+They repeat the proof and trust no result of the search.
 """

@@ -71,8 +71,9 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
-    """Return the number of boxes that prove each piece. Raises Rejected if the statement is not
-    proved.
+    """Return the number of boxes that prove each piece.
+
+    Raises Rejected if the statement is not proved.
     """
     plant = statement.plant
     names = (*plant.states, *plant.inputs)

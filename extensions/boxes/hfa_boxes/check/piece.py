@@ -45,8 +45,9 @@ class Polynomial(NamedTuple):
     terms: Terms
 
     def expressions(self, y: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return expressions of W and its gradient (n,). Products of coefficients and powers are
-        exact.
+        """Return expressions of W and its gradient (n,).
+
+        Products of coefficients and powers are exact.
         """
         known: dict[tuple[int, ...], ca.SX] = {(0,) * self.n: ca.SX(1)}
 

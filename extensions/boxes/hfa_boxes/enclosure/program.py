@@ -139,8 +139,9 @@ def _stored(block: np.ndarray) -> Any:
 
 
 class _Reader:
-    """Reader of a CasADi function. Affine operations become rows, nonlinear operations become
-    nodes.
+    """Reader of a CasADi function.
+
+    Affine operations become rows, nonlinear operations become nodes.
     """
 
     def __init__(self, inputs: int, name: str) -> None:

@@ -38,8 +38,9 @@ class Run(NamedTuple):
 
 
 class StatedTrim(NamedTuple):
-    """The trim at a scheduling value, within `SAME_TRIM`. It selects one if a model has several
-    trims.
+    """The trim at a scheduling value, within `SAME_TRIM`.
+
+    It selects one if a model has several trims.
 
     unknowns: name -> value
     """
@@ -143,8 +144,9 @@ class Plant:
 
     @classmethod
     def read(cls, entries: Fields) -> Plant:
-        """Return the plant of a certificate, of any size. Raises Malformed for the first wrong
-        entry.
+        """Return the plant of a certificate, of any size.
+
+        Raises Malformed for the first wrong entry.
         """
         A = entries.array("A", None, None)
         B = entries.array("B", len(A), None)
@@ -291,8 +293,9 @@ class UncertainActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> UncertainActuators:
-        """Return the uncertain actuators of `count` inputs. Raises Malformed for the first wrong
-        entry.
+        """Return the uncertain actuators of `count` inputs.
+
+        Raises Malformed for the first wrong entry.
         """
         order = _read_orders(entries, count)
         damping = entries.array("damping", count)
@@ -331,8 +334,9 @@ class ScheduleStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
-        """Return the statement of a certificate. Raises Malformed, which names the first wrong
-        entry.
+        """Return the statement of a certificate.
+
+        Raises Malformed, which names the first wrong entry.
         """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         controller = Controller.read(entries.fields("controller"), model)
@@ -450,8 +454,9 @@ class ModelsStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ModelsStatement:
-        """Return the statement of a certificate. Raises Malformed, which names the first wrong
-        entry.
+        """Return the statement of a certificate.
+
+        Raises Malformed, which names the first wrong entry.
         """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         n = len(model.linear)

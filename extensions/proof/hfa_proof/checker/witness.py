@@ -100,8 +100,9 @@ class Piece:
 
     @classmethod
     def read(cls, entries: Fields, n: int, a: int) -> Piece:
-        """Return a piece for a loop with n states and a actuators. Raises Malformed for a wrong
-        entry.
+        """Return a piece for a loop with n states and a actuators.
+
+        Raises Malformed for a wrong entry.
         """
         bandwidth = entries.pair("bandwidth", least=0.0)
         H = entries.symmetric("H", n)

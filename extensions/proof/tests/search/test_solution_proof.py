@@ -151,8 +151,9 @@ def test_what_has_no_value_or_not_fit_refused() -> None:
 
 
 def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
-    """delta_min is bracketed from below by an eigenvalue of H on the axis. A lower bracket is
-    refused.
+    """delta_min is bracketed from below by an eigenvalue of H on the axis.
+
+    A lower bracket is refused.
     """
     own = content(proved("scalar"))
     assert "frequencies" in own["witness"]

@@ -152,8 +152,7 @@ def delayed_abscissa(
 ) -> float:
     """Return the spectral abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ).
 
-    It is computed from the generator of the delay equation, on polynomials of degree 12 over the
-    delay.
+    It is computed from the generator of the delay equation, on polynomials of degree 12.
     Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
 
     w: ω, rad/s

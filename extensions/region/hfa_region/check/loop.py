@@ -95,8 +95,9 @@ class Equilibrium:
         return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
-        """Return an enclosure of the unique equilibrium near x0. Raises Rejected if it is not
-        proved.
+        """Return an enclosure of the unique equilibrium near x0.
+
+        Raises Rejected if it is not proved.
         """
         n = len(self._x0)
         x = list(self._x0)
