@@ -215,7 +215,11 @@ def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.nd
 
 
 def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
-    """Return the reason why the simulation refutes a proposal, or "" if it does not."""
+    """Return the reason why a simulated flight refutes a proposal, or "" if it does not.
+
+    The flight must stay in the envelope. It must be in the arrival box at the proposed time and at
+    its end.
+    """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     box = arrival_box(proposal)
@@ -246,18 +250,18 @@ def quickest_flight(
 ) -> QuickestFlight:
     """Return the quickest flight that was found from an initial condition to a trim.
 
-    The flight is proposed by collocation. It is accepted if the simulated flight arrives too.
+    Collocation proposes the flight. It is accepted if the simulated flight arrives too.
 
     model: the aircraft
-    point: the trim at which the flight ends
+    point: trim at which the flight ends
     initial: another trim, or state of the linear model -> deviation from the trim
     Q, R: weights of the linear policy that follows the proposal, as `hfa.game` accepts them
-    inputs: the inputs that move, the others held at the trim; by default all
-    limits: state -> (lowest, highest), absolute, in place of the flight envelope's
-    start: the earlier name of `initial`, for one version
+    start: earlier name of `initial`, accepted for one version
+    inputs: inputs that move, by default all; the others are constant
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
     Raises BadInputError for unknown names and an initial condition outside the limits. Raises
-    NoSolutionError with the reason if no flight was found or the simulation refutes it.
+    NoSolutionError, with the reason, if no flight was found or the simulation refutes it.
 
     >>> import hfa
     >>> cart = hfa.Model(
@@ -282,12 +286,16 @@ def quickest_flight(
 
 
 def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> QuickestFlight:
-    """Return the quickest flight found from an initial condition. Raises NoSolutionError with the
-    reason if there is none.
+    """Return the quickest flight found from an initial condition.
 
-    z: (k,), initial deviations
-    v: (m,), inputs with which guesses begin
-    horizon: s, horizon of the linear loop
+    The mesh is refined until the times of two meshes agree and the simulation confirms the
+    proposal.
+
+    z: initial deviations of the states, (k,)
+    v: initial deviations of the inputs in the guesses, (m,)
+    horizon: horizon of the linear loop, s
+
+    Raises NoSolutionError, with the reason, if no flight was found.
     """
     problem = flights.problem
     best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
@@ -320,9 +328,11 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest proposal from straight lines to the trim.
+    """Return the quickest proposal that is found from straight lines to the trim as guesses.
 
-    Raises NoSolutionError if none is feasible.
+    The guesses differ in their duration, a fraction of the horizon, s.
+
+    Raises NoSolutionError if no proposal is feasible.
     """
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
@@ -341,7 +351,7 @@ def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: f
 
 
 def _on_finer(flights: Flights, proposal: Proposal, count: int) -> Proposal:
-    """Return a proposal on a mesh of `count` intervals."""
+    """Return a proposal interpolated on an adapted mesh of `count` intervals."""
     of_states, of_inputs = flights.problem.sizes
     largest_z = largest_deviations(proposal)
     largest_z = np.maximum(largest_z, _SMALLEST * of_states[: len(largest_z)])

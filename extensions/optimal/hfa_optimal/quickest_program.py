@@ -1,4 +1,4 @@
-"""Proposals of least time: the collocation of `collocation.py` with an unknown final time."""
+"""Proposals of least time: collocation as in `collocation.py`, with an unknown final time."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ _LONGEST = 20.0
 
 @dataclass(frozen=True, eq=False)
 class TimeProgram:
-    """Nonlinear program of the least time to the trim, with a number of intervals."""
+    """Nonlinear program of the least time to the trim, with a given number of intervals."""
 
     problem: FlightProblem
     intervals: int
 
     def solve(self, guess: Proposal, reserve: float) -> Proposal:
-        """Return the solution of IPOPT from a guess; its cost is the time, s.
+        """Return the proposal that IPOPT finds from a guess. Its `cost` is the time, s.
 
-        reserve: part of the distance from the trim to each limit that is left to the policy that
-            follows the proposal"""
+        reserve: fraction of the distance from the trim to each limit that the proposal leaves to
+        the policy
+        """
         problem = self.problem
         of_states, of_inputs = problem.sizes
         count = self.intervals * DEGREE
@@ -82,9 +83,10 @@ class TimeProgram:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver (guess, parameters, bounds) -> solution.
+        """IPOPT solver of the program.
 
-        The last unknown is the time relative to that of the guess.
+        The last unknown is the final time, relative to that of the guess. The parameters are the
+        initial state and the lengths of the guess's intervals.
         """
         problem = self.problem
         k, m, N = len(problem.followed), len(problem.inputs), self.intervals

@@ -1,4 +1,6 @@
-"""Search for the best flight: proposals from several guesses on finer meshes, each simulated."""
+"""Search for the best flight: proposals from several guesses and meshes, confirmed by
+simulation.
+"""
 
 from __future__ import annotations
 
@@ -70,13 +72,13 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class Found(NamedTuple):
-    """A flight that was found and simulated.
+    """Best flight that was found and simulated.
 
-    flown: the flight.
-    proposal: the proposal that it follows.
-    seconds: the horizon.
-    meshes: intervals -> proposed cost.
-    guesses: name of a guess -> resulting cost on its finest mesh.
+    flown: simulated flight.
+    proposal: proposal that it follows.
+    seconds: horizon of the proposal, s.
+    meshes: number of intervals -> proposed cost.
+    guesses: name of a guess -> cost on its finest mesh.
     linear: flight of the linear optimum from the same initial condition.
     """
 
@@ -89,29 +91,31 @@ class Found(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """The largest relative difference between the costs of the last two meshes, and of the
-        guesses."""
+        """Largest relative difference of the costs on the last two meshes and from different
+        guesses.
+        """
         return max(self.spread_of_meshes, self.spread_of_guesses)
 
     @property
     def spread_of_meshes(self) -> float:
-        """The relative difference between the costs of the last two meshes."""
+        """Relative difference of the costs on the last two meshes."""
         return difference_of_meshes(self.meshes)
 
     @property
     def spread_of_guesses(self) -> float:
-        """Largest relative difference between the costs from the guesses."""
+        """Relative difference of the largest and the smallest cost from different guesses."""
         guessed = list(self.guesses.values())
         return max(guessed) / min(guessed) - 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class BestFlights:
-    """Search for the best flights of a problem, which compiles each program once.
+    """Search for the best flights of a problem. It builds each nonlinear program once.
 
-    problem: the aircraft, its trim, weights and limits.
-    count: approximate number of initial conditions, which decides whether machine code pays.
-    transcriptions: number of intervals -> compiled program."""
+    problem: aircraft, trim, weights and limits.
+    count: approximate number of initial conditions, which decides whether machine code is used.
+    transcriptions: number of intervals -> nonlinear program.
+    """
 
     problem: FlightProblem
     count: int = 1
@@ -119,7 +123,7 @@ class BestFlights:
 
     @cached_property
     def flights(self) -> Flights:
-        """The simulator."""
+        """Simulator of the flights."""
         return Flights(self.problem, self.count)
 
     @cached_property
@@ -133,12 +137,13 @@ class BestFlights:
         return np.asarray(linear.A - linear.B @ self.problem.K)
 
     def found(self, start: np.ndarray, seconds: float | None = None) -> Found:
-        """Return the best flight found from an initial condition z, (k,).
+        """Return the best flight found from an initial condition.
 
-        seconds: the horizon; default: so long that the end costs almost nothing
+        start: initial deviations z, (k,)
+        seconds: horizon, s; by default so long that the cost after it is negligible
 
-        Raises a NoSolutionError with the reason if no flight was found or the simulation refutes
-        it, and BadInputError if a given horizon is too short.
+        Raises NoSolutionError, with the reason, if no flight was found or the simulation refutes
+        it. Raises BadInputError if a given horizon is too short.
         """
         self.problem.refuse_outside(start)
         horizon = self.horizon(start) if seconds is None else seconds
@@ -159,8 +164,11 @@ class BestFlights:
         raise NoSolutionError(f"no flight found: after {horizon / _LONGER:.3g} s {unfinished}")
 
     def _unfinished(self, proposal: Proposal) -> str:
-        """Return why the linear policy cannot continue a flight after its horizon, or "" where it
-        can."""
+        """Return the reason why a proposal must not end at its horizon, or "" if it may.
+
+        The reason is a large remaining cost, or that the linear policy leaves the limits after the
+        horizon.
+        """
         share = proposal.tail / proposal.cost
         if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
             return f"{100 * share:.2g} % of the cost is left at the end"
@@ -171,9 +179,10 @@ class BestFlights:
         return ""
 
     def horizon(self, start: np.ndarray) -> float:
-        """Return the time, s, after which the remaining cost of the linear loop is negligible.
+        """Return the time after which the remaining cost of the linear loop is negligible, plus 20
+        %, s.
 
-        It includes a margin.
+        start: initial deviations z, (k,)
         """
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())
@@ -190,10 +199,15 @@ class BestFlights:
         return 1.2 * count * step
 
     def _refined(self, seconds: float, linear: Flown, proposals: Mapping[str, Proposal]) -> Found:
-        """Return the best simulated flight of a horizon.
+        """Return the cheapest flight that the simulation confirms.
 
-        The cheapest proposals are refined on twice as many intervals. The cheapest that the
-        simulation confirms is returned.
+        The cheapest distinct proposals are refined to twice as many intervals first.
+
+        seconds: horizon, s
+        linear: flight of the linear optimum
+        proposals: name of a guess -> proposal on the coarsest mesh
+
+        Raises NoSolutionError, with the reason, if no proposal is confirmed.
         """
         finer = {}
         for name in _distinct(proposals):
@@ -215,13 +229,16 @@ class BestFlights:
     def _confirmed(
         self, seconds: float, meshes: dict[int, float], best: Proposal
     ) -> tuple[Flown, Proposal, dict[int, float]]:
-        """Return the flight of a proposal, the followed proposal, and its meshes.
+        """Return the simulated flight, the proposal that it follows, and the costs on all meshes.
 
-        The mesh is refined until the costs of two meshes and of the flight agree.
+        The mesh is refined until the costs on two meshes agree, and the cost of the flight with
+        them.
 
-        meshes: intervals -> cost so far
+        seconds: horizon, s
+        meshes: number of intervals -> cost, for the meshes so far
+        best: proposal on the last of these meshes
 
-        Raises a NoSolutionError with the reason if the last ones do not agree.
+        Raises NoSolutionError, with the reason, if they do not agree on the finest mesh.
         """
         agreed = None
         intervals = len(best.lengths)
@@ -252,7 +269,9 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Return a note on the inputs of a proposal that alternate between their limits, or ""."""
+        """Return a note on the inputs that a proposal switches repeatedly between their limits, or
+        "".
+        """
         lowest, highest = self.problem.input_limits
         texts = []
         for column, name in enumerate(self.problem.inputs):
@@ -267,9 +286,12 @@ class BestFlights:
         return "".join(texts)
 
     def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
-        """Return the flight of a proposal and the followed proposal.
+        """Return the flight that follows a proposal, and the followed proposal.
 
-        If the flight leaves the limits, a proposal farther inside them by a factor is followed.
+        If the flight leaves the limits, a proposal within narrower limits is followed instead.
+
+        seconds: horizon, s
+        factor: factor by which the margin to the limits is then enlarged
         """
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         if flown.departure is None:
@@ -282,10 +304,16 @@ class BestFlights:
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
     ) -> dict[str, Proposal]:
-        """Return guess -> proposal on the coarsest mesh for the guesses that IPOPT solves.
+        """Return name of a guess -> proposal on the coarsest mesh, for the guesses that IPOPT
+        solves.
 
-        More guesses are used if the first ones lead to different optima. Raises NoSolutionError if
-        IPOPT solves none.
+        If the first guesses lead to different optima, further guesses are tried.
+
+        start: initial deviations z, (k,)
+        seconds: horizon, s
+        linear: flight of the linear optimum
+
+        Raises NoSolutionError if IPOPT solves none.
         """
         first = {
             "linear loop": self._linear_guess(start),
@@ -320,10 +348,13 @@ class BestFlights:
         adapted: list[tuple[Proposal, Proposal]],
         price: float = 1.0,
     ) -> dict[str, Proposal]:
-        """Return guess -> proposal on the coarsest mesh, adapted to a first proposal.
+        """Return name of a guess -> proposal on the coarsest mesh, for the guesses that IPOPT
+        solves.
 
-        adapted: first proposals and their results so far, which are reused and extended
-        price: factor of R in the first proposal
+        A first proposal on a geometric mesh is solved again on a mesh that is adapted to it.
+
+        adapted: pairs (first proposal, result). Equal first proposals reuse a result. New pairs are
+        appended. price: factor on R in the first proposal
         """
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)
@@ -341,9 +372,12 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """Return the proposal on a finer mesh that begins from a coarser one.
+        """Return the proposal on a mesh of `intervals` that is adapted to a given proposal.
 
-        If IPOPT does not solve it, the proposal is on an unadapted mesh.
+        If IPOPT does not solve it, a geometric mesh is used.
+
+        guess: proposal from which IPOPT begins
+        margin: fraction by which the limits of the states are narrowed
         """
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
@@ -355,7 +389,10 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the weights of z and v in a mesh: the roots of their cost."""
+        """Return the weights of unit changes of z and v for the adaptation of meshes.
+
+        They are the square roots of the diagonals of P and R.
+        """
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 
@@ -369,7 +406,7 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """Return the guess of the linear loop without limits. Its inputs are clipped."""
+        """Return the linear loop without limits as a guess. Its inputs are clipped."""
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = exponentials(self._loop * times[:, None, None]) @ start
@@ -378,9 +415,11 @@ class BestFlights:
         return guess
 
     def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
-        """Return a guess whose z and inputs decay.
+        """Return a guess in which z and v decay exponentially.
 
-        v: (m,), initial inputs, limited to some nominal sizes; default: those of the trim"""
+        rate: 1/s
+        v: initial deviations of the inputs, clipped to some nominal values, (m,); by default 0
+        """
         begin = np.zeros(len(self.problem.inputs)) if v is None else v
         most = _LARGEST_INPUT * self.problem.sizes[1]
         begin = np.clip(begin, -most, most)
@@ -392,7 +431,7 @@ class BestFlights:
         return guess
 
     def _flown_guess(self, flown: Flown) -> Guess:
-        """Return the guess of a flight."""
+        """Return a simulated flight as a guess."""
         problem = self.problem
         places = problem.followed_places
         z = flown.states[:, places] - np.array(problem.point.states)[places]
@@ -406,7 +445,10 @@ class BestFlights:
 
 
 def difference_of_meshes(meshes: Mapping[int, float]) -> float:
-    """Return the relative difference between the costs of the last two meshes."""
+    """Return the relative difference of the costs on the last two meshes.
+
+    meshes: number of intervals -> cost
+    """
     finest = list(meshes.values())[-2:]
     return max(finest) / min(finest) - 1.0
 
@@ -417,7 +459,9 @@ def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
 
 
 def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Return the names of the cheapest proposals with distinct optima."""
+    """Return the names of at most `_FOLLOWED` proposals with different costs, the cheapest
+    first.
+    """
     chosen: list[str] = []
     for name in _cheapest_first(proposals):
         dearest = proposals[chosen[-1]].cost if chosen else 0.0
@@ -427,7 +471,10 @@ def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
 
 
 def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return z of a guess at the collocation points and v at the ends of the intervals."""
+    """Return z of a guess at the collocation points, and v at the ends of the intervals.
+
+    lengths: lengths of the intervals, s, (N,)
+    """
     from casadi import collocation_points
 
     ends = np.append(0.0, np.cumsum(lengths))
@@ -437,12 +484,15 @@ def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _equal(one: Proposal, other: Proposal) -> bool:
-    """Return whether two proposals on one mesh cost the same to the accuracy of IPOPT."""
+    """Return whether the costs of two proposals on the same mesh agree to the accuracy of IPOPT."""
     return abs(one.cost - other.cost) <= _EQUAL * abs(one.cost)
 
 
 def refutation(flown: Flown, proposal: Proposal) -> str:
-    """Return the reason why the simulation refutes a proposal, or "" if it does not."""
+    """Return the reason why a simulated flight refutes a proposal, or "" if it does not.
+
+    The flight must stay in the envelope, converge to the trim, and have nearly the proposed cost.
+    """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     if not flown.converges:

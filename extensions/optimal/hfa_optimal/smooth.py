@@ -1,8 +1,9 @@
 """Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
 
-Near a kink the two branches are blended over a width; elsewhere the copy equals the function. The
-width of each kink is a fraction of the spread of its argument over given points, and therefore
-independent of units."""
+Within the width of a kink its two branches are blended. Elsewhere the copy equals the function. The
+width is a fraction of the spread of the kink's argument over given points. It is therefore
+independent of units.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +20,14 @@ _VARIES = 1e-9
 
 
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
-    """Return the function with each kink smoothed over a part of the spread of its argument, or the
-    function itself where the points meet no kink.
+    """Return a copy of the function in which each kink is smoothed.
 
-    function: SX, of one column (n,), with one result
-    points: (N, n), where it is used
-    part: the half-width of a kink, in standard deviations of its argument over the points
+    The function itself is returned if no kink is near the points. Comparisons that select infinite
+    values, comparisons for equality, and steps (floor, ceil) are not smoothed.
 
-    Comparisons that choose between infinite values, equalities, and steps (floor, ceil) stay.
+    function: CasADi SX function of a column (n,) with one result
+    points: arguments for which the function is used, (N, n)
+    part: half-width of a kink, in standard deviations of its argument over the points
     """
     symbol = ca.SX.sym("x", function.numel_in(0))
     sharp = _Replay(function, symbol)
@@ -41,10 +42,10 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 
 @dataclass(frozen=True)
 class _Kink:
-    """Smoothing of a kink at argument 0.
+    """Smoothing of a kink, which is where its argument is 0.
 
-    width: half-width, or 0 where it stays sharp.
-    levels: the two values of an argument that has no others, or None for an argument that varies.
+    width: half-width, or 0 if the kink is not smoothed.
+    levels: the two values of an argument that has only two, else None.
     """
 
     width: float
@@ -52,7 +53,10 @@ class _Kink:
 
     @staticmethod
     def of(values: np.ndarray, part: float) -> _Kink:
-        """Return the smoothing for an argument with these values, (N,)."""
+        """Return the smoothing of a kink whose argument has these values at the points, (N,).
+
+        part: half-width in standard deviations of the argument
+        """
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
         if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
@@ -67,12 +71,11 @@ class _Kink:
         return _Kink(width)
 
     def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
-        """Return 1 where the argument is positive, 0 where it is negative, and a blend within the
-        width.
+        """Return a smooth step and True, or `otherwise` and False if the kink is not smoothed.
 
-        Whether the result is smooth is returned too.
+        The step is 1 for a positive argument, 0 for a negative one, and a blend within the width.
 
-        otherwise: result of the comparison, for a sharp kink
+        otherwise: result of the comparison
         """
         if self.levels is not None:
             low, high = self.levels
@@ -85,9 +88,9 @@ class _Kink:
         return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
 
     def size(self, argument: ca.SX) -> ca.SX:
-        """Return the absolute value of the argument.
+        """Return the absolute value of the argument, smoothed.
 
-        Within the width it is a twice differentiable polynomial.
+        Within the width it is a polynomial with two continuous derivatives.
         """
         sharp = ca.fabs(argument)
         if self.width == 0.0:
@@ -102,9 +105,10 @@ class _Kink:
 class _Replay:
     """Evaluation of a function's instructions on symbols, with smoothed kinks.
 
-    kinks: smoothing of each kink in the order of the instructions; if empty, all stay sharp.
-    arguments: arguments of the kinks, which occur at 0.
-    soft: indices of the work vector that hold smooth numbers between 0 and 1.
+    kinks: smoothing of each kink, in the order of the instructions. Without it no kink is smoothed.
+    arguments: arguments of the kinks found so far.
+    work: work vector, index -> value.
+    soft: indices in the work vector of smooth values between 0 and 1, which replace truth values.
     """
 
     function: ca.Function
@@ -115,7 +119,7 @@ class _Replay:
     soft: set[int] = field(default_factory=set)
 
     def run(self) -> ca.SX:
-        """Return the dense result."""
+        """Evaluate all instructions and return the dense result."""
         function = self.function
         result = ca.SX.zeros(function.size_out(0))
         for number in range(function.n_instructions()):
@@ -133,11 +137,17 @@ class _Replay:
         return result
 
     def arguments_of_kinks(self) -> ca.SX:
-        """Return the arguments of the kinks as a column."""
+        """Return the arguments of all kinks as a column."""
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
-        """Return the value of an instruction, and whether it is a smooth number between 0 and 1."""
+        """Return the value of an instruction, and whether it is a smooth value that replaces a
+        truth value.
+
+        number: index of the instruction
+        code: code of its operation
+        places: indices of its operands in the work vector
+        """
         if code == ca.OP_CONST:
             return ca.SX(self.function.instruction_constant(number)), False
         if code == ca.OP_INPUT:
@@ -165,9 +175,11 @@ class _Replay:
         return middle + half if code == ca.OP_FMAX else middle - half
 
     def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
-        """Return logical operations of smooth numbers.
+        """Return the value of a logical operation, and whether it is a smooth value between 0 and
+        1.
 
-        They are 1 - a, a b, a + b - a b, or the branch that a selects.
+        With smooth operands, not a is 1 - a, a and b is a b, a or b is a + b - a b, and a selected
+        branch is multiplied by a.
         """
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
@@ -187,7 +199,7 @@ class _Replay:
 
 
 def _applied(code: int, operands: list[ca.SX]) -> ca.SX:
-    """Return the result of an operation with one or two operands."""
+    """Return the result of a CasADi operation with one or two operands."""
     if len(operands) == 1:
         return ca.SX.unary(code, operands[0])
     return ca.SX.binary(code, *operands)

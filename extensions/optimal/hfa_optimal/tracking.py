@@ -1,4 +1,4 @@
-"""Policy that follows a proposal, so that rounding errors do not grow."""
+"""Policy that follows a proposed flight. Its feedback keeps errors from growing."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ STEPS = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingPolicy(Policy):
-    """Policy v = v*(t) - K(t) (z - z*(t)) within the input limits.
+    """Policy v = v*(t) - K(t) (z - z*(t)), saturated at the input limits.
 
-    z* and v* are interpolated in each integration step.
+    z* and v* are the proposal, interpolated linearly in each integration step.
 
-    held: rows [begin, s; (z*, v*) at the ends of the steps; K column by column].
-    tick: s.
-    moved: indices of v among the inputs.
+    held: one row per tick: begin of the tick, s; (z*, v*) at the ends of its steps; columns of K.
+    tick: duration of a tick, s.
+    moved: indices of the inputs in v.
     count: number of all inputs.
-    lowest, highest: (m,), limits of v.
+    lowest, highest: limits of v, (m,).
     """
 
     tick: float
@@ -40,7 +40,7 @@ class TrackingPolicy(Policy):
     highest: np.ndarray
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the deviations of all inputs, 0 for those that do not move."""
+        """Return the deviations of all inputs as an expression, 0 for inputs that do not move."""
         k = measurements.error.numel()
         m = len(self.moved)
         knots = (STEPS + 1) * (k + m)
@@ -56,8 +56,10 @@ class TrackingPolicy(Policy):
 
 
 def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np.ndarray:
-    """Return the held inputs of a `TrackingPolicy` for a proposal and, after it, the linear
-    policy."""
+    """Return the rows of a `TrackingPolicy` for a proposal. The last row is the linear policy.
+
+    tick: duration of a tick, s
+    """
     seconds = float(proposal.lengths.sum())
     ticks = int(np.ceil(seconds / tick - 1e-9))
     z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
@@ -74,15 +76,16 @@ def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np
 
 
 def held_size(problem: FlightProblem) -> int:
-    """Return the length of a row of `tracking_rows`."""
+    """Return the number of columns of `tracking_rows`."""
     k, m = len(problem.states), len(problem.inputs)
     return 1 + (STEPS + 1) * (k + m) + m * k
 
 
 def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
-    """Return K (N, m, k) of the time-varying LQR about a proposal.
+    """Return the gains of the time-varying LQR along a proposal, (N, m, k).
 
-    The cost at its end is the linear cost. The slopes are those in the middle of each interval.
+    The final cost is that of the linear model. The equations are linearized in the middle of each
+    interval.
     """
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
@@ -107,7 +110,7 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
 
 
 def exponentials(matrices: np.ndarray) -> np.ndarray:
-    """Return e^M of many small matrices (N, n, n), by scaling, Taylor series and squaring."""
+    """Return e^M of many small matrices, (N, n, n), by scaling, Taylor series and squaring."""
     largest = np.abs(matrices).sum(axis=-1).max(initial=0.0)
     halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / _SMALL))))
     small = matrices * 0.5**halvings
@@ -121,7 +124,7 @@ def exponentials(matrices: np.ndarray) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (N, k, k) and B (N, k, m) in the middle of each interval."""
+    """Return A, (N, k, k), and B, (N, k, m), of the equations in the middle of each interval."""
     of_states, of_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
     both = np.hstack([z / of_states, v / of_inputs])

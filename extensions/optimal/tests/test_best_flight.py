@@ -1,4 +1,4 @@
-"""The best flight compared with closed forms and another integrator, and planted errors."""
+"""Best flights compared with closed forms and another integrator, and planted errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
 
 
 def cart(force: float = 1.0) -> hfa.Model:
-    """Return a double integrator with a bounded input."""
+    """Return a double integrator with bounded input.
+
+    force: limit of the input, N
+    """
     return hfa.Model(
         "cart",
         {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
@@ -51,9 +54,9 @@ def test_small_start_costs_the_riccati_solution() -> None:
 
 
 def test_saturated_double_integrator_in_closed_form() -> None:
-    """The best flight of a saturated double integrator equals its closed form.
+    """The best cost of a saturated double integrator agrees with its closed form.
 
-    Backwards from a point at which the LQR saturates, state and costate are polynomials in time.
+    State and costate are polynomials in time, backwards from a point at which the LQR saturates.
     The problem is convex, so that Pontryagin's conditions are sufficient.
     """
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
@@ -75,7 +78,10 @@ def test_saturated_double_integrator_in_closed_form() -> None:
 
 
 def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
-    """SciPy's integrator gives the cost of the model's equations with the flown inputs."""
+    """SciPy's integrator computes the same cost for the inputs of the best flight.
+
+    The cost is nearly the proposed one, and not above that of the linear optimum.
+    """
     trim_x = np.array(gtm.point.states)
     trim_u = np.array(gtm.point.inputs)
 
@@ -105,10 +111,10 @@ def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
 
 
 def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
-    """The simulated flight refutes wrong proposals.
+    """The simulation confirms the proposal and refutes three wrong ones.
 
-    One is too cheap, one has the inputs of another flight, and from the end of one the linear
-    policy exceeds the limit of alpha.
+    The first has a wrong cost, the second wrong inputs, and after the third the linear policy
+    leaves the limits.
     """
     proposal = gtm.found.proposal
     search = BestFlights(gtm.problem)
@@ -125,8 +131,8 @@ def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
 
 
 def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
-    """A proposal on eight equal intervals with less than the least cost is refuted by the
-    simulation.
+    """On eight equal intervals, IPOPT proposes a cost below the least one. The simulation refutes
+    it.
     """
     problem = gtm.problem
     search = BestFlights(problem)
@@ -140,9 +146,7 @@ def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
 
 
 def test_a_cart_too_fast_to_stop() -> None:
-    """A cart with 6 m/s at 5 m from the limit, which needs 18 m to stop, has no flight within
-    limits.
-    """
+    """A cart that needs 18 m to stop has no flight within the limits if only 5 m are left."""
     with pytest.raises(
         hfa.NoSolutionError, match="none that satisfies the equations within the limits"
     ):
@@ -161,7 +165,9 @@ def test_no_flight_at_the_lowest_speed_falling() -> None:
 
 
 def test_the_initial_condition_has_two_names_for_one_version() -> None:
-    """`initial=` is the name, as in `fly`, and `start=` is accepted for one more version."""
+    """`initial=` and its earlier name `start=` have the same effect. Both or neither are
+    refused.
+    """
     model = cart()
     point = hfa.find_operating_point(model)
     costs = [
@@ -175,7 +181,9 @@ def test_the_initial_condition_has_two_names_for_one_version() -> None:
 
 
 def test_an_input_that_does_not_move() -> None:
-    """An input that is not selected stays at its trim. With both forces the flight costs less."""
+    """An input that is not selected remains at its trim value. With both inputs the cost is
+    lower.
+    """
     forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
     model = replace(
         cart(),

@@ -1,4 +1,4 @@
-"""The command `hfa optimize`."""
+"""Command `hfa optimize`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
 
 
 def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> None:
-    """From the paper's x(0) at 15 deg the exact policy leaves the limits, and the best flight does
-    not.
+    """From the paper's x(0) at 15 deg, the exact policy leaves the envelope with its pitch rate.
+
+    Its cost is more than four times that of the best flight.
     """
     assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
@@ -54,7 +55,9 @@ def test_a_card_and_a_critic_beside_it(tmp_path: Path, capsys: pytest.CaptureFix
 
 @pytest.mark.slow
 def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
-    """A table has one row for each initial condition, as from `hfa verify --flights`."""
+    """`hfa optimize --starts 2` counts found and refused flights. No policy is cheaper than a best
+    flight.
+    """
     assert main(["optimize", "--aircraft", GTM, "--starts", "2", "--seed", "1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["starts"] == data["found"] + data["refused"] == 2
@@ -63,7 +66,7 @@ def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_an_interruption_keeps_what_is_found() -> None:
-    """Ctrl-C ends the table after the present flight and keeps the found flights."""
+    """Ctrl-C ends the table after the present flight. The finished flights are returned."""
     model = hfa.load_model(GTM)
     search = BestFlights(flight_problem(model, hfa.find_operating_point(model)))
     starts = drawn_starts(search.problem, 3, 0)
@@ -113,9 +116,7 @@ def test_verify_flies_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixture[str]) -> None:
-    """`hfa assess` orders two policies by their flights, opposite to the order of their linear
-    costs.
-    """
+    """`hfa assess --best` ranks two policies opposite to their costs on the linear model."""
     best = {}
     for name in ("on_time", "late"):
         card = str(EXAMPLES / "gtm_policy" / f"{name}.toml")

@@ -1,4 +1,4 @@
-"""The quickest flight compared with closed forms and another integrator, and planted errors."""
+"""Quickest flights compared with closed forms and another integrator, and planted errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
 
 
 def cart() -> hfa.Model:
-    """Return a double integrator with a bounded input."""
+    """Return a double integrator with bounded input."""
     return hfa.Model(
         "cart",
         {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
@@ -35,8 +35,8 @@ def moved() -> QuickestFlight:
 
 
 def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
-    """The quickest time of a double integrator is 2 sqrt(d / u_max), with the reserve of the
-    input.
+    """The quickest time over the distance d of a double integrator is 2 sqrt(d / u_max), within 0.5
+    %.
     """
     least = 2.0 * np.sqrt(8.0 / 2.0)
     assert least <= moved.seconds <= 1.005 * least
@@ -45,7 +45,9 @@ def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
 
 
 def test_a_speed_limit_in_closed_form() -> None:
-    """With a speed limit v the quickest time is d / v + v / u, with a part at the limit."""
+    """With a speed limit v, the quickest time over the distance d is d / v + v / u, within
+    0.5 %.
+    """
     model = cart()
     point = hfa.find_operating_point(model)
     best = hfa.quickest_flight(model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)})
@@ -54,7 +56,7 @@ def test_a_speed_limit_in_closed_form() -> None:
 
 
 def test_another_integrator_arrives(moved: QuickestFlight) -> None:
-    """SciPy's integrator arrives with the flown inputs."""
+    """With the inputs of the quickest flight, SciPy's integrator arrives in the same box."""
 
     def rate(t: float, x: np.ndarray) -> list[float]:
         u = [np.interp(t, moved.time, column) for column in moved.inputs.T]
