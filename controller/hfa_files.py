@@ -1,6 +1,5 @@
 """Plants from arrays and files. Missing entries of the paper's aircraft default to the paper's
-game.
-"""
+game."""
 
 from __future__ import annotations
 

@@ -83,8 +83,8 @@ def panel_loads(
     p: parameters
 
     q_i = ½ρV_i² contains the local speed. The drag contains q = ½ρV² with the speed of the
-    aircraft, and the tail has no drag, as in the published matrices. Source: Gibson et al. 2011,
-    Eqs. 36-43.
+    aircraft, and the tail has no drag, as in the published matrices.
+    Source: Gibson et al. 2011, Eqs. 36-43.
     """
     area = p.panel_span * p.chord
     local_pressure = density * flow.speed**2 / 2

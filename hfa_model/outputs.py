@@ -87,8 +87,7 @@ def _load_factor(m: Moment) -> Quantity:
 
 def _center_load_factor(m: Moment) -> Quantity:
     """Return n_c = cos θ - a_z / g of the center panel, with its downward body-axis acceleration
-    a_z.
-    """
+    a_z."""
     descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
     return ca.cos(m.x.pitch) - descent / m.p.gravity
 

@@ -135,8 +135,7 @@ class ParameterSet(ByValue, Reported):
     @property
     def standard_errors(self) -> dict[str, float]:
         """Name -> standard error of each identified parameter, in its unit. Empty without a
-        covariance.
-        """
+        covariance."""
         if not self.covariance.size:
             return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))

@@ -123,8 +123,7 @@ def with_loads(point: Any, report: Report) -> Report:
 
 def performance(point: Any) -> dict[str, float]:
     """Return name -> value of the quantities in `PERFORMANCE` at an operating point, trimmed or
-    not.
-    """
+    not."""
     aircraft = point.model
     parameters = parameters_of(aircraft)
     watched = aircraft.outputs_at(point.states, point.inputs, _WATCHED)

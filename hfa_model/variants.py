@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Published:
     """Equations that reproduce the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs.
-    45-46).
-    """
+    45-46)."""
 
     name = "published"
 

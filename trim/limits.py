@@ -59,14 +59,12 @@ class Limits:
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are at their lowest limit, up to `NEAR`, or
-        below.
-        """
+        below."""
         return np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest)
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are at their highest limit, up to `NEAR`, or
-        above.
-        """
+        above."""
         return np.asarray(values) >= self.highest - NEAR * self._measure(self.highest)
 
     def between(self, name: str) -> str:

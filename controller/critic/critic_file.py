@@ -66,8 +66,7 @@ class Reading:
 
 class CriticReader(Protocol):
     """Function that reads the critic files of one format; the entry points in `hfa.critics` supply
-    it.
-    """
+    it."""
 
     def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
         """Return the critic in a file, as a function of the game's states.

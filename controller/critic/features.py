@@ -28,7 +28,9 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     """Return the CasADi Function z (n,) -> values of the functions listed in the text.
 
     text: a list such as "x1**2, x1*x2, sin(alpha)". It may contain numbers, x1 ... xn, the names of
-    the states, + - * / **, and the functions in `_FUNCTIONS`. states: n names: names of the states
+        the states, + - * / **, and the functions in `_FUNCTIONS`.
+    states: n
+    names: names of the states
 
     Raises BadInputError, with the unknown expression, for any other content.
     """

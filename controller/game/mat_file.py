@@ -43,7 +43,7 @@ def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Return name -> array, with a mapping for each structure.
 
     arrays: the arrays "0", "1", ..., and the JSON text "paths" with the names that lead to each
-    array
+        array
     """
     entries: dict[str, Any] = {}
     for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):

@@ -131,8 +131,7 @@ class TrainingRun(Result, Reported):
     @property
     def settling_time(self) -> float:
         """First time from which `settling_residual` remains below `SETTLED`, in units of `clock`,
-        or inf.
-        """
+        or inf."""
         return settled_at(self.time, self.settling_residual, SETTLED)
 
     @property
@@ -191,8 +190,7 @@ class TrainingRun(Result, Reported):
 
     def _records(self) -> Table:
         """Return a table with the time, the residuals and the weights, one row for each recorded
-        time.
-        """
+        time."""
         columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
         units = self.weight_units
         if units:

@@ -161,8 +161,7 @@ class Game(ByValue, Reported):
 
 def _with_diagonal(name: str, weights: Any) -> Any:
     """Return the diagonal matrix (n, n) of a one-dimensional list or array. Return other values
-    unchanged.
-    """
+    unchanged."""
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
     else:

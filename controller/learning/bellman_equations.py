@@ -65,7 +65,8 @@ class StackEquations:
     the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the discounted plant A - βI.
     β = 0 and s = 1 give the game itself.
 
-    states, drifts: z_j and F_j, (N_h, n), scaled gradient: ∂ψ_j, (N_h, M, n)
+    states, drifts: z_j and F_j, (N_h, n), scaled
+    gradient: ∂ψ_j, (N_h, M, n)
     control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P
         is a small difference of large numbers, but |G'P z|² is not.
     disturbance: (n, k), a square root of S_d/δ²
@@ -109,8 +110,7 @@ class StackEquations:
 
     def excitation(self, weights: np.ndarray) -> Excitation:
         """Return the excitation of the samples for scaled weights (M,), under the policies of the
-        game.
-        """
+        game."""
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
@@ -136,8 +136,7 @@ class StackEquations:
     @cached_property
     def _last(self) -> list[Any]:
         """Weights, problem and result of the last call of `at`, or three None before the first
-        call.
-        """
+        call."""
         return [None, None, None]
 
     @cached_property
@@ -198,8 +197,7 @@ class StackEquations:
 
     def closed_loop_eigenvalues(self, weights: np.ndarray, problem: PartialGame) -> np.ndarray:
         """Return the eigenvalues of A - βI - S_s P, (n,), 1/s, with A fitted to the recorded
-        drifts.
-        """
+        drifts."""
         pushed, _ = self._policies(self.basis.matrix(weights), problem)
         return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 

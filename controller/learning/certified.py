@@ -307,8 +307,7 @@ MOST_SAMPLES = 100_000
 
 def enough_for(weights: int, least: int) -> int:
     """Return the default number of samples, the larger of `least` and 1.5 times the number of
-    weights.
-    """
+    weights."""
     return max(least, weights + (weights + 1) // 2)
 
 
@@ -537,8 +536,7 @@ class CertifiedLaw:
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
         """Return the row of the history after `tick` ticks: time, weights and residuals
-        (`ticks.run`).
-        """
+        (`ticks.run`)."""
         here, normaliser, _ = memory
         return {
             "time": self.time(tick),

@@ -231,8 +231,7 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
 
 def _singular_values(matrix: np.ndarray) -> np.ndarray:
     """Return M singular values of an (N_h, M) matrix, descending. If N_h < M, the last M - N_h are
-    0.
-    """
+    0."""
     values = np.zeros(matrix.shape[1])
     computed = np.linalg.svd(matrix, compute_uv=False)
     values[: len(computed)] = computed

@@ -259,7 +259,8 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     There must be n eigenvalues on each side of the imaginary axis, and none near it.
 
     given: the original form, if `form` is its levelled form. Levelling enlarges the rounding of the
-    given entries. A further check shows that this rounding cannot move an eigenvalue to the axis.
+        given entries. A further check shows that this rounding cannot move an eigenvalue to the
+        axis.
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)
@@ -350,8 +351,7 @@ def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None
 
 def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured:
     """Return the measured values of `TESTS_OF_P` for finite X, for one game or for a stack of
-    games.
-    """
+    games."""
     size = largest_or_1(X)
     return {
         "residual": form.relative_residual(X),

@@ -2,8 +2,8 @@
 
 A number is the sum of a pair (high, low), |low| <= 2^-53 |high|. Each matrix is split into slices
 of so few bits that products of slices have no rounding error, in any order of summation. All
-functions accept one matrix or stacks (..., n, m). Source: Ozaki, Ogita, Oishi and Rump, Numerical
-Algorithms 59 (2012), 95-118.
+functions accept one matrix or stacks (..., n, m).
+Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118.
 """
 
 from __future__ import annotations

@@ -77,8 +77,7 @@ class Solution(Result, Reported):
     @property
     def closed_loop(self) -> control.StateSpace:
         """Return the system z' = (A - B K) z + E d with the outputs z, as a python-control
-        `StateSpace`.
-        """
+        `StateSpace`."""
         import control
 
         game = self.game
@@ -142,8 +141,8 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     progress: called by the search for delta_min, which runs only if there is no solution
 
     Raises NoSolutionError with one line. It names the mode for which no delta has a solution, or
-    the failed test of the certificate and delta_min. Source: Basar and Bernhard, H-infinity Optimal
-    Control, Theorem 4.11.
+    the failed test of the certificate and delta_min.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

@@ -213,9 +213,10 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 class _Crossings(NamedTuple):
     """Sign changes of Re M or Im M.
 
-    frequencies: frequencies of the sign changes, rad/s values: M at these frequencies jumps:
-    indices of the grid intervals in which the sign changes only because two curves were
-    interchanged
+    frequencies: frequencies of the sign changes, rad/s
+    values: M at these frequencies
+    jumps: indices of the grid intervals in which the sign changes only because two curves were
+        interchanged
     """
 
     frequencies: np.ndarray

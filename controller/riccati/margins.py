@@ -86,8 +86,7 @@ class ClosedLoop(NamedTuple):
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
         """Convert frequencies of s to physical frequencies, rad/s; for a sampled loop by z = exp(jω
-        dt).
-        """
+        dt)."""
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 

@@ -124,8 +124,7 @@ class NormalForm:
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
         """Return one game of a stack, or several of them. The index None turns one game into a
-        stack.
-        """
+        stack."""
         part = replace(
             self,
             A=self.A[index],
@@ -190,8 +189,7 @@ class NormalForm:
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
         """Convert P, or a stack of P, from the user's coordinates to X. The form must not be
-        `turned`.
-        """
+        `turned`."""
         return P * np.outer(self.units, self.units)
 
     @property
@@ -208,8 +206,7 @@ class NormalForm:
     @property
     def sizes(self) -> Sizes:
         """Magnitudes of the terms of the matrices: `made_of`, or those of the entries if it is
-        None.
-        """
+        None."""
         if self.made_of is not None:
             return self.made_of
         return Sizes(*(np.abs(each) for each in (self.A, self.B, self.disturbance, self.Q)))

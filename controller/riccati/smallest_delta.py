@@ -59,8 +59,7 @@ class DeltaMin(NamedTuple):
 
     def advice(self, delta: float) -> str:
         """Return a sentence that compares delta with delta_min and recommends a change if it is too
-        small.
-        """
+        small."""
         what = "; choose a larger delta"
         excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # there a value may exist or not

@@ -73,8 +73,7 @@ class AnalysedGame(Solution):
 
     def report(self) -> Report:
         """Return a report of the solution with delta_min, the checked cost of the policies, and the
-        margins.
-        """
+        margins."""
         solved = super().report()
         disk = self.disk_margin
         doubt = ""

@@ -182,8 +182,7 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> No
 
 def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
     """With hinge stiffness k, four eigenvalues differ from those of the rigid aircraft by order
-    1/k.
-    """
+    1/k."""
     elastic = release(
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
     )

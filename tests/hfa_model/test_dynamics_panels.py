@@ -128,8 +128,7 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
     parameters: Parameters, dihedral: float
 ) -> None:
     """With locked hinges, the rates of "newton" equal the rigid body's. Those of "published" do
-    not.
-    """
+    not."""
 
     def locked(x: State) -> State:
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)

@@ -1,4 +1,5 @@
-"""The equations of motion, compared with a second derivation and with the conservation of energy."""
+"""The equations of motion, compared with a second derivation and with the conservation of
+energy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Parameter files are restored bit for bit or refused in one line. Checks of the printed matrices."""
+"""Parameter files are restored bit for bit or refused in one line. Checks of the printed
+matrices."""
 
 from __future__ import annotations
 

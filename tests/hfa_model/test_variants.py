@@ -29,7 +29,8 @@ class GibsonsLever(Published):
     outer_lever = Newton.outer_lever
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """Return I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a panel."""
+        """Return I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a
+        panel."""
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
@@ -42,7 +43,7 @@ def accelerations(
     loads: loads on the panels
     repairs: corrections of the printed equations:
         section moment: M_i of an outer panel turns with the panel. Eq. (42) does not state its
-          frame.
+        frame.
         hinge inertia: the term in cos² η of Eq. (46) has the sign of Eq. (70).
         pitch rate: the term V cos α q in d2 has the sign of Eq. (30).
         moving hinge: M_j = dH_j/dt + v_j × ρ with ρ = m v_c, where Eq. (10) has dH_j/dt alone.

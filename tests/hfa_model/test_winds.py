@@ -62,8 +62,7 @@ def test_published_knows_steady_wind_and_newton_not(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
     """Uniform steady wind changes the hinge acceleration of "published", but no acceleration of
-    "newton".
-    """
+    "newton"."""
     winds = winds_named(("updraft", "headwind"), (updraft, headwind))
     newton, published = (
         galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")

@@ -38,8 +38,7 @@ def test_names_are_held_values_and_sweep_columns() -> None:
 
 def test_names_index_matrices_and_are_attributes() -> None:
     """Rows and columns of A and B can be indexed by name. Trims and sweeps have names as
-    attributes.
-    """
+    attributes."""
     linear = _linear()
     assert linear.A["pitch_rate", "alpha"] == linear.A[3, 1]
     assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
@@ -58,8 +57,7 @@ def test_names_index_matrices_and_are_attributes() -> None:
 
 def test_a_sweep_has_a_linear_model_anywhere() -> None:
     """`sweep.at` returns the linear model at a grid point, and trims the aircraft between grid
-    points.
-    """
+    points."""
     swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[66.0, 68.0])
     assert pytest.approx(swept[1].A, rel=1e-9, abs=1e-9) == swept.at(speed=68.0, dihedral=0.1).A
     between = linearize(MODEL, find_operating_point(MODEL, dihedral=0.15, speed=67.0))
@@ -223,7 +221,8 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
 
 
 def test_results_become_tables_of_pandas() -> None:
-    """Trims, solutions and verdicts are converted to pandas tables, and a verdict can be plotted."""
+    """Trims, solutions and verdicts are converted to pandas tables, and a verdict can be
+    plotted."""
     linear = _linear()
     frame = linear.point.to_pandas().set_index(["kind", "name"])
     assert frame.loc[("state", "alpha"), "value"] == linear.point["alpha"] == linear.point.x[1]

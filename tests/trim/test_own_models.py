@@ -44,7 +44,8 @@ MODES = {
 def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
-    """Trims of the F-16 equal those printed by Stevens and Lewis, in straight flight and in turns."""
+    """Trims of the F-16 equal those printed by Stevens and Lewis, in straight flight and in
+    turns."""
     point = trimmed(F16.with_parameters(xcg=xcg), hold, rates)
     computed = [
         point.values[name]
@@ -100,8 +101,7 @@ def test_no_row_with_free_states_depends_on_others() -> None:
 )
 def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, factor: float) -> None:
     """With a wrong nominal size the slow flight is found, and a sweep converges without single
-    trims.
-    """
+    trims."""
     signals = getattr(F16, kind)
     scaled = signals[name]._replace(nominal=factor * signals[name].nominal)
     model = replace(F16, **{kind: {**signals, name: scaled}})
@@ -123,8 +123,7 @@ def rotating(x, u, p, w):
 
 def test_an_undetermined_trim_is_reported() -> None:
     """A trim with a free quaternion norm is reported as undetermined. With a held component it is
-    not.
-    """
+    not."""
     free = Model(
         "rotation",
         {"a": Signal(start=0.7), "b": Signal(start=0.5), "rate": Signal()},
@@ -245,8 +244,7 @@ def test_the_back_side_is_another_trim() -> None:
 
 def test_swept_turns_equal_single_trims() -> None:
     """A sweep of turns equals single trims. The bank increases with the turn rate and is below 90
-    deg.
-    """
+    deg."""
     rates = np.linspace(0.0, 0.25, 26)
     swept = sweep(F16, {"turn_rate": rates})
     bank = swept.states[:, list(F16.states).index("roll")]

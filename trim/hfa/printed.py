@@ -184,8 +184,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
     """Return the report of a linear model with a table that compares it with the printed pair (A,
-    B).
-    """
+    B)."""
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes

@@ -42,7 +42,7 @@ class Qualities(Result):
     """Handling qualities of a linear model.
 
     handling_qualities: name -> short period, phugoid, n/alpha, CAP and lateral modes, if the model
-    declares them
+        declares them
     """
 
     handling_qualities: Mapping[str, Quantity]

@@ -1,4 +1,5 @@
-"""Files of matrices: every format gives the same mapping, and a faulty file is refused in one line."""
+"""Files of matrices: every format gives the same mapping, and a faulty file is refused in one
+line."""
 
 from __future__ import annotations
 

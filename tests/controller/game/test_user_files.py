@@ -54,7 +54,8 @@ def test_every_format_gives_the_same_game() -> None:
 
 
 def test_what_is_missing_comes_from_the_paper() -> None:
-    """If a file of the aircraft lacks Q, R and delta, the paper's values are used with a warning."""
+    """If a file of the aircraft lacks Q, R and delta, the paper's values are used with a
+    warning."""
     stored("plant.npz", **MODEL)
     with pytest.warns(
         UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "

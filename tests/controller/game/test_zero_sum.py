@@ -1,4 +1,5 @@
-"""Zero-sum games and bases: invalid input, policies, ψ(z), its gradient, and conversion of W and P."""
+"""Zero-sum games and bases: invalid input, policies, ψ(z), its gradient, and conversion of W and
+P."""
 
 from __future__ import annotations
 
@@ -63,8 +64,7 @@ def test_weights_of_very_different_size_are_definite(R: Any) -> None:
 
 def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
     """Without E and delta the solution is the LQR, and it can be saved. A game without R is
-    refused.
-    """
+    refused."""
     solution = solve_game(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
     np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
     solution.save(tmp_path / "solution.json")
@@ -164,7 +164,8 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 @pytest.mark.parametrize("functions", ALL)
 def test_gradient_has_second_order_remainder(functions: Basis) -> None:
-    """The Taylor remainder of each basis is of second order, and not with an error in its gradient."""
+    """The Taylor remainder of each basis is of second order, and not with an error in its
+    gradient."""
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
     assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)

@@ -190,7 +190,8 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 
 
 def test_discount_only_where_the_start_does_not_stabilize() -> None:
-    """The initial discount is the instability plus 0.5 1/s, or 0 if the initial weights stabilize."""
+    """The initial discount is the instability plus 0.5 1/s, or 0 if the initial weights
+    stabilize."""
     for name in PUBLISHED:
         game, _ = published(name)
         unstable = abscissa(game.A)
@@ -278,7 +279,8 @@ def test_step_is_exact(start: float) -> None:
 @pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
 @pytest.mark.parametrize("eta", [0.2, 0.8])
 def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
-    """The scalar law reaches 0 by θT from any initial value, and from large ones not much earlier."""
+    """The scalar law reaches 0 by θT from any initial value, and from large ones not much
+    earlier."""
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
@@ -289,7 +291,8 @@ def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
 
 
 def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) -> np.ndarray:
-    """Return the Newton direction of the LQ problem in scaled coordinates, computed with 60 digits."""
+    """Return the Newton direction of the LQ problem in scaled coordinates, computed with 60
+    digits."""
     scales = equations.scales
     eye = np.eye(len(game.A), dtype=int)
     outer = np.outer(scales, scales)
@@ -396,8 +399,7 @@ def test_a_delta_too_small_is_refused(name: str) -> None:
 
 def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
     """For a plant that no input stabilizes, the error names the discount that cannot be lowered
-    further.
-    """
+    further."""
     game = Game(
         A=np.diag([0.3, -1.0]), B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=np.inf
     )

@@ -1,4 +1,5 @@
-"""The function `learn`: reproducible by seed, with results as plain data and an independent check."""
+"""The function `learn`: reproducible by seed, with results as plain data and an independent
+check."""
 
 from __future__ import annotations
 
@@ -26,8 +27,7 @@ def short_run(seed: int = 4, **more: Any) -> TrainingRun:
 
 def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     """The callback receives increasing fractions up to 1 with one-line messages. Nothing is
-    printed.
-    """
+    printed."""
     seen: list[tuple[float, str]] = []
     short_run(progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]
@@ -62,7 +62,8 @@ def test_a_run_has_the_critic_of_its_last_weights() -> None:
 
 
 def test_results_are_plain_json() -> None:
-    """A run is written as strict JSON with its matrices and settings. Its report states the units."""
+    """A run is written as strict JSON with its matrices and settings. Its report states the
+    units."""
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == "certified"
@@ -91,7 +92,8 @@ def test_the_default_number_of_samples_is_enough() -> None:
 
 
 def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If not all rows of a history are stored, they are evenly spaced, with the first and the last."""
+    """If not all rows of a history are stored, they are evenly spaced, with the first and the
+    last."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     # The true number of rows needs a run of minutes.

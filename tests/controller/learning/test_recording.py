@@ -34,7 +34,8 @@ def test_random_pool_follows_its_box_and_seed() -> None:
 
 
 def test_a_list_that_contains_itself_is_refused() -> None:
-    """A list that contains itself is refused as count, seed or box. NumPy would overflow the stack."""
+    """A list that contains itself is refused as count, seed or box. NumPy would overflow the
+    stack."""
     endless: list[Any] = []
     endless.append(endless)
     for count, seed, box in ((endless, 0, None), (9, endless, None), (9, 0, endless)):
@@ -59,7 +60,8 @@ def test_natural_spread_follows_the_units() -> None:
 
 
 def test_natural_spread_solves_its_equation() -> None:
-    """The natural spread equals the integral of the covariance over time, computed in small steps."""
+    """The natural spread equals the integral of the covariance over time, computed in small
+    steps."""
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
     shifted = game.A - beta * np.eye(2)
@@ -130,7 +132,8 @@ def test_poor_stacks_are_refused() -> None:
 
 
 def test_excitation_of_a_known_stack() -> None:
-    """Rank, smallest eigenvalue and condition number of three samples equal hand-computed values."""
+    """Rank, smallest eigenvalue and condition number of three samples equal hand-computed
+    values."""
     regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
     richness = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
     assert (richness.rank, richness.size, richness.samples) == (2, 2, 3)
@@ -223,7 +226,8 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
 
 
 def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
-    """Each Bellman residual equals z'R z, with R the residual of the discounted Riccati equation."""
+    """Each Bellman residual equals z'R z, with R the residual of the discounted Riccati
+    equation."""
     game, exact = published(PUBLISHED[0])
     equations = build(game)
     P = 0.7 * exact.P

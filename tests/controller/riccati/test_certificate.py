@@ -79,8 +79,7 @@ def test_indefinite_root_is_refused(game: Game) -> None:
 
 def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
     """An indefinite P of a random game has a small residual, but fails the checks of sign and
-    stability.
-    """
+    stability."""
     rng = np.random.default_rng(8)
     refused = 0
     while refused < 5:
@@ -199,8 +198,7 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
 
 def test_a_value_without_stabilization_is_another() -> None:
     """For an unstable plant without cost, the certified root is the stabilizing P = 2 a / s, not P
-    = 0.
-    """
+    = 0."""
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
     assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
 
@@ -208,8 +206,7 @@ def test_a_value_without_stabilization_is_another() -> None:
 @pytest.mark.parametrize(("entry", "stable"), [(-1e-300, True), (0.0, False), (1e-300, False)])
 def test_a_mode_on_the_axis_is_not_stable(entry: float, stable: bool) -> None:
     """A mode counts as stable only if the real part of its eigenvalue is below 0, by however
-    little.
-    """
+    little."""
     assert is_hurwitz(np.diag([-1.0, entry])) is stable
 
 
@@ -236,7 +233,8 @@ def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
 def test_axis_distance_is_the_least_over_frequencies(
     make: Callable[[np.random.Generator, int], np.ndarray], n: int
 ) -> None:
-    """The distance to the imaginary axis equals, to 2e-6, the least value on fine frequency grids."""
+    """The distance to the imaginary axis equals, to 2e-6, the least value on fine frequency
+    grids."""
     for seed in range(2):
         computed = spectrum(make(np.random.default_rng(seed), n))
         shifts = np.unique(np.abs(computed.eigenvalues.imag))
@@ -287,7 +285,8 @@ def test_one_mode_on_the_axis_is_seen() -> None:
 
 
 def test_the_frequency_belongs_to_the_distance() -> None:
-    """The returned frequency is where the distance is attained, not that of the least damped mode."""
+    """The returned frequency is where the distance is attained, not that of the least damped
+    mode."""
     computed = spectrum(jordan(np.random.default_rng(0), 40))
     least_damped = computed.eigenvalues[np.argmax(computed.eigenvalues.real)]
     distance, frequency = computed.nearest_to_axis()

@@ -52,7 +52,8 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
 
 @pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
 def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
-    """The exact solution of a stiff plant, with poles at -3e4 and 0.09, passes the critic's checks."""
+    """The exact solution of a stiff plant, with poles at -3e4 and 0.09, passes the critic's
+    checks."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     modes = rng.standard_normal((n, n))
@@ -103,7 +104,8 @@ def test_loss_grows_with_the_squared_error() -> None:
 
 
 def test_a_start_costs_what_is_reported() -> None:
-    """The reported worst and mean excess costs agree with those of 4,000 random initial conditions."""
+    """The reported worst and mean excess costs agree with those of 4,000 random initial
+    conditions."""
     K = EXACT.K * (1.0 + 0.1 * NOISE)
     D = loss_matrix(GAME, EXACT, K)
     cost = flight_cost(GAME, EXACT, K)
@@ -122,7 +124,8 @@ def test_a_start_costs_what_is_reported() -> None:
 
 
 def test_the_exact_critic_costs_nothing() -> None:
-    """The exact gain costs 0 % above the optimum, and has the optimum's L2 gain and axis distance."""
+    """The exact gain costs 0 % above the optimum, and has the optimum's L2 gain and axis
+    distance."""
     cost = flight_cost(GAME, EXACT, EXACT.K)
     assert (cost.worst, cost.mean) == (0.0, 0.0)
     assert cost.gain == cost.exact_gain == bounded_real_gain(GAME, EXACT.K)

@@ -1,4 +1,5 @@
-"""Search for the smallest delta with wrong or undecided results, and reasons for refusing a delta."""
+"""Search for the smallest delta with wrong or undecided results, and reasons for refusing a
+delta."""
 
 from __future__ import annotations
 
@@ -68,8 +69,7 @@ def test_a_solution_within_what_is_open_is_found() -> None:
 
 def test_all_good_and_none_good_are_named() -> None:
     """If every delta has a solution, the bracket is (0, 0). If none has, the error states the
-    reason.
-    """
+    reason."""
     assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
     with pytest.raises(
         NoSolutionError, match=r"^the game has no solution for any delta up to 2\.749e\+11: shown; "
@@ -148,8 +148,7 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
 def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
     """A slow mode counts as unreachable only if its reach is below rounding, in rotated
-    coordinates.
-    """
+    coordinates."""
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
     B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])

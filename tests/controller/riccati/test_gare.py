@@ -89,7 +89,8 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
-    """delta = inf gives python-control's LQR. For large delta, P differs from it by order 1/delta²."""
+    """delta = inf gives python-control's LQR. For large delta, P differs from it by order
+    1/delta²."""
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
     )  # slycot, where it is, errs by 4e-11
@@ -266,8 +267,7 @@ def test_existence_is_decided_as_by_the_reference(games: int) -> None:
 
 def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
     """The message on a delta below the minimum states the reason, delta_min, and the change to
-    make.
-    """
+    make."""
     smallest = minimum_delta(game).value
     with pytest.raises(NoSolutionError) as refusal:
         solve_game(game.with_delta(80.0))
@@ -305,7 +305,8 @@ def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_an_undamped_costless_mode_is_named(size: float) -> None:
-    """An undamped mode without cost is named, although rounding moves its eigenvalues off the axis."""
+    """An undamped mode without cost is named, although rounding moves its eigenvalues off the
+    axis."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
         modes = rng.standard_normal((3, 3))

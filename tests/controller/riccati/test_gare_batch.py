@@ -88,7 +88,8 @@ def test_the_axis_distance_is_that_of_all_eigenvectors():
 
 
 def test_nothing_is_certified_below_the_smallest_delta():
-    """For a delta below the smallest one, no game of a batch is certified and all P and K are nan."""
+    """For a delta below the smallest one, no game of a batch is certified and all P and K are
+    nan."""
     A, B = _models("published", 5)
     batch = solve_games(A, B, published_game(A[2], B[2], delta=50.0))
     assert not batch.certified.any()
@@ -121,7 +122,8 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
 
 
 def test_a_batch_refuses_what_is_refused_alone():
-    """Near the smallest delta, a batch refuses the same games as `solve_game`, for the same reason."""
+    """Near the smallest delta, a batch refuses the same games as `solve_game`, for the same
+    reason."""
     rng = np.random.default_rng(8)
     A = rng.standard_normal((2, 4, 4))
     B = rng.standard_normal((2, 4, 2))

@@ -102,7 +102,8 @@ def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
 
 @pytest.mark.parametrize("n", [3, 8, 21])
 def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
-    """In example 17 the corner entry of P is sqrt(q r), with a condition number that grows as 10^n."""
+    """In example 17 the corner entry of P is sqrt(q r), with a condition number that grows as
+    10^n."""
     game = equation(np.eye(n, k=1), np.eye(n)[:, [-1]], 4.0 * np.diag(np.eye(n)[0]), [[9.0]])
     assert solve_game(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
 

@@ -159,8 +159,7 @@ BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
 
 def in_other_units(rng: np.random.Generator, game: Game) -> Game:
     """Return the game in other units, of the states by 1e-8 to 1e8 and of the inputs by 1e-3 to
-    1e3.
-    """
+    1e3."""
     states = 10.0 ** rng.uniform(-8.0, 8.0, len(game.A))
     inputs = 10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1])
     return replace(

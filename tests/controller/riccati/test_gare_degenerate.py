@@ -72,8 +72,7 @@ def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_defective_plant(value: float, seed: int) -> None:
     """A plant with one Jordan block of size 4 is solved, with its eigenvalue left of, on, or right
-    of the axis.
-    """
+    of the axis."""
     block = replace(chain(4), A=value * np.eye(4) + np.eye(4, k=1))
     assert error(elsewhere(block, seed)) <= EXACT
 

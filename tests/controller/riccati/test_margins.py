@@ -21,8 +21,7 @@ from hfa import Game, NoSolutionError, solve_game
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
     """Each loop of an LQR with diagonal R has a gain margin of at least (1/2, inf), and 60 deg
-    phase.
-    """
+    phase."""
     K = solve_game(game.with_delta(math.inf)).K
     for margin in loop_margins(game, K):
         assert margin.gain_low <= 0.5
@@ -190,7 +189,8 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
 
 
 def test_metres_leave_unitless_margins_alone(game: Game) -> None:
-    """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged, and K is not."""
+    """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged, and K is
+    not."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
     here = solve_game(game)
@@ -231,7 +231,8 @@ def test_a_third_order_loop_in_closed_form() -> None:
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
-    """Gain and phase margins of each loop, with the other loops closed, agree with python-control."""
+    """Gain and phase margins of each loop, with the other loops closed, agree with
+    python-control."""
     game = game_models()[name]
     K = factor * solve_game(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:

@@ -105,8 +105,7 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
 
 def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
     """The static gain of (s + 5e-10) / (s (s + 1)) is infinite: the slow zero does not cancel the
-    pole 0.
-    """
+    pole 0."""
     A = np.array([[0.0, 1.0], [0.0, -1.0]])
     system = StateSpace(A, np.array([[0.0], [1.0]]), np.array([[5e-10, 1.0]]), np.zeros((1, 1)))
     _, static, zeros, poles = gain_and_roots(system, spectrum(A), 1.0)

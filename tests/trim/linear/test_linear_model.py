@@ -138,7 +138,8 @@ def test_a_band_is_two_standard_errors(
 def test_copies_of_an_identification_have_its_bands(
     parameter_set: ParameterSet,
 ) -> None:
-    """A panel mass changed by 1e-9 leaves the bands unchanged. Changes of 1e-6 or more are refused."""
+    """A panel mass changed by 1e-9 leaves the bands unchanged. Changes of 1e-6 or more are
+    refused."""
 
     def heavier(factor: float) -> ParameterSet:
         values = parameter_set.values
@@ -242,8 +243,7 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
     """Return wind -> largest relative error of its column of E, compared with the released
-    simulation.
-    """
+    simulation."""
     aircraft, altitude = released_simulation()
     point = point_of(aircraft, altitude=altitude)
     model = linearize(

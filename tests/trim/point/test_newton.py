@@ -86,7 +86,8 @@ def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
 
 
 def test_trials_can_be_kept_within_the_limits() -> None:
-    """With `bounded`, Newton's steps remain within the limits; here a full step would leave them."""
+    """With `bounded`, Newton's steps remain within the limits; here a full step would leave
+    them."""
     model, condition = circle(1.0)
     bounded = TrimCondition(model, condition.imposed, limits={"x": (0.0, 5.0)})
     system = TrimSystem(model, bounded)
@@ -124,8 +125,7 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_c_code_flags_a_singular_jacobian() -> None:
     """The C code reports a singular Jacobian, here at x = -y. Python then takes the step of least
-    norm.
-    """
+    norm."""
     system = CompiledSystem(*circle(1.0))
     assert system.machine is not None
     starts = np.array([[0.1, 3.0], [1.0, -1.0], [2.0, 0.5]])

@@ -154,7 +154,8 @@ def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
 def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
-    """If a limit on the throttle prevents the trim, the message names it and the failing equation."""
+    """If a limit on the throttle prevents the trim, the message names it and the failing
+    equation."""
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
         find_operating_point(aircraft, release(limited, free=extra))
@@ -356,8 +357,7 @@ def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> 
 
 def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
     """If alpha and gamma are free and within their limits, the limit of their sum, pitch, is
-    checked.
-    """
+    checked."""
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
     lifted = find_operating_point(strong, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
@@ -396,7 +396,8 @@ def test_holding_by_name_agrees_with_the_command() -> None:
 
 
 def test_an_operating_point_lists_its_names() -> None:
-    """Iteration yields each name that `point[name]` accepts once, and dict() contains their values."""
+    """Iteration yields each name that `point[name]` accepts once, and dict() contains their
+    values."""
     model = hfa.aircraft()
     point = find_operating_point(model)
     names = list(point)

@@ -109,7 +109,8 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 @pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
 def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
-    """If both orders fit equally well, the lower eigenvalue is first, whatever the solver's order."""
+    """If both orders fit equally well, the lower eigenvalue is first, whatever the solver's
+    order."""
     pair = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -0.1]])
     two = np.diag([*real, -0.1])
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])

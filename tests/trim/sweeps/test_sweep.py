@@ -361,8 +361,7 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
 
 def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) -> None:
     """With more unknowns than equations, each point equals its single trim of least effort bit for
-    bit.
-    """
+    bit."""
     model = published_aircraft
     condition = release(LEVEL_FLIGHT, free=("aileron_center",))
     angles = np.radians([5.0, 15.0])
@@ -459,7 +458,8 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
-    """The rows of a plan from 10 to 13 equal those of its grid. The last variable varies fastest."""
+    """The rows of a plan from 10 to 13 equal those of its grid. The last variable varies
+    fastest."""
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
         {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},

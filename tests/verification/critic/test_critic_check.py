@@ -120,8 +120,7 @@ def test_the_limit_is_the_limit() -> None:
 
 def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
     """A root of the Riccati equation that does not stabilize fails by its error and its closed
-    loop.
-    """
+    loop."""
     P = other_root(game)
     assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
     check = check_critic(game, from_value(game, P))
@@ -172,7 +171,8 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
 def test_a_runs_settling_time_is_computed_anew(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
-    """The settling time of a training run is computed again and compared with the predefined time."""
+    """The settling time of a training run is computed again and compared with the predefined
+    time."""
     weights = weights_of(value(game))
     run = replace(
         result_of(game, weights, 21, predefined_time=0.5),
@@ -261,7 +261,8 @@ def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
 
 
 def test_a_file_is_read_for_its_game(game: Game) -> None:
-    """A gain can be read from a file without a game. A value, or a gain with units, needs the game."""
+    """A gain can be read from a file without a game. A value, or a gain with units, needs the
+    game."""
     np.savez("K.npz", K=gain(game))
     np.savez("P.npz", P=value(game))
     for file in ("K.npz", "P.npz"):
@@ -311,7 +312,8 @@ def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None)
 
 
 def test_the_report_shows_the_farthest_entries(game: Game) -> None:
-    """The report prints the entries with the largest errors, and the records contain all entries."""
+    """The report prints the entries with the largest errors, and the records contain all
+    entries."""
     P = value(game).copy()
     K = gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
@@ -469,7 +471,8 @@ Names = tuple[str, ...]
 def test_names_and_units_decide(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
-    """The box of typical deviations is used only for a plant with the aircraft's names and units."""
+    """The box of typical deviations is used only for a plant with the aircraft's names and
+    units."""
     box = ordinary_box(states, inputs, units)
     if speed is None:
         assert box is None
@@ -556,8 +559,7 @@ ROUNDING_SHOWN = 1e-12
 
 def test_our_own_run_is_a_timed_history(game: Game) -> None:
     """`check_history` finds the settling time that the training run reports, and its figure is
-    drawn.
-    """
+    drawn."""
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = critics_over_time(game, result.times, W=result.weights, K=result.K)
