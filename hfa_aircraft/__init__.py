@@ -1,1 +1,1 @@
-"""Declaration, loading and conversion of aircraft models, used by every package."""
+"""Declaration, loading and unit conversion of aircraft models, used by all packages."""

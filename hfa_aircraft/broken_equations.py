@@ -1,4 +1,4 @@
-"""Messages for models whose equations fail, loaded only when they do."""
+"""Messages for models whose equations fail. The module is imported only in this case."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
-    """Return the error for equations that raised `error` at x, u, p and w."""
+    """Return the BadInputError for equations that raised an exception.
+
+    arguments: x, u, p and w of the failed call
+    """
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:
             refuse_unknown(

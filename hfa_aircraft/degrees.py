@@ -1,4 +1,4 @@
-"""Detection of signals in degrees whose sine, cosine or tangent the equations compute."""
+"""Detection of equations that compute the sine, cosine or tangent of a signal in degrees."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
 
 def notes_on_degrees(model: Model) -> list[str]:
-    """Return a warning for each signal in deg whose sine, cosine or tangent the equations compute.
+    """Return a warning for each signal in degrees whose sine, cosine or tangent is computed.
 
-    The equations receive values in the declared unit, so that such an angle is wrong by 180/π. Sums
-    and differences of such signals count too. A signal that is multiplied first is regarded as
-    converted.
+    The equations receive values in the declared unit. Such an angle is therefore wrong by 180/π.
+    Sums and differences of such signals count too. A signal that is multiplied first is assumed to
+    be converted.
     """
     model = model.extras.native or model
     names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")
@@ -35,8 +35,10 @@ def notes_on_degrees(model: Model) -> list[str]:
 
 @lru_cache(maxsize=16)
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Return (signal, function) for every sine, cosine and tangent of the signals with these
-    names."""
+    """Return (signal, function) for each sine, cosine or tangent of these signals in the equations.
+
+    names: signals in degrees
+    """
     vectors = layout.symbols("x", "u", "p")
     f, y = layout.expressions([components(vector) for vector in vectors], layout.names[4])
     program = ca.Function("equations", vectors, [f, y])

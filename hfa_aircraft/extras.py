@@ -1,4 +1,4 @@
-"""Optional data of a model, set by readers of files and by the paper's aircraft."""
+"""Optional data of a model, set by readers of files and by the HFA."""
 
 from __future__ import annotations
 
@@ -13,36 +13,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """Names, validity, trim advice and origin of a model. A user's declaration has none.
+    """Names, range of validity, trim advice and origin of a model. A user's declaration has none.
 
-    called: name in reports, or "" for the name of the model
-    names_schedule: whether options and data use the name of the scheduling variable (--dihedral,
-        dihedral_deg) in place of --at and scheduled
-    aliases: name in another program -> name here
+    called: name in reports, or "" for the name of the model names_schedule: whether options and
+    data contain the name of the scheduling variable (--dihedral,
+      dihedral_deg) instead of --at and scheduled
+    aliases: name in another program -> name in the model
     notes: sentences for every report
-    parts: ending -> linear states. OUTPUT_ending names the part of an output caused by these
-        states, the inputs and the disturbances, for controllers.
-    variants: names of its other equations, which a design may treat differently
+    parts: suffix -> linear states. OUTPUT_suffix is the part of an output that these states, the
+      inputs and the disturbances cause. Controllers can measure it.
+    variants: names of other equations, which a design may treat differently
 
-    range: state -> (largest absolute value, source). Larger values give a warning.
-    envelope: function (x, p) of a trim -> limits of the states in flights about it, state ->
-        (lowest, highest), where they differ from min and max. x and p are by name.
-    check: function that raises BadInputError for a state, by name, outside the domain of the
-        equations
+    range: state -> (largest absolute value, source). Larger values cause a warning.
+    envelope: function (x, p) of a trim -> limits of the states in flight, as state -> (lowest,
+      highest), if they differ from min and max. x and p have fields by name.
+    check: function of a state x, with fields by name, that raises BadInputError outside the domain
+    of
+      the equations
 
-    alternatives: groups of names of which a trim imposes one. Imposing another name of the group
-        sets it free.
-    begin: imposed values by name, numbers or arrays -> initial values of the search for the others.
-        The value of the first name of a group of alternatives is exact.
-    explain: (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
-        (`trim.point.reasons`)
-    describe_trim: (operating point, its report) -> the report with the aircraft's own description
-        of the trim in place of its outputs
+    alternatives: groups of names, of which a trim imposes one. Imposing another name of the group
+    frees
+      the first.
+    begin: function (imposed values by name) -> initial values of the other variables in a trim
+    search.
+      Values are numbers or arrays. The first name of a group of alternatives receives its exact
+        value.
+    explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
+      (`trim.point.reasons`)
+    describe_trim: function (operating point, its report) -> the report with the aircraft's own
+      description of the trim in place of its outputs
 
-    source: file and name that the model was loaded from, and a hash
-    native: the model that `hfa_aircraft.units.in_si` converted into this one
-    made_by: function that makes the model in another process from `native`, or from `source` and
-        the parameters. With None the model itself is sent.
+    source: file and name from which the model was loaded, and a hash native: the model from which
+    `hfa_aircraft.units.in_si` converted this one made_by: function that makes the model in another
+    process, from `native`, or from `source` and the
+      parameters. If it is None, the model is pickled.
     """
 
     called: str = ""

@@ -1,5 +1,4 @@
-"""The equations of a model as CasADi expressions, compiled once for all models with these
-equations."""
+"""Equations of a model as CasADi expressions, built once for all models with the same equations."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ _FAILURES = (
 
 
 class Layout(NamedTuple):
-    """Equations and names of a model, without numbers. Its Functions depend on nothing else.
+    """Equations and names of a model, without numbers. Its CasADi functions depend on nothing else.
 
     name: name of the model
     equations: equations of the `Model`
@@ -44,13 +43,17 @@ class Layout(NamedTuple):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim, imposed or free."""
+        """Names of the variables of a trim: states, or the outputs that replace them, and
+        inputs.
+        """
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
 
     @property
     def has_nan(self) -> bool:
-        """True if a constant of the equations is nan, for example after math.sin of a symbol."""
+        """True if the equations contain the constant NaN, for example after math.sin of a
+        symbol.
+        """
         vectors = self.symbols("x", "u", "p")
         rates, _ = self.expressions([components(vector) for vector in vectors], ())
         function = ca.Function("f", vectors, [rates])
@@ -62,15 +65,15 @@ class Layout(NamedTuple):
         return any(math.isnan(constant) for constant in constants)
 
     def refuse_broken(self) -> None:
-        """Raise BadInputError where the equations are faulty."""
+        """Raise BadInputError if the equations are faulty."""
         _symbolic(self, True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
-        """Raise BadInputError for a variable that acts on the equations only in steps.
+        """Raise BadInputError for a variable that affects the equations only in steps.
 
-        All its derivatives are 0, although equations depend on it.
+        All derivatives with respect to such a variable are 0, although the equations depend on it.
 
-        jacobian: (m, k), a column for each of `names`
+        jacobian: (m, k), with a column for each of `names`
         """
         has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
         has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
@@ -82,11 +85,17 @@ class Layout(NamedTuple):
                 )
 
     def record(self, vector: str, values: Any) -> Any:
-        """Return the values of a vector ("x", "u", "p" or "w") as a named tuple."""
+        """Return the values of a vector as a named tuple.
+
+        vector: "x", "u", "p" or "w"
+        """
         return record(self._names_of(vector))(*values)
 
     def symbols(self, *vectors: str) -> list[ca.SX]:
-        """Return new symbols, one column for each of "x", "u", "p" and "w" that is named."""
+        """Return a new CasADi symbol, a column, for each of the named vectors.
+
+        vectors: "x", "u", "p" or "w"
+        """
         return [ca.SX.sym(vector, len(self._names_of(vector))) for vector in vectors]
 
     def _names_of(self, vector: str) -> tuple[str, ...]:
@@ -99,9 +108,9 @@ class Layout(NamedTuple):
 
         vectors: components of x, u and p
         outputs: names of outputs or states
-        w: components of the disturbances; by default 0
+        w: components of the disturbances, by default 0
 
-        Raises BadInputError where the equations are faulty.
+        Raises BadInputError if the equations are faulty.
         """
         symbols, f, output_expressions = _symbolic(self, w is None)
         states = self.names[0]
@@ -118,15 +127,17 @@ class Layout(NamedTuple):
     def in_variables(
         self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
     ) -> list[ca.SX]:
-        """Return x, u, f and the named outputs in still air, as functions of the variables of a
-        trim.
+        """Return x, u, f and the named outputs without disturbance, as functions of a trim's
+        variables.
 
-        values: value of each variable of a trim
+        A state in `replaced` is computed from the output that replaces it, x = (value - y(0)) /
+        (dy/dx).
+
+        values: value of each variable of the trim
         p: parameters
         outputs: names of outputs or states
 
-        A state in `replaced` follows from the output in its place: x = (value - y(0)) / (dy/dx).
-        Raises BadInputError where that output is not affine in the state.
+        Raises BadInputError if that output is not affine in the state.
         """
         unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
         x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
@@ -154,19 +165,20 @@ class Layout(NamedTuple):
 
 
 def components(vector: Any) -> list[Any]:
-    """Return the entries of a CasADi column as a list."""
+    """Return the components of a CasADi column as a list."""
     return ca.vertsplit(vector) if vector.numel() else []
 
 
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Return the symbols [x, u, p, w], f, and the outputs by name, in these symbols.
+    """Return the symbols [x, u, p, w], and f and the outputs by name as expressions of these
+    symbols.
 
-    The result is cached, because its construction takes longer than all functions of it.
+    The result is cached, because building it takes longer than deriving functions from it.
 
-    still: whether the disturbances are 0; w then has no symbols
+    still: whether the disturbances are 0. The symbol w is then omitted.
 
-    Raises a BadInputError that names the fault of the equations.
+    Raises BadInputError, which names the fault of the equations.
     """
     if still and not layout.names[3]:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)
@@ -185,8 +197,9 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raise BadInputError where an expression contains a symbol of the user's own, without a
-    value."""
+    """Raise BadInputError if an expression contains a symbol other than `symbols`, which has no
+    value.
+    """
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):
         if symbol.element_hash() not in own:
@@ -197,7 +210,12 @@ def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> Non
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """Return the rates and outputs of the equations, with exactly the declared names."""
+    """Return the rates and the outputs by name that the equations return.
+
+    arguments: x, u, p and w
+
+    Raises BadInputError if the equations fail or do not return exactly the declared names.
+    """
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
             # CasADi warns of functions of NumPy.
@@ -231,9 +249,10 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as one expression.
+    """Return a rate or an output as a scalar expression. Raises BadInputError if it is not a
+    number.
 
-    Raises BadInputError for a vector, and for anything that is not a number.
+    kind: "rate" or "output", for messages
     """
     try:
         expression = ca.SX(value)

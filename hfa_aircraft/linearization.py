@@ -1,4 +1,4 @@
-"""Values of a model's equations at a point, with their exact derivatives."""
+"""Values of a model's equations at a point, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from hfa_support.native.bound import RowFunction
 class Linearization(NamedTuple):
     """Values and derivatives of f and y at a point.
 
-    f: (n,), rates
-    y: (k,), outputs
-    A, B, E: (n, n), (n, m) and (n, d), derivatives of f with respect to x, u and w
-    C, D, F: (k, n), (k, m) and (k, d), derivatives of y with respect to x, u and w
+    f: rates, (n,)
+    y: outputs, (k,)
+    A, B, E: derivatives of f with respect to x, u and w, (n, n), (n, m) and (n, d)
+    C, D, F: derivatives of y with respect to x, u and w, (k, n), (k, m) and (k, d)
     """
 
     f: np.ndarray
@@ -37,7 +37,11 @@ class Linearization(NamedTuple):
 def linearized(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> ca.Function:
-    """Return the Function (x, u, p) -> fields of a `Linearization`, at w = 0."""
+    """Return the CasADi function (x, u, p) -> fields of a `Linearization`, at w = 0.
+
+    outputs: names of outputs or states
+    disturbances: names of the disturbances in w
+    """
     x, u, p = layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", len(disturbances))
     for name in disturbances:
@@ -68,7 +72,11 @@ def linearized(
 def linearized_rows(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> RowFunction:
-    """Return the Function (x, u, p) -> fields of `linearized` row by row, in one column."""
+    """Return `linearized` for rows (x, u, p). Each result is one row with all fields.
+
+    outputs: names of outputs or states
+    disturbances: names of the disturbances in w
+    """
     function = linearized(layout, outputs, disturbances)
     vectors = layout.symbols("x", "u", "p")
     flat = ca.vertcat(*(ca.vec(part.T) for part in function(*vectors)))
@@ -77,7 +85,7 @@ def linearized_rows(
 
 @lru_cache(maxsize=64)
 def places_of_parts(n: int, m: int, k: int, d: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Return the slice and shape of each field of a `Linearization` in a row of `linearized_rows`.
+    """Return (slice, shape) of each field of a `Linearization` in a row of `linearized_rows`.
 
     n, m, k, d: numbers of states, inputs, outputs and disturbances
     """

@@ -1,4 +1,4 @@
-"""Loading of models from Python files, modules and the formats of packages."""
+"""Loading of models from Python files, modules and further formats of installed packages."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 
 
 class AircraftReader(Protocol):
-    """Entry point of `hfa.aircraft`: a function that reads an aircraft."""
+    """Type of the entry points of `hfa.aircraft`: functions that read an aircraft."""
 
     def __call__(self, text: str) -> Model:
-        """Return the aircraft that the text after --aircraft names.
+        """Return the model of an aircraft.
+
+        text: argument of --aircraft
 
         Raises BadInputError for an invalid text or file.
         """
@@ -35,14 +37,14 @@ class AircraftReader(Protocol):
 
 @checks_arguments
 def load_model(text: str) -> Model:
-    """Return the model that a text names.
+    """Return the model of an aircraft.
 
-    text: `FILE.py:NAME`, `package.module:NAME`, or a file or `scheme:NAME` that a package reads
-
-    Python files and modules are executed. A package reads other schemes and suffixes
+    Python files and modules are executed. Other schemes and suffixes are read by installed packages
     (`hfa_support.entry_points.AIRCRAFT`).
 
-    Raises a BadInputError that names the file and its fault.
+    text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
+
+    Raises BadInputError, which names the file and its fault.
 
     >>> import hfa
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
@@ -92,8 +94,8 @@ def load_model(text: str) -> Model:
 def _loaded(model: Model, text: str, digest: str) -> Model:
     """Return the model with its source, from which another process can load it.
 
-    It takes the equations of the same text and fingerprint that were loaded before, whose functions
-    are known already.
+    If a model with the same text and digest was loaded before, its equations are reused. Their
+    CasADi functions then exist already.
     """
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
     known = _known_equations(text, digest)
@@ -104,18 +106,21 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
 
 @lru_cache(maxsize=16)
 def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
-    """Return the list that keeps the equations first loaded for a text and a fingerprint."""
+    """Return the cached list with the equations first loaded for a text and a digest."""
     return []
 
 
 def forms_of_packages() -> list[str]:
-    """Return the forms of an aircraft's name that packages read, schemes before suffixes."""
+    """Return the forms of --aircraft that installed packages support, such as "FILE.toml".
+
+    Schemes come before suffixes.
+    """
     names = sorted(offered(AIRCRAFT), key=lambda name: name.startswith("."))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the reader of a scheme or of the longest suffix, or None for Python.
+    """Return the entry point for a scheme or for the longest suffix, or None if there is none.
 
     The text after a "?" is an argument of the reader.
     """
@@ -127,9 +132,9 @@ def _format_of(text: str) -> EntryPoint | None:
 
 
 def _read(offer: EntryPoint, text: str) -> Model:
-    """Return the model that the reader of a package makes of a text.
+    """Return the model that a package's reader returns for a text.
 
-    Raises BadInputError where the result is not a Model.
+    Raises BadInputError if it does not return a Model.
     """
     read: AircraftReader = loaded(offer)
     with file_faults(text):
@@ -143,7 +148,7 @@ def _read(offer: EntryPoint, text: str) -> Model:
 
 
 def _digest(model: Model, text: str) -> str:
-    """Return a hash of the reader's input: the reader's own, or one of the file and the model."""
+    """Return the hash that the reader computed, or else one of the file and the model."""
     if model.extras.source[1]:
         return model.extras.source[1]
     path = Path(text.partition("?")[0])
@@ -152,7 +157,7 @@ def _digest(model: Model, text: str) -> str:
 
 
 def _executed(file: str) -> types.ModuleType:
-    """Execute a file and return it as a module."""
+    """Execute a Python file and return it as a module."""
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # with which it finds its tables
@@ -169,7 +174,10 @@ def _imported(name: str) -> types.ModuleType:
 
 
 def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
-    """Return the message for a name that is not a model; it lists the models of the module."""
+    """Return the message for a name that does not refer to a model, with the models of the module.
+
+    value: object of this name, or None
+    """
     what = "has no name" if value is None else f"holds {shown(value)}, not a Model, under"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
     advice = f"use {', '.join(models)}" if models else "define a Model"
@@ -177,9 +185,12 @@ def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
 
 
 def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
-    """Return the model of a source in another process.
+    """Load a model again from its source, in another process.
 
-    Raises BadInputError when the file has changed since it was loaded.
+    source: text and hash
+    parameters: values of all parameters
+
+    Raises BadInputError if the file has changed since it was loaded.
     """
     model = load_model(source[0])
     if model.extras.source != source:

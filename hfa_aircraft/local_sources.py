@@ -1,5 +1,4 @@
-"""Source files of a model, with the local modules that they import, and the fingerprint of a
-model."""
+"""Hash of a model's source files, including imported local modules, and fingerprint of a model."""
 
 from __future__ import annotations
 
@@ -31,10 +30,12 @@ _EXTENSIONS = Path(__file__).resolve().parents[1] / "extensions"
 
 
 def fingerprint(model: Model, sources: str) -> str:
-    """Return a SHA-256 of a model.
+    """Return the SHA-256 fingerprint of a model.
 
-    It covers the hash of its source files, its signals, its trim and its equations instruction by
-    instruction, with the numbers that they read from other files.
+    It covers the hash of the source files, the signals, the trim, and each instruction of the
+    equations. Thus it also covers numbers that the model reads from other files.
+
+    sources: hash of the source files
     """
     vectors = model.layout.symbols(*VECTORS)
     *given, w = map(components, vectors)
@@ -55,13 +56,14 @@ def fingerprint(model: Model, sources: str) -> str:
 
 
 def hash_of_sources(file: Path, package: str = "") -> str:
-    """Return a SHA-256 of an executed Python file and of the local modules that it imports.
+    """Return the SHA-256 hash of an executed Python file and of the local modules that it imports.
 
-    Modules are local in the folder of the file, or below the folder of its outermost package,
-    unless they belong to an installed package. Modules that these import count too.
+    Modules are local if they are in the folder of the file, or below the folder of its outermost
+    package, and do not belong to an installed package. Local modules that these import are
+    included.
 
     file: the executed file
-    package: its package, for relative imports
+    package: package of the file, for relative imports
     """
     outer_packages = package.count(".")
     folder = file.resolve().parents[outer_packages]
@@ -78,8 +80,12 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """Add the text of a file and of the local files that it imports to `sources`, and return
-    them."""
+    """Add a file, and the local files that it imports, to `sources` as path -> content. Return
+    `sources`.
+
+    package: package of the file
+    folder: folder below which files are local
+    """
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
         module = sys.modules.get(name)
@@ -95,7 +101,11 @@ def _local_sources(
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:
-    """Return the modules that import statements may name, with their packages."""
+    """Return the names of all modules, and their packages, that import statements may refer to.
+
+    text: content of the file
+    package: package of the file
+    """
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):

@@ -1,5 +1,6 @@
-"""Declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w), the only source of equations and
-names."""
+"""Declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w): the single source of its equations
+and names.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +29,12 @@ if TYPE_CHECKING:
 
 
 class UsualTrim(dict[str, float]):
-    """Variable -> value that a trim imposes by default; as a function it trims the model."""
+    """Variable -> value that a trim imposes by default. Calling it trims the model."""
 
     model: Any
 
     def __call__(self, *condition: Any, **held: Any) -> Any:
-        """Return the operating point of `find_operating_point`: model.trim(speed=60.0)."""
+        """Return the operating point of `find_operating_point`, as in model.trim(speed=60.0)."""
         return self.model.find_operating_point(*condition, **held)
 
 
@@ -41,22 +42,22 @@ class UsualTrim(dict[str, float]):
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
 
-    name: name of the model
-    states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the vectors
-    equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name), for numbers
-        and for CasADi expressions, with every declared output
+    name: name of the model states, inputs, parameters, disturbances, outputs: name -> `Signal`, in
+    the order of the vectors equations: function (x, u, p, w) -> (rates by state, outputs by name).
+    Its arguments have fields by
+      name. It accepts numbers and CasADi expressions.
     trim: state, input or output -> value that a trim imposes by default
-    steady: states whose rates a trim balances; by default all
-    linear: states of the linear model; by default all
+    steady: states whose rates are zero in a trim, by default all
+    linear: states of the linear model, by default all
     schedule: state, input or parameter over which sweeps, gain schedules and proofs run
-    modes: name of a mode -> states that take part most; by default found from usual names of states
-        (`usual_modes`)
+    modes: name of a mode -> states that dominate it; by default derived from names of states
+      (`usual_modes`)
     replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma; the
-        output is affine in the state
-    extras: additional data set by a reader of files, or by the paper's aircraft
+      output must be affine in the state
+    extras: additional data, set by a reader of files or by the HFA
 
-    Raises BadInputError when a name is not an identifier, is declared twice or is unknown, a number
-    is invalid, or the equations fail.
+    Raises BadInputError if a name is unknown, declared twice or not an identifier, if a number is
+    invalid, or if the equations fail.
 
     >>> import hfa
     >>> states = {"position": hfa.Signal("ft"), "velocity": hfa.Signal("ft/s")}
@@ -85,7 +86,7 @@ class Model(Reported):
     extras: Extras = field(default_factory=Extras)
 
     def __post_init__(self) -> None:
-        """Check the declaration before the equations are compiled."""
+        """Check the declaration and, unless the model is loaded from a file, the equations."""
         self._check_signals()
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; a model needs at least one")
@@ -108,7 +109,11 @@ class Model(Reported):
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
-        """Convert each kind of signals to a dictionary, and refuse invalid names and numbers."""
+        """Convert each group of signals to a dictionary.
+
+        Raises BadInputError for an invalid name, a name that is declared twice, or an invalid
+        number.
+        """
         seen: set[str] = set()
         for kind in (*VECTORS.values(), "outputs"):
             signals: Any = getattr(self, kind)
@@ -129,7 +134,9 @@ class Model(Reported):
                 _check_signal(f"{self.name}: {name}", signal)
 
     def _check_names(self) -> None:
-        """Raise BadInputError for names that are not declared."""
+        """Raise BadInputError if `steady`, `linear`, `replaced`, `schedule`, `modes` or `parts`
+        contain an undeclared name.
+        """
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
         in_modes = self._names_of_groups("modes", self.modes)
@@ -147,7 +154,10 @@ class Model(Reported):
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
 
     def _names_of_groups(self, kind: str, groups: Mapping[str, tuple[str, ...]]) -> list[str]:
-        """Return the names in all groups of `modes` or `parts`."""
+        """Return the names in all groups of `modes` or `parts`.
+
+        kind: "modes" or "parts", for messages
+        """
         names: list[str] = []
         for group, members in groups.items():
             names += _names(f"{self.name}: {kind} {shown(group)}", members)
@@ -160,13 +170,13 @@ class Model(Reported):
         return f"<Model {self.title}: {counts}>"
 
     def report(self) -> Report:
-        """Return tables of the names, units, limits and trim."""
+        """Return tables of the signals with units, limits and trim values."""
         from hfa_aircraft.signals_table import signals_report
 
         return signals_report(self)
 
     def __reduce__(self) -> Any:
-        """Return the arguments of a pickle; a model from a file is loaded from it again."""
+        """Return the arguments of a pickle. A model that was loaded from a file is loaded again."""
         extras = self.extras
         if extras.made_by is None:
             return super().__reduce__()
@@ -194,19 +204,19 @@ class Model(Reported):
 
     @property
     def schedule_unit(self) -> str:
-        """Unit of the scheduling variable in reports: degrees for an angle."""
+        """Unit of the scheduling variable in reports. Angles are in degrees."""
         return "deg" if self.unit(self.schedule) == "rad" else self.unit(self.schedule)
 
     @property
     def schedule_key(self) -> str:
-        """Key of the scheduling variable in files and data, such as dihedral_deg or speed."""
+        """Key of the scheduling variable in files and data, such as "dihedral_deg" or "speed"."""
         if self.schedule_unit == "deg":
             return f"{self.schedule}_deg"
         return self.schedule
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
-        """All signals and parameters by name."""
+        """Name -> signal, for all states, inputs, outputs, parameters and disturbances."""
         return {
             **self.states,
             **self.inputs,
@@ -217,23 +227,28 @@ class Model(Reported):
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: states, some replaced by outputs, and inputs."""
+        """Names of the variables of a trim: states, or the outputs that replace them, and
+        inputs.
+        """
         return self.layout.variables
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:
-        """Names that a trim can impose: variables and outputs."""
+        """Names of the quantities that a trim can impose: variables and outputs."""
         return tuple(dict.fromkeys((*self.variables, *self.outputs)))
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """Names that a controller can measure: states, outputs and the parts of outputs."""
+        """Names of the quantities that a controller can measure: states, outputs and parts of
+        outputs.
+        """
         parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Return the output or state of a name in `measurable`, and the linear states that it
-        includes."""
+        """Return the output or state of a name in `measurable`, and the linear states on which it
+        depends.
+        """
         for ending, states in self.extras.parts.items():
             whole = name.removesuffix(f"_{ending}")
             if whole != name and whole in self.outputs:
@@ -242,9 +257,10 @@ class Model(Reported):
 
     @cached_property
     def rates(self) -> dict[str, Signal]:
-        """Signals of the rates of the states, which a trim can also impose: speed_dot for speed.
+        """Name -> signal, for the rates of the states, which a trim can impose too. An example is
+        speed_dot.
 
-        A rate whose name is already declared is left out.
+        A rate whose name is declared otherwise is omitted.
         """
         return {
             f"{name}_dot": Signal(self.rate_unit(name), self.rate_scale(name))
@@ -253,11 +269,10 @@ class Model(Reported):
         }
 
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
-        """Raise BadInputError unless a trim can impose the name.
+        """Raise BadInputError unless a trim can impose the quantity `name`.
 
-        meaning: subject of the message
-        name: the name
-        also: further allowed names, besides `holdable` and the rates of states
+        meaning: beginning of the message
+        also: further allowed names
         """
         if name in self.rates or name in also:
             return
@@ -271,7 +286,7 @@ class Model(Reported):
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each state, input, output and disturbance."""
+        """Lowest and highest value of each state, input, output and disturbance, by name."""
         return {
             name: (signal.min, signal.max)
             for name, signal in self.signals.items()
@@ -279,20 +294,23 @@ class Model(Reported):
         }
 
     def unit(self, name: str) -> str:
-        """Return the unit of a signal, a parameter or a rate. Raises BadInputError for another
-        name."""
+        """Return the unit of a signal, a parameter or a rate. Raises BadInputError for an unknown
+        name.
+        """
         if name in self.signals:
             return self.signals[name].unit
         refuse_unknown("unknown name", name, (*self.signals, *self.rates))
         return self.rates[name].unit
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return the units of names, in order."""
+        """Return the units of the signals `names`, in their order."""
         return tuple(self.unit(name) for name in names)
 
     @cached_property
     def time_unit(self) -> str:
-        """Unit of time: "min", "h" or "day" where the units contain it and not s; else "s"."""
+        """Unit of time: "min", "h" or "day" if the declared units contain it and do not contain
+        "s". Else "s".
+        """
         bases = set()
         for signal in self.signals.values():
             bases.update(re.findall("[a-z]+", signal.unit))
@@ -300,7 +318,7 @@ class Model(Reported):
         return longer[0] if longer and "s" not in bases else "s"
 
     def rate_unit(self, name: str) -> str:
-        """Return the unit of a state's rate: ft/s for ft, ft/s^2 for ft/s."""
+        """Return the unit of a state's rate, such as ft/s for ft, and ft/s^2 for ft/s."""
         per_time = f"/{self.time_unit}"
         head, slash, power = self.unit(name).rpartition(per_time)
         if slash and (not power or power[1:].isdigit()):
@@ -308,19 +326,19 @@ class Model(Reported):
         return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
-        """Return the typical size of a state's rate."""
+        """Return the typical magnitude of a state's rate."""
         return self.states[name].rate or self.states[name].nominal
 
     def entry_unit(self, row: str, column: str) -> str:
         """Return the unit of an entry of A or B.
 
         row: state whose rate is differentiated
-        column: state or input
+        column: state or input with respect to which it is differentiated
         """
         return f"({self.rate_unit(row)})/({self.unit(column)})"
 
     def describe(self, name: str, value: float) -> str:
-        """Return a value of the signal `name` with its unit as text, angles in degrees."""
+        """Return a value of the signal `name` with its unit as text. Angles are in degrees."""
         unit = self.unit(name)
         text = shown_value(value, unit)
         return text if unit == "1" else f"{text} {shown_unit(unit)}"
@@ -328,9 +346,9 @@ class Model(Reported):
     # Parameters.
 
     def with_parameters(self, **values: float) -> Model:
-        """Return the model with other values of parameters.
+        """Return a copy of the model with other values of parameters.
 
-        Raises BadInputError for an unknown parameter, and for a value beyond its limits.
+        Raises BadInputError for an unknown parameter or a value beyond its limits.
         """
         changed = dict(self.parameters)
         native = self.extras.native
@@ -367,10 +385,10 @@ class Model(Reported):
     def functions(
         self, outputs: Sequence[str] | None = None, disturbances: Sequence[str] = ()
     ) -> ca.Function:
-        """Return the Function (x, u, p) -> fields of a `Linearization`, at w = 0.
+        """Return the CasADi function (x, u, p) -> fields of a `Linearization`, at w = 0.
 
-        outputs: names of outputs or states; by default all outputs
-        disturbances: names
+        outputs: names of outputs or states, by default all outputs
+        disturbances: names of the disturbances in w
         """
         from hfa_aircraft.linearization import linearized
 
@@ -380,14 +398,14 @@ class Model(Reported):
     def at(
         self, x: Any, u: Any, outputs: Sequence[str] = (), disturbances: Sequence[str] = ()
     ) -> Linearization:
-        """Return f, y and their derivatives at a state and an input, exact to rounding.
+        """Return f, y and their derivatives at a state and an input, exact up to rounding.
 
-        x: (n,), state
-        u: (m,), input
+        x: state, (n,)
+        u: input, (m,)
         outputs: names of outputs or states
-        disturbances: names
+        disturbances: names of the disturbances in w
 
-        Raises FloatingPointError where a result is not finite.
+        Raises FloatingPointError if a result is not finite.
         """
         from hfa_aircraft.linearization import Linearization, linearized_rows, places_of_parts
 
@@ -405,10 +423,10 @@ class Model(Reported):
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
-        """Return the message that names a rate that is not finite, and the point.
+        """Return the message about a rate or derivative that is not finite, with the point.
 
         rates: rates of the states `names`
-        values: name -> value of the states and inputs at the point
+        values: state or input -> value at the point
         """
         wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
@@ -423,20 +441,22 @@ class Model(Reported):
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
-        """Return output -> value at a state x and an input u, for all outputs or those in
-        `names`."""
+        """Return output -> value at a state and an input, without disturbance.
+
+        names: names of outputs, by default all
+        """
         _, outputs = self._numbers_at(x, u)
         return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
     def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
-        """Return state -> rate at a state x and an input u."""
+        """Return state -> rate at a state and an input, without disturbance."""
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
 
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return the rates and outputs by name."""
+        """Return the rates and the outputs by name, as numbers, without disturbance."""
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))
@@ -451,16 +471,18 @@ class Model(Reported):
 
 
 def _is_identifier(name: Any) -> bool:
-    """Return whether a name can be a field in Python and in C."""
+    """Return whether a name is an ASCII identifier in Python and C without a leading underscore."""
     if not isinstance(name, str) or keyword.iskeyword(name):
         return False
     return name.isidentifier() and name.isascii() and name[0] != "_"
 
 
 def _names(what: str, names: Any) -> tuple[str, ...]:
-    """Return names as a tuple.
+    """Return a sequence of names as a tuple.
 
-    Raises BadInputError for a single text, and for items that are not texts.
+    what: beginning of the message
+
+    Raises BadInputError for a single string, or for another type.
     """
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
@@ -468,7 +490,10 @@ def _names(what: str, names: Any) -> tuple[str, ...]:
 
 
 def _check_signal(where: str, signal: Signal) -> None:
-    """Raise BadInputError for a signal with an invalid number."""
+    """Raise BadInputError for a signal with an invalid type, unit or number.
+
+    where: beginning of the message
+    """
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
     if not isinstance(signal.unit, str):

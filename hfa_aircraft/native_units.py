@@ -1,4 +1,4 @@
-"""Access to the declared units of a model that may have been converted to SI."""
+"""Access to the declared units of a model that may be converted to SI."""
 
 from __future__ import annotations
 
@@ -11,23 +11,29 @@ from hfa_support.units import si_factor, si_unit
 
 
 def native_of(model: Model) -> Model:
-    """Return the model in the units of its declaration: itself unless `in_si` made it."""
+    """Return the model in its declared units: the original of a model that `in_si` converted."""
     return model if model.extras.native is None else model.extras.native
 
 
 def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
-    """Return values of signals in the units of the declaration, which the aircraft's formulas
-    require."""
+    """Return values of signals in the declared units, for formulas of the aircraft.
+
+    names: names of the signals
+    values: values in the units of the model, (..., names)
+    """
     array = np.asarray(values, dtype=float)
     native = model.extras.native
     return array if native is None else array / [si_factor(native.unit(name)) for name in names]
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:
-    """Return a value given in an English unit in the units of the model."""
+    """Convert a value from an English unit to the unit that the model uses instead.
+
+    It is returned unchanged unless the model is converted to SI.
+    """
     return value if model.extras.native is None else value * si_factor(unit)
 
 
 def unit_of(model: Model, unit: str) -> str:
-    """Return the unit in which `in_units_of` gives values of an English unit."""
+    """Return the unit of the values that `in_units_of` returns for an English unit."""
     return unit if model.extras.native is None else si_unit(unit)

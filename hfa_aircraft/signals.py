@@ -14,16 +14,16 @@ VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
 
 
 class Signal(NamedTuple):
-    """Unit, size and limits of a state, input, parameter, disturbance or output.
+    """Unit, magnitude and limits of a state, input, parameter, disturbance or output.
 
     The names of the fields are those of FMI 3 and casadi.DaeBuilder.
 
-    unit: text, "1" for none
-    nominal: typical size, > 0; it scales unknowns and residuals of different units
-    min, max: domain of the equations; limits of a trim
-    start: value of a parameter; initial value of the search for a state or an input
-    rate: typical size of a state's rate; by default the nominal
-    moving: note on an input, about omitted dynamics between it and the motion
+    unit: text, "1" for a dimensionless signal
+    nominal: typical magnitude, > 0; it scales unknowns and residuals of different units
+    min, max: domain of the equations, and limits of a trim
+    start: value of a parameter; initial value of a trim search for a state or an input
+    rate: typical magnitude of a state's rate, by default the nominal
+    moving: note on omitted dynamics between an input and the motion
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
@@ -44,7 +44,7 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 
 
 def record(names: tuple[str, ...]) -> Any:
-    """Return the class of named tuples with these fields: the registered one, or a new one."""
+    """Return the class of named tuples with these fields. It is created if none is registered."""
     if names not in _RECORDS:
         remember_record(namedtuple("Values", names))
     return _RECORDS[names]

@@ -18,7 +18,7 @@ WIDTH = 0.1 * POINTS.std()
 
 
 def copies(expression: ca.SX, x: ca.SX) -> tuple[np.ndarray, np.ndarray, ca.Function]:
-    """Return the function and its smooth copy at POINTS, and the copy."""
+    """Return the values of a function and of its smooth copy at POINTS, and the copy."""
     sharp = ca.Function("f", [x], [expression])
     smooth = smoothed(sharp, POINTS, 0.1)
     return np.array(sharp(POINTS.T))[0], np.array(smooth(POINTS.T))[0], smooth
@@ -35,8 +35,9 @@ def copies(expression: ca.SX, x: ca.SX) -> tuple[np.ndarray, np.ndarray, ca.Func
     ],
 )
 def test_a_copy_differs_near_the_kink_alone(kinked):
-    """A copy differs only near the kink, by at most the change of slope times the half-width, and
-    its slope is continuous.
+    """A smooth copy differs from the function only near the kink, and its slope is continuous.
+
+    The difference is at most the change of slope times the half-width.
     """
     x = ca.SX.sym("x")
     sharp, smooth, copy = copies(kinked(x), x)
@@ -50,7 +51,7 @@ def test_a_copy_differs_near_the_kink_alone(kinked):
 
 
 def test_a_condition_on_a_truth_value_is_smooth():
-    """A condition on the 0 or 1 of a comparison, such as JSBSim's ifthen, becomes smooth."""
+    """A condition on the result 0 or 1 of a comparison is smoothed, such as JSBSim's ifthen."""
     x = ca.SX.sym("x")
     truth = ca.if_else(x < 0.0, 1.0, 0.0)
     sharp, smooth, _ = copies(ca.if_else(ca.fabs(truth) >= 1e-9, 1.0, 2.0 + x), x)
@@ -60,7 +61,10 @@ def test_a_condition_on_a_truth_value_is_smooth():
 
 
 def test_what_cannot_be_smooth_stays():
-    """An infinite branch, a constant argument, and a function without kinks are unchanged."""
+    """Infinite branches and constant arguments are not changed.
+
+    A function whose kink is far from the points is returned itself.
+    """
     x = ca.SX.sym("x")
     choice = ca.if_else(x > 0.0, x, ca.inf) + ca.fmax(x - x, 0.0) + ca.fabs(x)
     sharp, smooth, _ = copies(choice, x)
@@ -72,7 +76,9 @@ def test_what_cannot_be_smooth_stays():
 
 @pytest.mark.slow
 def test_an_aircraft_with_tables_flies_its_true_equations():
-    """The flight of the true equations of an aircraft with tables has the proposed cost."""
+    """For an aircraft with tables, the simulation with its exact equations has the proposed
+    cost.
+    """
     pytest.importorskip("jsbsim")
     model = hfa.load_model("jsbsim:737")
     problem = flight_problem(model, hfa.find_operating_point(model))
