@@ -51,8 +51,10 @@ def record(names: tuple[str, ...]) -> Any:
 
 
 def remember_record(kind: Any) -> None:
-    """Register a class of named tuples for its names, and add values["alpha"] and dict(values) to
-    it."""
+    """Register a class of named tuples for its field names.
+
+    The registered class also supports values["alpha"] and dict(values).
+    """
 
     def item(values: Any, name: Any) -> Any:
         if not isinstance(name, str):

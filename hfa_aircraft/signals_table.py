@@ -1,4 +1,4 @@
-"""Signals of a model as tables."""
+"""Tables of a model's signals."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _KINDS = ("states", "inputs", "outputs", "parameters", "disturbances")
 
 
 def signals_report(model: Model) -> Report:
-    """Return one table for each kind of signal: names, units, limits and values, angles in degrees.
+    """Return a report with a table for each kind of signal: names, units, limits and values.
 
-    The value is the one that a trim imposes, or that of a parameter.
+    The value is that of a parameter, or the one that a trim imposes. Angles are in degrees.
     """
     parts = []
     records: list[tuple[Any, ...]] = []

@@ -1,4 +1,4 @@
-"""Names and units of states and inputs, shared by all results that belong to one aircraft."""
+"""Names and units of states and inputs, for results about one aircraft."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 
 class StatesAndInputs:
-    """Base class with the names and units of states and inputs, for results with a `model`."""
+    """Base class of results that have a `model`: names and units of its states and inputs."""
 
     if TYPE_CHECKING:
 
         @property
         def model(self) -> Model:
-            """The aircraft."""
+            """Model of the aircraft."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -42,5 +42,7 @@ class StatesAndInputs:
         return self.model.units(self.input_names)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the values as an `xarray.Dataset` with names and units. Needs xarray."""
+        """Return the result as an `xarray.Dataset` with names and units. The package xarray is
+        required.
+        """
         return part(PARTS, "dataset.xarray", "to_xarray")(self)

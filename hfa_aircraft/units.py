@@ -1,7 +1,6 @@
 """Conversion of a model to SI units.
 
-Declaration and equations are converted, so that all later steps work in SI without further
-conversions.
+The declaration and the equations are converted. All later computations are therefore in SI.
 """
 
 from __future__ import annotations
@@ -17,10 +16,9 @@ from hfa_support.units import si_factor, si_unit
 
 
 def in_si(model: Model) -> Model:
-    """Return the aircraft with all signals in SI units.
+    """Return the model with all signals in SI units. `extras.native` is the original model.
 
-    The result has the original model in `extras.native`. A model without English units is returned
-    unchanged.
+    A model without English units is returned unchanged.
     """
     if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
@@ -71,7 +69,7 @@ def _signal_in_si(signal: Signal) -> Signal:
 class _Conversion:
     """Factors from the declared units to SI.
 
-    vectors: "x", "u", "p", "w" -> (name, factor) of each component
+    vectors: (name, factor) of each component of x, u, p and w, in this order
     outputs: (name, factor) of each output
     """
 
@@ -85,7 +83,7 @@ class _Conversion:
         return _Conversion(vectors, _factors(model.outputs))
 
     def states_in_si(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return values by state, or pairs of limits, in SI."""
+        """Return state -> value in SI. A value can also be a pair of limits."""
         converted = {}
         for name, factor in self.vectors[0]:
             if name in values:
@@ -95,7 +93,10 @@ class _Conversion:
         return converted
 
     def native(self, kind: str, vector: Any) -> Any:
-        """Return a vector (x, u, p or w) in the declared units, with its names."""
+        """Return a vector in the declared units as a named tuple.
+
+        kind: "x", "u", "p" or "w"
+        """
         factors = dict(self.vectors[list(VECTORS).index(kind)])
         values = [value / factor for value, factor in zip(vector, factors.values(), strict=True)]
         return record(tuple(factors))(*values)
@@ -103,7 +104,7 @@ class _Conversion:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations of a converted model."""
+    """Equations of a model that was converted to SI."""
 
     conversion: _Conversion
     equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
@@ -119,13 +120,16 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _Envelope:
-    """Limits of flights about a trim of a converted model."""
+    """Function `Extras.envelope` of a model that was converted to SI."""
 
     conversion: _Conversion
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]]
 
     def __call__(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
-        """Return state -> limits, in SI."""
+        """Return state -> (lowest, highest) in flight, in SI.
+
+        x, p: state and parameters of the trim, in SI
+        """
         state = self.conversion.native("x", x)
         parameters = self.conversion.native("p", p)
         return self.conversion.states_in_si(self.envelope(state, parameters))
@@ -133,28 +137,36 @@ class _Envelope:
 
 @dataclass(frozen=True)
 class _Check:
-    """Check of a state of a converted model."""
+    """Function `Extras.check` of a model that was converted to SI."""
 
     conversion: _Conversion
     check: Callable[[Any], None]
 
     def __call__(self, x: Any) -> None:
-        """Raise BadInputError, in the declared units, outside the domain of the equations."""
+        """Raise BadInputError if a state is outside the domain of the equations.
+
+        The message contains values in the declared units.
+
+        x: state, in SI
+        """
         self.check(self.conversion.native("x", x))
 
 
 @dataclass(frozen=True)
 class _Begin:
-    """Initial values of the searches of a converted model.
+    """Function `Extras.begin` of a model that was converted to SI.
 
-    factors: (name, factor to SI) of every signal
+    factors: (name, factor to SI) of each signal
     """
 
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]]
     factors: tuple[tuple[str, float], ...]
 
     def __call__(self, imposed: Mapping[str, Any]) -> dict[str, Any]:
-        """Return name -> initial value, in SI."""
+        """Return variable -> initial value of a trim search, in SI.
+
+        imposed: variable -> imposed value, in SI
+        """
         factors = dict(self.factors)
         native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
         starts = self.begin(native)

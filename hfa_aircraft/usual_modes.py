@@ -1,4 +1,4 @@
-"""Names of the modes of a model that declares none, from the names and units of its states."""
+"""Default names of modes, derived from the names and units of a model's states."""
 
 from __future__ import annotations
 
@@ -31,14 +31,12 @@ _MODES = {
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
-    """Return name of a mode -> the states that take part most, for the states of an aircraft.
+    """Return name of a mode -> states that dominate it, for the states of an aircraft.
 
     The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
-    and spiral (phi). A mode is left out where one of its states is not recognized. Without alpha
-    and q the model may not be an aircraft, so the phugoid is left out; without beta and r so are
-    roll and spiral.
-
-    states: name -> signal
+    and spiral (phi). A mode is omitted if one of its states is not recognized. The phugoid is also
+    omitted without alpha and q, because the model may then not be an aircraft. Roll and spiral are
+    omitted without beta and r.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():

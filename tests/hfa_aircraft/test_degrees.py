@@ -1,4 +1,4 @@
-"""A sine of a signal in degrees is noticed."""
+"""Warning about equations that compute the sine of a signal in degrees."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from hfa_aircraft.units import in_si
 
 
 def pendulum(torque: Any) -> Model:
-    """Return a pendulum whose angle is declared in degrees. `torque` is a function of the angle."""
+    """Return a pendulum whose angle is declared in degrees.
+
+    torque: function of the angle
+    """
 
     def equations(x: Any, u: Any, _p: Any, _w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         rates = {"angle": x.rate, "rate": u.moment - torque(x.angle) - x.rate}
@@ -39,7 +42,10 @@ def pendulum(torque: Any) -> Model:
     ],
 )
 def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
-    """A trigonometric function of an angle in degrees gives a note that names it."""
+    """A trigonometric function of an angle in degrees causes a warning that names the function.
+
+    The warning is also among those of a trim.
+    """
     model = pendulum(torque)
     (note,) = notes_on_degrees(model)
     assert note.startswith(
@@ -50,5 +56,5 @@ def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
 
 
 def test_an_angle_that_was_converted_is_right() -> None:
-    """Equations that convert degrees themselves give no note."""
+    """Equations that convert degrees to radians cause no warning."""
     assert notes_on_degrees(pendulum(lambda angle: ca.sin(angle * ca.pi / 180))) == []

@@ -1,4 +1,4 @@
-"""Aircraft files that end the program or are not regular files."""
+"""Aircraft files that call sys.exit() or are not regular files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ def write_aircraft(path: Path, in_equations: str = "pass", at_the_end: str = "")
 def test_a_file_that_ends_the_program_is_refused(
     ending: str, named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file that calls sys.exit() is refused with a message."""
+    """An aircraft file that calls sys.exit() is refused with a message, and no output file is
+    written.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     write_aircraft(tmp_path / f"{named.split(':')[0].removesuffix('.py')}.py", at_the_end=ending)
@@ -57,9 +59,7 @@ def test_a_file_that_ends_the_program_is_refused(
 def test_equations_that_end_the_program_are_refused(
     calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """sys.exit() in equations is an error of one line in whichever function first evaluates
-    them.
-    """
+    """sys.exit() in the equations is reported in one line, in whichever call it occurs."""
     monkeypatch.chdir(tmp_path)
     write_aircraft(tmp_path / "late.py", in_equations=f"len(calls) > {calls} and sys.exit()")
     result = hfa("trim", "--aircraft", "late.py:CAR")
@@ -72,7 +72,7 @@ def test_equations_that_end_the_program_are_refused(
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO on this system")
 def test_a_fifo_is_no_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A FIFO is refused as an aircraft file, and the command does not block."""
+    """A FIFO is refused as an aircraft file. The command does not wait for its content."""
     monkeypatch.chdir(tmp_path)
     for name in ("pipe.py", "pipe.xml"):
         os.mkfifo(name)

@@ -1,4 +1,4 @@
-"""Faulty declarations are refused in one line, before or at compilation."""
+"""Faulty declarations of a model, which are refused with a message of one line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from hfa_aircraft.signals import Signal
 
 
 def cart(**declared: Any) -> Model:
-    """Return the cart x' = v, v' = u with the output position = x."""
+    """Return the cart x' = v, v' = force with the output position = x.
+
+    declared: arguments of `Model` that replace the usual ones
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"x": x.v, "v": u.force}, {"position": x.x}
@@ -63,7 +66,7 @@ def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) 
 def test_rates_and_outputs_are_single_numbers(
     rates: dict[str, Any], outputs: dict[str, Any], message: str
 ) -> None:
-    """Rates and outputs that are vectors or objects of other types are refused by name."""
+    """A rate or an output that is not a single number is refused with its name."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"x": x.v, "v": u.force} | rates, {"position": x.x} | outputs
@@ -73,12 +76,12 @@ def test_rates_and_outputs_are_single_numbers(
 
 
 def test_a_model_is_short_at_the_prompt() -> None:
-    """The repr of a model states its numbers of states, inputs and outputs."""
+    """The repr of a model contains its numbers of states, inputs and outputs."""
     assert repr(cart()) == "<Model cart: 2 states, 1 inputs, 1 outputs>"
 
 
 class Car(NamedTuple):
-    """A declaration with its own class of states, which has a property."""
+    """States of a model as a class with a property."""
 
     place: Any
     pace: Any
@@ -89,8 +92,9 @@ class Car(NamedTuple):
 
 
 def test_states_keep_the_class_of_their_declaration() -> None:
-    """The properties of the declared class of states are available in the equations and in
-    results.
+    """States keep the class in which they are declared, in the equations and in results.
+
+    Its properties are therefore available.
     """
     model = cart(
         states=Car(Signal("m"), Signal("m/s", start=2.0)),
@@ -109,7 +113,7 @@ def test_states_keep_the_class_of_their_declaration() -> None:
 
 @pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])
 def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
-    """A CasADi symbol of the user in the equations is refused by name at compilation."""
+    """Equations with a CasADi symbol of the user are refused with the name of the symbol."""
     stray = ca.SX.sym("stray")
     rate = stray if where == "a rate" else 0.0
     output = stray if where == "an output" else 0.0
@@ -127,7 +131,7 @@ def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
 
 
 def test_undividable_numbers_use_the_compiled_equations() -> None:
-    """Equations in plain numbers return inf for 1 / 0, as compiled equations do."""
+    """Equations evaluated with numbers return inf for 1 / 0, as compiled equations do."""
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})
     )

@@ -1,6 +1,4 @@
-"""A model in SI units is the same aircraft: its trims, linear models, games and reports are
-converted.
-"""
+"""Models converted to SI units: trims, linear models, games and reports agree after conversion."""
 
 from __future__ import annotations
 
@@ -35,7 +33,10 @@ def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 def test_the_same_trim_linear_model_and_game(model: Model) -> None:
-    """Trim, A, P and delta_min of a model in SI equal the converted ones in English units."""
+    """Trim, A and P of a model in SI units agree with the converted ones in English units.
+
+    The smallest delta is equal.
+    """
     converted = in_si(model)
     point = find_operating_point(model, usual_condition(model).at(ANGLE))
     point_in_si = find_operating_point(converted, usual_condition(converted).at(ANGLE))
@@ -56,7 +57,7 @@ def test_the_same_trim_linear_model_and_game(model: Model) -> None:
 
 
 def test_a_trim_report_in_si_has_newtons() -> None:
-    """The report of a trim in SI units has loads in newtons."""
+    """The trim report of a model in SI units contains loads and performance in SI units."""
     model = MODELS[0]
     converted = in_si(model)
     data, data_in_si = (
@@ -77,7 +78,10 @@ def test_a_trim_report_in_si_has_newtons() -> None:
 
 
 def test_parameters_envelope_and_pickles_are_converted() -> None:
-    """A model in SI units accepts parameters in kg, converts its envelope, and can be pickled."""
+    """A model in SI units accepts a mass in kg, and its envelope is converted.
+
+    A pickled copy has the same equations.
+    """
     model = MODELS[1]
     converted = in_si(model)
     heavier = converted.with_parameters(panel_mass=200.0)
@@ -97,8 +101,8 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
 
 
 def test_names_that_sound_like_data_are_signals() -> None:
-    """Units are taken from the declaration of a signal, even if its name resembles that of other
-    data.
+    """Units are read from the declaration, even if a signal is named like other data, such as
+    "noise".
     """
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(
@@ -116,7 +120,7 @@ def test_names_that_sound_like_data_are_signals() -> None:
 
 
 def test_a_model_without_english_units_is_itself() -> None:
-    """`in_si` returns a model in SI units unchanged."""
+    """`in_si` returns a model without English units unchanged."""
     model = Model(
         "x", {"x": Signal("m")}, {"u": Signal("m/s")}, lambda x, u, p, w: ({"x": u.u}, {})
     )
@@ -124,7 +128,7 @@ def test_a_model_without_english_units_is_itself() -> None:
 
 
 def test_conditions_and_points_in_other_units_are_refused() -> None:
-    """A model in SI units refuses conditions and points in the units of the original model."""
+    """A model in SI units refuses trim conditions and operating points in English units."""
     model = MODELS[0]
     converted = in_si(model)
     with pytest.raises(BadInputError, match="condition is not in the units of the model"):

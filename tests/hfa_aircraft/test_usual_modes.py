@@ -1,6 +1,4 @@
-"""Modes of an aircraft that declares no mode names get names by the names and units of its
-states.
-"""
+"""Default names of the modes of an aircraft that declares none."""
 
 from __future__ import annotations
 
@@ -23,8 +21,9 @@ _UNITS = {
 
 
 def _rates(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the textbook motions of a light jet. All derivatives but those of the speed grow with
-    it.
+    """Return the rates of a light jet with textbook derivatives, and no outputs.
+
+    Except for those of the speed equation, the derivatives increase with speed.
     """
     k = x.V / 500.0
     rates = {
@@ -49,7 +48,7 @@ def _jet(units: dict[str, str]) -> Model:
 
 
 def test_linearize_and_sweep_give_one_name() -> None:
-    """A mode has one name in a sweep and in the linear model at each of its points."""
+    """A mode has the same name in a sweep and in the linear model at each point."""
     model = _jet(_UNITS)
     speeds = [400.0, 500.0, 600.0]
     swept = sweep(model, {"V": speeds})
@@ -65,8 +64,9 @@ def test_linearize_and_sweep_give_one_name() -> None:
 
 
 def test_other_units_and_states_stay_unnamed() -> None:
-    """No usual mode names are given to a body rate in 1/h, an aircraft without sideslip, or
-    declared modes.
+    """Short period and phugoid have no default names if the pitch rate is in 1/h.
+
+    A satellite has no default names, and declared modes are kept.
     """
     assert set(_jet({**_UNITS, "q": "1/h"}).modes) == {"dutch roll", "roll", "spiral"}
     spinning = {name: Signal("rad/s") for name in ("p", "q", "r")}
