@@ -1,6 +1,4 @@
-"""Finished parts of a study are recognized by the version and by every setting that decides their
-numbers.
-"""
+"""Stored parts of a study are reused only for the same version and settings."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 def test_part_is_read_where_nothing_decides_it_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A stored part is read only if no setting that decides it differs."""
+    """A stored part is rejected if the settings or the version differ or the file is damaged."""
     path = tmp_path / "part.json"
     path.write_text(json.dumps(stamped({"result": 3.5, "lost": np.inf}, DECIDES)), encoding="utf-8")
     assert finished(path, dict(reversed(DECIDES.items()))) == stamped(
@@ -44,7 +42,7 @@ def test_part_is_read_where_nothing_decides_it_differs(
 
 
 def test_rows_of_other_settings_are_discarded(tmp_path: Path) -> None:
-    """A row is computed once for the same settings, and again for others."""
+    """Rows are computed once for the same settings. For other settings they are computed again."""
     computed = []
 
     def row_of(name: str) -> dict[str, Any]:

@@ -1,6 +1,4 @@
-"""The identification of aircraft whose parameters are known, and of matrices that no aircraft can
-have.
-"""
+"""Identification of aircraft with known parameters, and of matrices that no aircraft can have."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ THIRD = [
 
 
 def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
-    """Return the parameters, the identified ones scaled by at most exp(±0.2)."""
+    """Return the parameters with each identified one multiplied by a random factor in exp(±0.2)."""
     factors = np.exp(rng.uniform(-0.2, 0.2, len(IDENTIFIED)))
     return parameters._replace(
         **{
@@ -44,7 +42,7 @@ def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
 
 
 def printed(parameters: Parameters) -> list[PublishedModel]:
-    """Return the matrices of an aircraft, rounded as in the paper."""
+    """Return the matrices of an aircraft at both printed angles, rounded as in the paper."""
     models = []
     for published in published_models():
         exact = regenerate(hfa.aircraft(parameters=parameters), published)
@@ -55,7 +53,7 @@ def printed(parameters: Parameters) -> list[PublishedModel]:
 
 
 def changed(matrix: str, row: str, column: str) -> tuple[PublishedModel, PublishedModel]:
-    """Return the paper's matrices with one entry of the 5 degree pair 1 % larger."""
+    """Return the paper's matrices with 0.01 added to one entry of the pair at 5 deg."""
     at_15, at_5 = published_models()
     entries = getattr(at_5, matrix).copy()
     entries[
@@ -82,9 +80,7 @@ def identified() -> tuple[Fit, list[float]]:
 def test_all_rough_starts_fit_print_well_rounding_allows(
     identified: tuple[Fit, list[float]],
 ) -> None:
-    """From every rough initial guess the fit is as close to the printed entries as rounding
-    allows.
-    """
+    """All rough initial guesses lead to the same fit, whose errors are those of rounding."""
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
@@ -100,7 +96,7 @@ def test_all_rough_starts_fit_print_well_rounding_allows(
 def test_the_packaged_parameters_are_the_identified_ones(
     identified: tuple[Fit, list[float]], parameter_set: ParameterSet
 ) -> None:
-    """The packaged parameters and standard errors equal those of a new identification."""
+    """A new identification gives the packaged parameters and standard errors."""
     best = identified[0].parameters
     assert best.sources == parameter_set.sources
     assert best.identified == parameter_set.identified
@@ -111,8 +107,9 @@ def test_the_packaged_parameters_are_the_identified_ones(
 
 
 def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: Parameters) -> None:
-    """Estimates of twenty known aircraft, from matrices rounded as in print, deviate by their
-    standard errors.
+    """The errors of the estimates of twenty known aircraft agree with the standard errors.
+
+    The matrices are rounded as in the paper.
     """
     rng = np.random.default_rng(0)
     rows = []
@@ -138,7 +135,10 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
 def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
-    """If one entry of the 5 degree pair changes by 1 %, no parameters fit all entries."""
+    """If one entry at 5 deg is changed by 0.01, no parameters fit all entries.
+
+    An exception is an entry printed with one decimal.
+    """
     near = np.log(
         np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
     )
@@ -158,7 +158,9 @@ def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     ],
 )
 def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
-    """If one departure from Newton's equations is undone, no parameters fit the printed entries."""
+    """If one term of the published dynamics is replaced by Newton's, no parameters fit the
+    print.
+    """
     found = fit(published_models(), variant)
     assert found.largest > 1000.0, description
 
@@ -176,7 +178,8 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
 def test_of_coupling_two_terms_needed_square_changes_nothing(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
-    """Two terms of the coupling are needed, and the square of the rate changes nothing.
+    """Changes of two terms of the hinge coupling prevent a fit. A term with the squared rate does
+    not.
 
     The added terms are m s V times `speed` and m s² cos η sin η η'² times `square`.
     """
@@ -193,10 +196,11 @@ def test_of_coupling_two_terms_needed_square_changes_nothing(
 def test_expected_sum_is_what_drawn_rounding_errors_leave(
     parameters: Parameters, identified: tuple[Fit, list[float]]
 ) -> None:
-    """The expected sum of squares equals that of random rounding errors that no parameters can fit.
+    """The expected sum of squares equals the mean for simulated rounding errors.
 
-    Errors are uniform within half a unit, with one error for a number printed equal at both angles.
-    Derivatives are computed by differences.
+    The errors are uniform within half a unit, and equal for a number that is printed at both
+    angles. The sums are those that no change of the parameters can reduce, with derivatives by
+    finite differences.
     """
     models = published_models()
 
@@ -233,9 +237,10 @@ def test_expected_sum_is_what_drawn_rounding_errors_leave(
 
 
 def test_one_angle_determines_all_but_one_combination() -> None:
-    """The matrices at one angle determine all parameters but one combination.
+    """The matrices at one angle determine all parameters except for one combination.
 
-    It is the pitch inertia's constant and its sin² part, which form one factor of the row.
+    This combination is a factor of the pitch-rate row. It consists of the constant and the sin²
+    part of the pitch inertia.
     """
     for known, unknown in itertools.permutations(published_models()):
         fitted = fit([known], Published())
@@ -287,9 +292,7 @@ def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Pa
 def test_released_constants_in_their_thinner_air_print_paper(
     parameters: Parameters, density: float, half_units: tuple[float, float]
 ) -> None:
-    """The released constants give the printed entries within half a unit of the last digit in their
-    own thinner air, and not in the standard atmosphere.
-    """
+    """The released constants reproduce the printed entries only with their own, thinner air."""
     values = dict(RELEASED)
     for name in (
         "lift_slope",

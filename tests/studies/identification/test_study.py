@@ -1,6 +1,4 @@
-"""`python -m studies.identification` writes the committed parameters, JSON, and a file of
-parameters.
-"""
+"""The study `python -m studies.identification` reproduces the packaged parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +19,9 @@ from studies.identification.parameters import ALTERNATIVES
 def test_it_writes_the_committed_parameters(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The study reproduces the parameters, standard errors and notes of the package."""
+    """The study writes the packaged parameters, standard errors and notes, and equal values as
+    JSON.
+    """
     words = ["-o", "mine.TOML", "--json"]
     assert run_alone(identification, "python -m studies.identification", words) == 0
     text = capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Linear models identified from flights of JSBSim compared with JSBSim's linearization."""
+"""Linear models identified from JSBSim flights compared with JSBSim's linearization."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from studies.jsbsim.identified import (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_bands_hold_slopes_of_jsbsim(name: str) -> None:
-    """At least 90 % of the bands contain the derivatives of JSBSim and ours. None contains a pitch
-    damping with an error of 10 %.
+    """More than 90 % of the 95 % bands contain the derivatives of JSBSim and of this project.
+
+    No band of the pitch damping contains 1.1 times the true value.
     """
     case = CASES[name]
     point, flights = flown(name, case)

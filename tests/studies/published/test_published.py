@@ -1,4 +1,4 @@
-"""The page of printed answers equals the output of the command, and every file names its source."""
+"""The stored checks of published solutions are current, and every file names its source."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ STALE = "run python -m studies.published"
 @pytest.mark.slow
 @pytest.mark.parametrize("path", PATHS, ids=[path.stem for path in PATHS])
 def test_a_row_is_what_the_command_makes(path: Path) -> None:
-    """The command computes the stored row of each printed answer again."""
+    """A new check of each published solution gives its stored row."""
     assert row_of(path) in load_results(), STALE
 
 
 def test_results_have_every_file_and_page_is_theirs() -> None:
-    """The stored results contain every file, and the page shows them."""
+    """results.csv contains every file, and docs/published.md shows its counts."""
     rows = load_results()
     assert results_of(rows) == RESULTS.read_text("utf-8"), STALE
     assert page_of(rows) == PAGE.read_text("utf-8"), STALE
@@ -52,7 +52,7 @@ def test_results_have_every_file_and_page_is_theirs() -> None:
     ],
 )
 def test_a_digit_decides_the_verdict(right: str, wrong: str, verdict: str, tmp_path: Path) -> None:
-    """One changed digit of a printed answer changes its verdict."""
+    """One changed digit in a published solution changes its verdict."""
     path = tmp_path / "suspension.toml"
     path.write_text(SUSPENSION.read_text("utf-8").replace(right, wrong, 1), "utf-8")
     row = row_of(path)
@@ -61,7 +61,7 @@ def test_a_digit_decides_the_verdict(right: str, wrong: str, verdict: str, tmp_p
 
 
 def test_a_file_without_a_source_is_refused(tmp_path: Path) -> None:
-    """A file of printed answers without a source is refused."""
+    """A file of a published solution without a source is refused."""
     path = tmp_path / "suspension.toml"
     text = re.sub("^source = .*$", "", SUSPENSION.read_text("utf-8"), flags=re.M)
     path.write_text(text, "utf-8")

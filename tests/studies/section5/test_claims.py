@@ -1,6 +1,4 @@
-"""Claims follow from their numbers. docs/experiments.md shows the stored results, which are of the
-current configuration.
-"""
+"""Claims of Section 5: verdicts follow from the numbers, and the stored results are current."""
 
 from __future__ import annotations
 
@@ -47,7 +45,7 @@ ROW = re.compile(r"^\|[^|]*\| (?:claim|5\.\d-\d+) \|.*\|$", re.M)
 
 
 def wrong_numbers(text: str) -> list[str]:
-    """Return the cells of the table of numbers that differ from the results."""
+    """Return the table cells in a document that differ from the stored results."""
     header, *rows = ([cell.strip() for cell in line.split("|")[2:-1]] for line in ROW.findall(text))
     claims = {claim["number"]: claim for claim in STORED["claims"]}
     found = []
@@ -61,8 +59,7 @@ def wrong_numbers(text: str) -> list[str]:
 
 
 def test_the_document_shows_the_stored_results() -> None:
-    """The document shows the stored numbers and counts of claims, and a planted wrong number is
-    found."""
+    """docs/experiments.md shows the stored numbers and counts. A planted wrong number is found."""
     assert len(ROW.findall(DOCUMENT)) >= 10
     assert wrong_numbers(DOCUMENT) == []
     planted = "| | claim | exact |\n|---|---|---|\n| error | 5.1-6 | 0.5 |\n"
@@ -76,9 +73,9 @@ def test_the_document_shows_the_stored_results() -> None:
 
 
 def test_the_stored_results_are_those_of_this_configuration() -> None:
-    """The stored results are of the current configuration and claims.
+    """The stored results have the current configuration, linear models and claims.
 
-    If one of them changes, run the study and copy claims.json.
+    If one of these changes, run the study again and copy claims.json.
     """
     setting = make_setting(section5_configuration())
     assert STORED["setting"]["reading"] == setting.identity["reading"]
@@ -99,9 +96,10 @@ def test_the_stored_results_are_those_of_this_configuration() -> None:
 
 @pytest.mark.slow
 def test_the_results_come_out_again(tmp_path: Path) -> None:
-    """A new run reproduces the stored numbers of our laws to 1e-6, and all verdicts.
+    """A new run reproduces all stored verdicts, and the numbers of this project's laws within 1e-6.
 
-    The paper's law chatters, so that its numbers depend on the processor, but its verdicts do not.
+    The paper's law chatters. Therefore its numbers depend on the processor, but its verdicts do
+    not.
     """
     assert section5.main(["-o", str(tmp_path)]) == 0
     again = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
@@ -140,9 +138,10 @@ def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf)
 
 
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
-    """Return four flights of Section 5.3 under the exact law with these numbers.
+    """Return evidence with four flights of Section 5.3 under the exact law, with the given metrics.
 
-    The last flight leaves the envelope at the time `lost_at`.
+    tables: rms error by name for each flight; the entry "a" is also the cost
+    lost_at: time when the last flight leaves the envelope, s
     """
     plans = [
         FlightPlan(5.0, EXACT, factor) for factor in EMPTY.setting.configuration.uncertainty.factors
@@ -171,8 +170,9 @@ TABLES = [{"a": 1.0, "b": 4.0, "c": np.inf}, *[{"a": 2.0, "b": 3.0, "c": np.inf}
     ],
 )
 def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], value: float) -> None:
-    """A measure is computed from its flights and names. A flight that leaves the envelope raises an
-    error that names it.
+    """A measure is computed from the flights and names in its declaration.
+
+    A flight that leaves the envelope raises an error with its name.
     """
     group = "5 deg" if "to" in said else "every uncertainty"
     evidence = evidence_of(*TABLES)
@@ -197,8 +197,8 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
-    """The verdict on a claim follows from its value, its limit, and the time at which a flight
-    leaves the envelope.
+    """The verdict on a claim follows from its number, its limit and the time when a flight is
+    lost.
     """
     measure = {"worst": "cost", "in": "every uncertainty"}
     relation, limit = must.split()
@@ -210,7 +210,7 @@ def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, ver
 
 
 def test_claims_about_print_are_those_of_printed_matrices() -> None:
-    """Claims about printed values use the printed matrices."""
+    """Claims about the paper's print are evaluated with the printed matrices."""
     at_15, at_5 = published_models()
     about = {
         claim.number: claim
@@ -245,7 +245,9 @@ def test_claims_about_print_are_those_of_printed_matrices() -> None:
 def test_flight_fails_when_it_lost_or_critic_refused(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
-    """A flight fails when it leaves the envelope or its critic is refused."""
+    """A flight under this project's laws fails if it leaves the envelope or its critic is not
+    certified.
+    """
     flight = {
         "name": "planted",
         "law": law,
@@ -259,7 +261,10 @@ def test_flight_fails_when_it_lost_or_critic_refused(
 
 @pytest.mark.slow
 def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The smallest section, flown for a second with steps of 1 ms, is run, stored and drawn."""
+    """A short section is simulated, stored and drawn. With --resume it is not simulated again.
+
+    If one of its files is damaged, it is simulated again.
+    """
     brief = {"flight": {"step": 1e-3, "duration": 1.0}, "learning": {"predefined_time": [0.5] * 4}}
     brief["criteria"] = {"late": [0.5, 1.0], "short_adjustment": 0.5}  # type: ignore[dict-item]
     # The true section takes minutes.

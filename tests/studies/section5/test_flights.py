@@ -1,6 +1,4 @@
-"""Flights of Section 5 compared with independent integrators and with another study, and learning
-in flight.
-"""
+"""Flights of Section 5 compared with independent integrators, and learning in flight."""
 
 from __future__ import annotations
 
@@ -70,7 +68,7 @@ def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
 
 
 def test_the_signals_are_those_that_the_paper_prints() -> None:
-    """Disturbance, noise and reference at 3 s equal the formulas printed in the paper."""
+    """Disturbance, noise and reference at 3 s equal the formulas in the paper."""
     t = 3.0
     configuration = section5_configuration()
     s = np.sin(0.3)
@@ -99,8 +97,10 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
 def test_tracking_is_what_another_study_found(
     dihedral: float, law: str, changes: dict[str, Any], expected: tuple[float, float, float]
 ) -> None:
-    """The rms errors on the printed matrices agree with another study. It used the other sign of
-    one entry of A, which changes the third digit."""
+    """The rms tracking errors with the printed matrices agree with those of another study.
+
+    That study used the opposite sign of one entry of A, which changes the third digit.
+    """
     errors = flown(COARSE | changes, FlightPlan(dihedral, law), matrices="printed").metrics[
         "rms_error"
     ]
@@ -112,9 +112,7 @@ def test_tracking_is_what_another_study_found(
 
 @pytest.mark.parametrize("law", [pytest.param(EXACT, marks=pytest.mark.slow), EXACT_FF])
 def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
-    """States, cost and metrics agree with LSODA on the error equation with the forcing of the
-    reference.
-    """
+    """Errors, cost and attenuation of a flight agree with SciPy's LSODA for the error equation."""
     setting = make_setting(section5_configuration(COARSE))
     case = setting.case(5.0)
     configuration = setting.configuration
@@ -141,9 +139,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
 
 
 def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
-    """At the paper's step every state agrees to 1e-6 with DOP853 (rtol 1e-10), restarted at each
-    tick.
-    """
+    """All states agree within 1e-6 with DOP853 (rtol 1e-10), which is restarted at each tick."""
     from scipy.integrate import solve_ivp
 
     setting = make_setting(section5_configuration(BRIEF))
@@ -174,7 +170,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
 
 
 def test_the_law_as_printed_overflows_at_once() -> None:
-    """With the update law as printed, the flight ends by overflow within 0.3 ms."""
+    """With the update law as printed, the flight overflows within 0.3 ms."""
     record = simulate_plan(default_setting(), FlightPlan(15.0, PRINTED), "5.1")
     assert not record.held
     assert record.lost_at <= 3e-4
@@ -183,7 +179,7 @@ def test_the_law_as_printed_overflows_at_once() -> None:
 
 
 def test_modified_law_learns_in_flight_and_can_frozen() -> None:
-    """The modified law learns in flight, and its learning can be stopped."""
+    """The modified law learns during the flight. In Section 5.3 it stops learning at T_w."""
     free, frozen = (flown(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3"))
     assert free.held
     assert (
@@ -195,7 +191,7 @@ def test_modified_law_learns_in_flight_and_can_frozen() -> None:
 
 
 def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
-    """The certified law applies the baseline first, and then the exact gain."""
+    """The certified law applies a baseline gain first, and at the end the exact gain."""
     setting = make_setting(section5_configuration(BRIEF))
     forward = constants_of(setting, CERTIFIED_FF, 0.5)
     exact = setting.case(5.0).exact.K
@@ -209,7 +205,9 @@ def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
 
 
 def test_integral_learning_applies_start_until_it_has_data() -> None:
-    """Integral learning applies its initial policy until it has enough data."""
+    """Integral learning applies the baseline gain until it has enough data, and the LQR gain at the
+    end.
+    """
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
     np.testing.assert_allclose(
@@ -220,7 +218,9 @@ def test_integral_learning_applies_start_until_it_has_data() -> None:
 
 
 def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
-    """Uncertainty acts on the plant, and noise on the sensor."""
+    """The uncertainty changes the plant but not the policy. Noise is added to the measured
+    error.
+    """
     setting = make_setting(
         section5_configuration(BRIEF | {"flight": {"duration": 1.0, "step": 1e-3}})
     )
@@ -258,7 +258,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
     ],
 )
 def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
-    """For each choice of the missing signs, the error of the angle of attack is that in
+    """For each choice of the unprinted signs, the error of alpha is the number in
     docs/experiments.md.
     """
     if isinstance(changes, tuple):
@@ -272,7 +272,10 @@ def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -
 def test_learning_in_flight_begins_with_the_baseline(
     newton: FlownCase,
 ) -> None:
-    """Learning in flight applies the baseline and then certified gains. It uses no future data."""
+    """A flight with learned gains begins with the baseline and then applies stabilizing gains.
+
+    Gains do not depend on later data.
+    """
     learned = learn(newton.game, predefined_time=2.0)
     gains, certified_from = certified_gains(newton.game, learned, 0.01)
     assert 0.0 < certified_from < 2.0

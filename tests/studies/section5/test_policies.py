@@ -1,5 +1,5 @@
-"""Policies of Section 5: the critic in flight follows the published update law, and the exact
-feedforward is optimal.
+"""Policies of Section 5: the critic follows the published update law, and the feedforward is
+optimal.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
 def expected(
     law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and W' of Eq. (46) by `published_equations`, with the drift F = A z + r."""
+    """Return u and W' of Eq. (46), computed by `studies.update_law` for the drift F = A z + r."""
     e = law.equations
     s = law.settings
     y = (z / e.scales)[None, :]
@@ -102,8 +102,9 @@ def flown(
 def test_the_right_sides_are_equal(
     normalisation: str, coordinates: str, basis: str, told: bool
 ) -> None:
-    """Policy and weight rate in flight equal an independent computation, for each interpretation of
-    the paper.
+    """Input and weight rate of the policy equal an independent computation.
+
+    All interpretations of the paper are tested.
     """
     law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
     r = forcing(law.game.A, REFERENCE) if told else zero(6)
@@ -122,7 +123,7 @@ def test_the_right_sides_are_equal(
 
 
 def test_another_law_is_seen() -> None:
-    """The comparison detects another exponent and a law that ignores the reference."""
+    """The comparison detects another exponent η and a missing reference."""
     law = law_with()
     z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
     W = np.linspace(-50.0, 100.0, law.basis.size)
@@ -139,7 +140,7 @@ def test_another_law_is_seen() -> None:
 
 
 def test_forcing_is_the_rate_that_a_reference_adds() -> None:
-    """The forcing by a reference x_r(t) is A x_r - x_r', compared with finite differences."""
+    """The forcing equals A x_d - x_d', with x_d' by finite differences."""
     A = published_models()[0].A
     r = forcing(A, REFERENCE)
     for t in (0.0, 1.3, 17.0):
@@ -152,8 +153,8 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
 
 
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
-    """s' and x_d' equal central differences of fourth order, and x_d belongs to the flown
-    signal.
+    """The feedforward satisfies its differential equation, with derivatives by central
+    differences.
     """
     P = solve_game(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
@@ -170,7 +171,9 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
 
 
 def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game) -> None:
-    """The feedforward of a constant reference is constant, and that of a free motion is 0."""
+    """A constant reference gives a constant feedforward, and a free motion of the plant gives
+    none.
+    """
     P = solve_game(game).P
     level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))
@@ -182,7 +185,7 @@ def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game
 
 
 def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
-    """A reference that grows faster than the closed loop decays, and a wrong P, are refused."""
+    """A reference that grows faster than the closed loop decays is refused, as is a wrong P."""
     P = solve_game(game).P
     exploding = Exosystem(np.array([[0.3]]), np.ones((6, 1)), np.ones(1))
     with pytest.raises(
@@ -194,8 +197,8 @@ def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
 
 
 class _Tracking:
-    """The tracking game on the reference of the paper, with its exact policies and deviations from
-    them.
+    """The game of tracking the paper's reference, with simulations of the exact and of other
+    policies.
     """
 
     def __init__(self, game: Game) -> None:
@@ -228,8 +231,9 @@ class _Tracking:
         )
 
     def total(self, flight: LinearFlight) -> float:
-        """Return the cost up to the end plus the value at the end, up to a constant that no policy
-        changes.
+        """Return the cost of a flight plus the value of its final state, without c(T).
+
+        c(T) does not depend on the policies.
         """
         z = flight.states[-1]
         return float(flight.cost[-1] + z @ self.P @ z + 2.0 * self.s(flight.times[-1]) @ z)
@@ -238,7 +242,7 @@ class _Tracking:
 def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
     """The exact policies have the cost J(0, T) = V(z(0), 0) - V(z(T), T).
 
-    Here c(0) - c(T) = ∫ 2 s'r - s'S s dt. A feedforward 1 % larger costs more.
+    c(0) - c(T) is ∫ 2 s'r - s'S s dt. A feedforward that is 1 % larger costs more.
     """
     tracking = _Tracking(game)
     end = 8.0
@@ -256,7 +260,9 @@ def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
 
 
 def test_leaving_the_feedforward_costs_to_second_order() -> None:
-    """Against the exact d, the control u + ε v costs ε² ∫ v'R v more. The disturbance d + ε g gains
+    """A deviation from the exact policies changes the cost to second order.
+
+    The input u + ε v costs ε² ∫ v'R v more, and the disturbance d + ε g changes the cost by
     -ε² δ² ∫ g'g.
     """
     game = game_models()[min(game_models())]

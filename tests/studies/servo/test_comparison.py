@@ -1,6 +1,4 @@
-"""The servos compared with SimVFA, their requirements, and the dynamics of the air. The stored
-numbers are reproduced.
-"""
+"""The study of servo controllers: comparison with SimVFA, requirements and stored results."""
 
 from __future__ import annotations
 
@@ -35,7 +33,9 @@ FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
 
 
 def errors(flight: ServoFlight) -> tuple[float, float]:
-    """Return the errors of dihedral, deg, and of vertical acceleration, ft/s²."""
+    """Return the rms errors of the dihedral angle in deg and of the vertical acceleration in
+    ft/s².
+    """
     angle, acceleration = flight.tracked
     return float(np.degrees(angle.rms)), acceleration.rms
 
@@ -47,8 +47,9 @@ def test_a_case_is_flown_kept_and_resumed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Within 15 s of the fault the paper's policy leaves the envelope, as in findings.md. With
-    --resume no flight is repeated.
+    """The paper's policy leaves the envelope after the fault, as findings.md states.
+
+    With --resume, a finished case is not simulated again.
     """
 
     def run(*words: str, code: int = 0) -> str:
@@ -107,7 +108,7 @@ STORED_ROWS = [
 
 
 def test_the_findings_have_stored_results() -> None:
-    """Each case has stored results, and the findings show only rows of these results."""
+    """Every case has a stored result, and findings.md shows only rows of stored results."""
     published = [case["case"] for case in STORED if case["dynamics"] == "published"]
     assert published == list(CASES)
     shown = re.findall(r"^\| order-.*$", FINDINGS, re.M)
@@ -131,7 +132,7 @@ THEIRS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model, case: str) -> None:
-    """New flights reproduce the stored numbers and those of SimVFA."""
+    """New simulations reproduce the stored results, and SimVFA's published errors within 1e-3."""
     flights = {flight.law: flight for flight in fly_case(published_aircraft, CASES[case], {})}
     for (where, law), theirs in THEIRS.items():
         if where == case:
@@ -147,7 +148,9 @@ def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model,
 
 @pytest.mark.slow
 def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
-    """Flights stay in the envelope up to the stated largest gust and leave it above."""
+    """A flight stays within the envelope for the largest gust and leaves it for one 1 ft/s
+    stronger.
+    """
     controller = designed_servo(published_aircraft)
     model = model_at(11.0)
     acting = Actuator(2, 2.0)
@@ -161,8 +164,9 @@ def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -
 
 
 def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
-    """The delay margin by Padé's delay in all inputs agrees with that of the frequency response. A
-    slightly longer delay is unstable.
+    """The loop is stable with 0.98 times its delay margin and unstable with 1.02 times.
+
+    The delay is approximated by Padé's approximant at all inputs.
     """
     controller = designed_servo(published_aircraft)
     plant = servo_plant(
@@ -182,7 +186,7 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
-    """At half the effectiveness the servo tolerates 20 ms of delay. With 20 times its gain it does
+    """The servo loop tolerates 20 ms of delay at half effectiveness. With 20 times the gain it does
     not.
     """
     aircraft = hfa.aircraft(dynamics)
@@ -205,9 +209,9 @@ def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
 def test_the_stored_requirements_are_of_the_shipped_design(
     dynamics: str, places: list[tuple[int, float]]
 ) -> None:
-    """The shipped design has the margins of the stored table.
+    """The designed servo has the stored gain and phase margins.
 
-    The smallest margins are at these angles (deg) and bandwidths of the actuators (rad/s).
+    places: dihedral angle (deg) and actuator bandwidth (rad/s) of the smallest margins
     """
     aircraft = hfa.aircraft(dynamics)
     stored = json.loads(
@@ -228,7 +232,9 @@ def test_the_stored_requirements_are_of_the_shipped_design(
 
 
 def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
-    """With the lags of the air the servo loop is unstable."""
+    """SimVFA's servo loop is stable for `published` and `newton` and unstable with the lags of the
+    air.
+    """
     servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
     assert margins_of("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins_of("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)
@@ -242,7 +248,7 @@ def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
 def test_the_servo_stands_actuators_down_to_this_damping(
     published_aircraft: Model, bandwidth: float, degrees: float, damping: float
 ) -> None:
-    """The servo loop is stable above a given damping of the actuators and unstable below it."""
+    """The servo loop becomes unstable if the actuators' damping is below the given value."""
     controller = designed_servo(published_aircraft)
     model = model_at(degrees)
 

@@ -1,5 +1,5 @@
-"""SimVFA's servos: their formulas have the promised properties, and the adaptive laws agree with an
-independent form of their equations.
+"""SimVFA's servos: properties of the reference model, and an independent form of the adaptive
+laws.
 """
 
 from __future__ import annotations
@@ -38,11 +38,10 @@ ANGLES = np.radians([0.0, 11.0, 20.0])
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, order: int) -> None:
-    """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law
-    requires.
+    """H = S C (s - A + L C)⁻¹ B1 is strictly positive real, as the adaptive law requires.
 
-    For order 1 and SimVFA's ε this holds only above 0.12 rad/s. Its stability proof does not cover
-    slower errors.
+    For order 1 and SimVFA's ε, H(iω) + H(iω)* is positive definite only above 0.12 rad/s. The
+    stability proof does not cover slower errors.
     """
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)
@@ -75,7 +74,9 @@ def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, o
 
 
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) -> None:
-    """The controller's matrices equal the design model with gain, observer and integrator."""
+    """The controller's equations are those of the reference model with its gain, correction and
+    integrals.
+    """
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
     model = level_model(published_aircraft, ANGLES[1])
     built = design_model(published_aircraft, model, simvfa_design("simvfa-1"))
@@ -112,8 +113,8 @@ def random_models(seed: int, states: int) -> list[ReferenceModel]:
 
 
 def between(models: list[ReferenceModel]) -> tuple[np.ndarray, ...]:
-    """Return A, B, K, L, S, R⁻¹ and the squared-up B interpolated at the flight, and C of the first
-    model.
+    """Return A, B, K, L, S, R⁻¹ and the squared-up B halfway between two models, and C of the
+    first.
     """
     names = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
     return (*(sum(getattr(each, name) for each in models) / 2 for name in names), models[0].C)
@@ -128,7 +129,7 @@ def law_of(kind: type[AdaptivePolicy], models: list[ReferenceModel]) -> Adaptive
 
 
 def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return u for these inputs, the others being 0, and the rate of the memory."""
+    """Return the inputs u controlled by a law, and the time derivative of its memory."""
     states = ca.SX(6, 1)
     nothing = ca.SX(0, 1)
     states[4] = _RISEN
@@ -144,7 +145,7 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np.ndarray]:
-    """Return the parts of the memory, with matrices column by column."""
+    """Split the memory into matrices of these shapes, which are stored by columns."""
     ends = np.cumsum([rows * columns for rows, columns in shapes])[:-1]
     return [
         each.reshape(shape, order="F")
@@ -157,9 +158,12 @@ SHAPES_2 = ((2, 1), (10, 1), (2, 1), (8, 1), (2, 2), (6, 2), (8, 2), (3, 1), (3,
 
 
 def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and y' for order 2.
+    """Return u and the time derivative of the memory for degree 2, from the equations.
 
-    Π f = f + f'/2 of products f, with f' by a central difference, which is exact for them.
+    Π f = f + f'/2, where f' is a central difference. It is exact, because f is a product of two
+    factors.
+
+    y: the memory
     """
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     integrals, x_m, v_bar, x_bar, _, _, _, e_bar, _ = parts_of(y, SHAPES_2)
@@ -217,13 +221,16 @@ SHAPES_3 = (
 
 
 def product(psi: Signal, x: Signal) -> Signal:
-    """Return Ψ'x by Leibniz's rule."""
+    """Return Ψ'x and its derivatives by Leibniz's rule.
+
+    psi, x: a matrix and a vector, each with its derivatives
+    """
     known = range(min(len(psi), len(x)))
     return [sum(comb(n, k) * psi[k].T @ x[n - k] for k in range(n + 1)) for n in known]  # type: ignore[misc]
 
 
 def operated(psi: Signal, x: Signal) -> np.ndarray:
-    """Return Π{Ψ'x}."""
+    """Return Π{Ψ'x} = α0 Ψ'x + α1 (Ψ'x)' + α2 (Ψ'x)''."""
     zeroth, first, second = product(psi, x)
     result: np.ndarray = A0 * zeroth + A1 * first + A2 * second
     return result
@@ -232,19 +239,19 @@ def operated(psi: Signal, x: Signal) -> np.ndarray:
 def by_equations_3(
     memory: np.ndarray, models: list[ReferenceModel]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and the rate of the memory for order 3."""
+    """Return u and the time derivative of the memory for degree 3, from the equations."""
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     left = iter(parts_of(memory, SHAPES_3))
     rates = []
 
     def filtered(x: np.ndarray, state: list[np.ndarray]) -> Signal:
-        """Return 1/Π x."""
+        """Return 1/Π x and its first two derivatives."""
         signal = [*state, (x - A0 * state[0] - A1 * state[1]) / A2]
         rates.extend(signal[1:])
         return signal
 
     def high(signal: Signal) -> Signal:
-        """Return (α2 s + α1)/Π x."""
+        """Return (α2 s + α1)/Π x and its derivatives, from 1/Π x and its derivatives."""
         return [A1 * one + A2 * other for one, other in pairwise(signal)]
 
     def tuned(
@@ -257,7 +264,7 @@ def by_equations_3(
         return [A0 * g * each for each in (X, X_rate, bend)]
 
     def low(signal: Signal) -> Signal:
-        """Return α2/Π x."""
+        """Return α2/Π x and its derivatives, from 1/Π x and its derivatives."""
         return [A2 * each for each in signal]
 
     def take(count: int) -> list[np.ndarray]:
@@ -329,8 +336,9 @@ def by_equations_3(
 def test_an_adaptive_law_is_what_its_equations_say(
     kind: Any, expected: Any, states: int, ones: int
 ) -> None:
-    """An adaptive law equals its equations at a random memory on random models. It starts from the
-    nominal effectiveness.
+    """At a random memory and for random models, an adaptive law agrees with its equations.
+
+    In its initial memory, only the nominal effectiveness is nonzero.
     """
     models = random_models(5, states)
     law = law_of(kind, models)

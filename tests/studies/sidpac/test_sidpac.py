@@ -1,4 +1,4 @@
-"""Bands compared with the Cramér-Rao bounds that SIDPAC stores."""
+"""Confidence bands compared with the Cramér-Rao bounds printed by SIDPAC."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from studies.sidpac.__main__ import DEVIATIONS, PRINTED, bounds, identified
 
 
 def test_bounds_of_scipy_are_the_printed_ones() -> None:
-    """Cramér-Rao bounds by SciPy agree with the printed ones within 2 %, with inputs taken from the
-    record.
+    """Cramér-Rao bounds from SciPy's simulation agree with the printed ones within 2 %.
 
-    An unknown initial condition makes the bounds wider.
+    If the initial state is unknown, the bounds are not smaller.
     """
     known, unknown = bounds(start_known=True), bounds(start_known=False)
     for name, printed in DEVIATIONS.items():
@@ -24,8 +23,9 @@ def test_bounds_of_scipy_are_the_printed_ones() -> None:
 
 @pytest.mark.slow
 def test_bands_of_identify_have_the_printed_width() -> None:
-    """The mean band of three records is within 3 % of SciPy's bounds, and at least 45 of 54 bands
-    contain the estimate.
+    """The mean width of the bands of three records agrees with the Cramér-Rao bounds within 3 %.
+
+    At least 45 of 54 bands contain the printed estimate.
     """
     bands = [identified(seed).parameters for seed in (1, 2, 3)]
     expected = bounds(start_known=False)

@@ -1,4 +1,4 @@
-"""The integral-learning baseline: exact data, exact policy evaluation, and its requirements."""
+"""The integral-learning baseline: recorded integrals, policy evaluation and requirements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def stable_learning(**changes: Any) -> IntegralLearning:
 
 
 def test_integrals_are_those_of_the_flight() -> None:
-    """The recorded integrals equal Simpson's rule on a fine grid."""
+    """The recorded integrals agree with Simpson's rule on a fine grid."""
     from scipy.integrate import simpson
 
     law = stable_learning()
@@ -50,7 +50,7 @@ def test_integrals_are_those_of_the_flight() -> None:
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
-    """Each iteration gives the value of the previous policies."""
+    """Each iteration computes the value of the previous policies."""
     law = stable_learning(form=form, iterations=4)
     weights = run(law).history["weights"]
     matrices = [law.basis.matrix(w) for w in weights]
@@ -60,7 +60,7 @@ def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
-    """From zero weights, the baseline converges to the exact P and K of the stable model's game."""
+    """For a stable plant, learning from zero weights converges to the exact P and K."""
     game, exact = published("published-5")
     result = learn_by_integrals(game, seed)
     assert result.outcome == "settled"
@@ -73,9 +73,7 @@ def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
 
 
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
-    """The aircraft is unstable at 15 deg, and the law converges only from a stabilizing initial
-    policy.
-    """
+    """For the unstable aircraft at 15 deg, learning converges only from a stabilizing policy."""
     game, exact = published("published-15")
     from_nothing = learn_by_integrals(game)
     assert not is_hurwitz(game.A - game.S @ from_nothing.P)
@@ -87,7 +85,7 @@ def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
-    """A disturbance that is not measured biases the learned gain."""
+    """A disturbance that is not measured causes an error of the learned gain."""
     game, _ = published("published-5")
     exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
     assert learn_by_integrals(game, form=form).settled
@@ -98,7 +96,7 @@ def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
 
 
 def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a given record of the flight, another A changes no bit of the weights."""
+    """With the same recorded data, another A does not change the learned weights."""
     from dataclasses import replace
 
     law = stable_learning()
@@ -111,9 +109,7 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_data_without_a_result_are_refused() -> None:
-    """Rank-deficient data, an overflowing flight, and a policy without a value are refused in one
-    line.
-    """
+    """Data of low rank, an overflowing flight and a policy without a value raise errors."""
     game, _ = published("published-5")
     with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
         learn_by_integrals(game, intervals=21, interval=1e-4)
@@ -130,7 +126,7 @@ def test_data_without_a_result_are_refused() -> None:
 
 
 def test_probing_flight_obeys_the_plant() -> None:
-    """The probing flight equals an independent integration of z' = A z + B u(t) + E d(t)."""
+    """The probing flight agrees with SciPy's DOP853 for z' = A z + B u(t) + E d(t)."""
     from scipy.integrate import solve_ivp
 
     game = stable_game()

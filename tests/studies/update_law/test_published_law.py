@@ -1,4 +1,4 @@
-"""The paper's update law, Eq. (46): its terms, its explicit and implicit steps, and its results."""
+"""The paper's update law, Eq. (46): terms, explicit and implicit steps, and results."""
 
 from __future__ import annotations
 
@@ -52,9 +52,7 @@ def random_sample(seed: int = 0, samples: int = 9, size: int = 4) -> Sample:
 
 
 def test_residual_and_regressor_are_those_of_the_paper() -> None:
-    """σ and e equal Eq. (29) to (33) with û and d̂ substituted one by one, also for policies that
-    do not follow from the weights.
-    """
+    """σ and e agree with Eq. (29) to (33) for explicit û and d̂ of arbitrary policies."""
     game = stable_game()
     functions = basis("quadratic+quartic", 2)
     rng = np.random.default_rng(1)
@@ -73,7 +71,7 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
 
 
 def test_direction_is_the_printed_sum() -> None:
-    """The update direction equals the printed sum over samples, and the normalisers equal their
+    """The update direction equals the printed sum over samples, and the normalizations their
     formulas.
     """
     sample = random_sample()
@@ -92,7 +90,7 @@ def test_direction_is_the_printed_sum() -> None:
 
 
 def test_gains_are_those_of_the_theorem() -> None:
-    """The gains follow the theorem's formulas and are infinite without persistent excitation."""
+    """The gains equal the formulas of Theorem 1. They are inf if the samples are rank deficient."""
     regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
     gains = theorem_gains(regressors, gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
     assert gains.lambda_0 == pytest.approx(0.25)
@@ -106,10 +104,10 @@ def test_gains_are_those_of_the_theorem() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
-    """For an exact basis ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃, so that Theorem 1's ideal case does
-    not occur.
+    """For an exact basis, ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃, which the ideal case of Theorem 1
+    excludes.
 
-    e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ', and σ at the current weights.
+    e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ' and σ at the current weights.
     """
     game, exact = published(name)
     law = law_of(game, basis="quadratic", coordinates="scaled", stack_policies="reevaluated")
@@ -126,8 +124,9 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
 
 
 def test_explicit_steps_stable_below_limit_and_not_above() -> None:
-    """With frozen policies, a small disturbance of the weights decays under explicit Euler steps
-    below the limit and grows above it.
+    """Explicit Euler steps are stable below the step limit and unstable above it.
+
+    The limit approaches 0 as the residuals approach 0.
     """
     sample = random_sample(3)
     gamma = 0.2
@@ -155,7 +154,7 @@ def test_explicit_steps_stable_below_limit_and_not_above() -> None:
 
 @pytest.mark.parametrize("gain", [1.0, 1e4, 1e9])
 def test_implicit_step_satisfies_its_equation(gain: float) -> None:
-    """The implicit step solves (end - start) / step = direction(end), also for gains of 1e9."""
+    """The implicit step satisfies (end - start) / step = direction(end), even for gains of 1e9."""
     sample = random_sample(4)
     gamma = 0.01
     step = 0.1
@@ -178,8 +177,7 @@ def test_implicit_step_satisfies_its_equation(gain: float) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("policies", ["frozen", "reevaluated"])
 def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) -> None:
-    """The paper's settings overflow, and the error states lambda_0, alpha1 and a step that is
-    stable."""
+    """The paper's settings overflow, and the error states lambda_0, alpha1 and the stable step."""
     game, _ = published(name)
     with pytest.raises(
         NoSolutionError,
@@ -189,7 +187,7 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
 
 
 def test_defaults_are_those_of_the_paper() -> None:
-    """The default settings equal those that the paper prints."""
+    """The default settings equal the printed ones."""
     printed = published_data()["critic"]
     chosen = PublishedSettings()
     assert chosen.predefined_time == printed["T_w_s"]
@@ -202,7 +200,10 @@ def test_defaults_are_those_of_the_paper() -> None:
 
 @pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])
 def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
-    """Stored policies lead to their own value within the time of the theorem."""
+    """With stored policies, the law converges to their value within the time of Theorem 1.
+
+    This value is not that of the game.
+    """
     game, exact = published(PUBLISHED[1])
     recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
     value = value_of_policies(game, recorded)
@@ -222,7 +223,9 @@ def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
 
 
 def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
-    """From a stabilizing start, re-evaluated policies can reach the solution of the game."""
+    """With re-evaluated policies and a stabilizing start, the law converges to the solution of the
+    game.
+    """
     game, exact = published(PUBLISHED[1])
     start = tuple(
         QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P)
@@ -234,8 +237,9 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
 
 
 def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
-    """The flight of the plant with chosen learning gains equals a loop of Euler steps in this test. The
-    result is not certified.
+    """A flight with chosen gains α equals explicit Euler steps written out in this test.
+
+    The result is not certified.
     """
     game = stable_game()
     functions = basis("quadratic", 2)

@@ -1,4 +1,4 @@
-"""The stored table of the paper's update law is current, and a new run reproduces it."""
+"""The stored table of the update-law study is current, and a new run reproduces it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def assert_same_outcome(found: dict[str, Any], stored: dict[str, Any]) -> None:
 
 
 def test_the_stored_table_is_todays_and_whole() -> None:
-    """The stored rows have the settings and summaries that the study computes now."""
+    """The stored rows have the current settings, and their summaries follow from their runs."""
     assert tuple(COMMITTED) == tuple(ROWS)
     of = references()
     for name, row in COMMITTED.items():
@@ -70,7 +70,7 @@ def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
 
 
 def test_another_outcome_is_seen() -> None:
-    """The comparison of outcomes detects a changed overflow, certificate, error and gain."""
+    """The comparison of rows detects a changed overflow, certificate, error or gain."""
     row = COMMITTED[FROZEN]
     assert_same_outcome(row, row)
     for change in (
@@ -87,7 +87,10 @@ def test_another_outcome_is_seen() -> None:
 
 
 def test_ends_hang_on_ninth_digit_of_start_told() -> None:
-    """Runs whose outcome depends on rounding are counted, and their range of errors is reported."""
+    """Runs whose result depends on the ninth digit of the start are counted.
+
+    The stored range of errors includes the repeated runs.
+    """
     row = COMMITTED["theorem gains, implicit"]
     assert {len(run["P_errors_nearby"]) for run in row["runs"]} == {2}
     hanging = [run for run in row["runs"] if by_rounding(run)]
@@ -103,7 +106,7 @@ def test_ends_hang_on_ninth_digit_of_start_told() -> None:
 
 
 def test_the_document_shows_the_stored_numbers() -> None:
-    """The study's README shows the table of the stored rows."""
+    """README.md of the study shows the table of the stored rows."""
     readme = ROOT / "studies" / "update_law" / "README.md"
     document = readme.read_text(encoding="utf-8").splitlines()
     shown = [line for line in document if line.startswith(tuple(f"| {name} |" for name in ROWS))]
@@ -111,7 +114,7 @@ def test_the_document_shows_the_stored_numbers() -> None:
 
 
 def test_the_causes_that_document_gives_are_in_runs() -> None:
-    """The causes that the document states occur in the runs."""
+    """The stored runs agree with the causes stated in README.md."""
     runs = [row["runs"] for row in COMMITTED.values()]
     assert sum(map(len, runs)) == 136
     explicit, implicit, raw, scaled, helped, frozen, rich, poor = runs

@@ -1,5 +1,6 @@
-"""The comparison with external data passes for the identified aircraft, detects every planted
-error, and decides how each inertia depends on the dihedral angle.
+"""Comparison with external data: the identified aircraft passes, and planted errors are detected.
+
+The data also determine how each inertia depends on the dihedral angle.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from trim import compare, regenerate
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
-    """The identified aircraft passes all checks, at 20 trims and 27 printed entries."""
+    """The identified aircraft passes all checks at 20 trims and for 27 printed entries."""
     validation = validate(published_aircraft)
     assert [check for check in validation.checks if not check.ok] == []
     assert {trim.speed for trim in validation.trims} == {68.0, 64.0, 30.0}
@@ -41,8 +42,8 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    """The aircraft of first principles fails two checks: the eigenvalue at 30 ft/s, and an entry of
-    the third model.
+    """The `newton` dynamics fail the checks of the eigenvalues at 30 ft/s and of the third printed
+    model.
     """
     validation = validate(hfa.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in validation.checks if not check.ok}
@@ -63,7 +64,7 @@ def test_first_principles_are_not_what_was_released(parameters: Parameters) -> N
 def test_a_wrong_parameter_is_seen(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
-    """A wrong parameter fails the expected check, and each failed check states its reason."""
+    """A wrong parameter fails the expected check, and every failed check has a reason."""
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
     failed = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
     assert check in {check.name for check in failed}
@@ -73,9 +74,7 @@ def test_a_wrong_parameter_is_seen(
 def test_a_wrong_number_of_theirs_is_seen(
     published_aircraft: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wrong eigenvalue of the released simulation fails the check of that eigenvalue, and no
-    other.
-    """
+    """A wrong eigenvalue of the released simulation fails only the check of this eigenvalue."""
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
     # The planted fault: a wrong number of the released simulation.
@@ -88,8 +87,8 @@ def test_a_wrong_number_of_theirs_is_seen(
 def test_half_units_of_printed_and_exact_entries(
     published_aircraft: Model,
 ) -> None:
-    """A printed entry has a tolerance of half a unit of its last digit, and an exact entry has
-    none.
+    """The tolerance of a printed entry is half a unit of its last digit, and of an integer
+    entry 0.
     """
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {entry.name: entry for entry in third_printed_entries(model)}
@@ -109,8 +108,9 @@ def test_half_units_of_printed_and_exact_entries(
 
 
 def test_the_simulations_values_pass_in_its_air() -> None:
-    """The released parameters fail in the standard atmosphere and pass with the density of the
-    released simulation.
+    """The released parameters pass with the air density of the released simulation.
+
+    They fail four checks in the standard atmosphere.
     """
     gravity, gas, radius = (
         32.17405,
@@ -139,12 +139,12 @@ ANGLES = (0, 15, 30, 45)
 
 
 class PrintedInertia(Published):
-    """The aircraft with d3 as printed by Gibson et al., Eq. (46)."""
+    """The published dynamics with the hinge inertia d3 printed by Gibson et al., Eq. (46)."""
 
     factor = 1.0
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """Return d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η."""
+        """Return d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η, where c is `factor`."""
         mass_moment = p.panel_mass * p.panel_span**2
         return (
             p.inertia_roll + mass_moment / 4 + self.factor * mass_moment / 6 * ca.cos(dihedral) ** 2
@@ -152,13 +152,15 @@ class PrintedInertia(Published):
 
 
 class FreeFactor(PrintedInertia):
-    """The aircraft with one more constant, identified from the printed pairs."""
+    """The published dynamics with a constant c in d3 that is identified from the printed pairs."""
 
     factor = 0.039211
 
 
 class NewtonInertia(Published):
-    """The aircraft with d3 by Newton's law, whose sign follows from Gibson et al., Eq. (70)."""
+    """The published dynamics with d3 from Newton's law. Its sign agrees with Gibson et al., Eq.
+    (70).
+    """
 
     hinge_inertia = Newton.hinge_inertia
 
@@ -168,15 +170,18 @@ def failed(found: Validation) -> dict[str, float]:
 
 
 def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
-    """Return a factor that differs from 1 only within about two degrees of one angle."""
+    """Return a factor 1 + size at one dihedral angle, which is 1 farther than about two degrees
+    from it.
+    """
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
 def test_cos_squared_fits_the_print_and_fails_outside(
     parameters: Parameters, published_aircraft: Model
 ) -> None:
-    """An inertia in cos² η fits the two printed angles, which fix its two constants, and fails for
-    30 ft/s up to 45 deg.
+    """An inertia with cos² η fits the two printed angles, which determine its two constants.
+
+    It fails the checks at other dihedral angles, up to 45 deg.
     """
     other_aircraft = hfa.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
@@ -206,9 +211,10 @@ def test_cos_squared_fits_the_print_and_fails_outside(
 def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
-    """The printed hinge inertia of Gibson et al. fails the check of their figure.
+    """The hinge inertia printed by Gibson et al. fails the check of their figure.
 
-    The figure has the fast roots -7.25 at 0 and -7.85 at 45 deg, which need the sign + and cos(η²).
+    The figure shows the fast roots -7.25 at 0 deg and -7.85 at 45 deg. These require the sign + and
+    cos(η²).
     """
     validation = validate(hfa.aircraft(variant, parameters))
     assert [root for _, _, root in validation.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
@@ -222,7 +228,7 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
 def test_inertia_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
-    """Errors of 2e-5 of the hinge inertia and 3e-4 of the pitch inertia at one angle are
+    """Relative errors of 2e-5 in the hinge inertia and 3e-4 in the pitch inertia at one angle are
     detected.
     """
 
@@ -237,7 +243,7 @@ def test_inertia_is_off_at_one_angle_is_seen(
         return ours(x, loads, p) / off_at(x.dihedral, degrees, 3e-4)
 
     class Compiled(Published):
-        """The aircraft compiled again with the changed acceleration."""
+        """The published dynamics, compiled again with the changed pitch acceleration."""
 
     # The planted fault: another inertia, which no parameter gives at one angle alone.
     monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)

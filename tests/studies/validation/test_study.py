@@ -1,4 +1,4 @@
-"""`python -m studies.validation`: its verdict, its data, and its refusals."""
+"""The study `python -m studies.validation`: exit codes, data and refusals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from studies.validation.__main__ import validation
     ],
 )
 def test_the_study(words: str, code: int, capsys: pytest.CaptureFixture[str]) -> None:
-    """The exit code of the study is its verdict, and its data agree with it."""
+    """The exit code of the study agrees with the verdict in its JSON data."""
     assert run_alone(validation, "python -m studies.validation", words.split()) == code
     text = capsys.readouterr().out
     if code == BAD_INPUT:
