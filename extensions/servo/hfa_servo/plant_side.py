@@ -54,19 +54,22 @@ class Side(NamedTuple):
         return Reduced(past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D)
 
     def game(self, delta: float) -> Game:
-        """Return the game whose Riccati equation is that of this side."""
+        """Return the game with the Riccati equation of this side at δ."""
         _, A, E, C, D = self.reduced()
         A, E, Q = without_feedthrough(A, E, C, D, delta)
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
     def form(self, delta: float) -> NormalForm:
-        """Return the normal form of the game, with the sizes of the terms it was computed from."""
+        """Return the normal form of the game at δ, with bounds on its rounding errors.
+
+        The bounds are the magnitudes of the terms from which its matrices are computed.
+        """
         form = NormalForm.of(self.game(delta))
         sizes = self._sizes(delta).in_coordinates(form.T, np.diag(form.units))
         return replace(form, made_of=sizes)
 
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return F1 and F2 of the worst w = F1 x and the best u = F2 x for the value x'X x."""
+        """Return F1 of the worst w = F1 x and F2 of the best u = F2 x, for the value x'X x."""
         past, _, E, C, D = self.reduced()
         F1 = np.linalg.solve(
             np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2
@@ -75,18 +78,22 @@ class Side(NamedTuple):
 
     @property
     def feedthrough(self) -> float:
-        """σ_max of the direct path from w to the part of z that u cannot affect."""
+        """Largest singular value of the direct path from w to the part of z that u cannot
+        affect.
+        """
         left = self.reduced().D
         return float(np.linalg.norm(left, 2)) if min(left.shape) else 0.0
 
     def _split(self) -> tuple[np.ndarray, np.ndarray]:
-        """N⁺, and orthonormal rows that span the part of z that u does not reach."""
+        """Return N⁺, and orthonormal rows that span the part of z that u cannot affect."""
         Q, R = np.linalg.qr(self.N, mode="complete")
         m = self.N.shape[1]
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
 
     def _sizes(self, delta: float) -> Sizes:
-        """Return the magnitudes of the terms of each sum in `reduced` and `without_feedthrough`."""
+        """Return the sums of absolute terms in `reduced` and `without_feedthrough`, for each
+        matrix.
+        """
         past, rest = self._split()
         into = np.abs(self.B) @ np.abs(past)
         A = np.abs(self.A) + into @ np.abs(self.C)
@@ -106,10 +113,11 @@ class Side(NamedTuple):
 
 
 def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return |M⁻¹| |M| |M⁻¹| for M = I - D D'/δ², and this product for the inverse of its Cholesky
-    factor.
+    """Return |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| for M = I - D D'/δ² = L L'.
 
-    |M| is computed from the sizes of D.
+    They bound the rounding errors of M⁻¹ and L⁻¹.
+
+    sizes: magnitudes of the terms of D, from which |M| is computed
     """
     M = np.eye(len(D)) - D @ D.T / delta**2
     parts = np.eye(len(D)) + sizes @ sizes.T / delta**2

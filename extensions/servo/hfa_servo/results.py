@@ -1,4 +1,4 @@
-"""Results of this extension, each entry declared once."""
+"""Types of the results that this extension writes to files."""
 
 from __future__ import annotations
 
@@ -11,24 +11,22 @@ from hfa_support.reporting.results import Matrix, Result, Stack, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControllerTable(Result):
-    """A controller at each value of the scheduling variable.
-
-    x' = A x + B y + W (applied - u), u = C x + D y.
+    """A controller x' = A x + B y + W (applied - u), u = C x + D y at N scheduling values.
 
     feedback: feedback of the states or of outputs.
     dynamics: published or newton, or the name of another model.
     parameters: hash of the parameters of the aircraft.
-    states: states x of the controller.
-    measurements: first part of y: first columns of B and D.
-    commands: second part of y: last columns of B and D.
-    inputs: rows of C and D.
-    dihedrals: angles of the table, rad, N.
-    places: with --aircraft: values of the table, N.
+    states: names of the controller states x.
+    measurements: names of the first part of y, the first columns of B and D.
+    commands: names of the second part of y, the last columns of B and D.
+    inputs: names of the rows of C and D.
+    dihedrals: dihedral angles of the table, rad, N.
+    places: with --aircraft: scheduling values of the table, N.
     A: (N, n, n).
     B: (N, n, p).
     C: (N, m, n).
     D: (N, m, p).
-    W: (N, n, m), input of applied minus commanded u.
+    W: (N, n, m), gain of the applied minus the commanded u.
     command_filter: bandwidth rad/s and damping, empty without a filter.
     """
 
@@ -54,14 +52,15 @@ class ControllerData(ControllerTable):
     """A scheduled controller and its margins.
 
     signal_units: unit of each measurement, then of each command.
-    state_units: unit of each state, empty where its name says none.
+    state_units: unit of each state, empty if its name does not imply one.
     input_units: unit of each input.
     design: name or file of the design.
-    schedule: the scheduling variable.
-    delta: disturbance weight, null for none.
-    angles: dihedral or the scheduling variable, delta_min or gamma_min, checks of each.
+    schedule: name of the scheduling variable.
+    delta: delta of the game, null for none.
+    angles: for each scheduling value: dihedral or the scheduling variable, delta_min or gamma_min,
+      checks.
     margins: ok, rows of angle, actuators, abscissa and loops: gain dB, phase deg, crossover rad/s,
-        delay s.
+      delay s.
     """
 
     schema = "hfa.controller-design/1"
@@ -79,13 +78,13 @@ class ControllerData(ControllerTable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControllerFile(ControllerTable):
-    """The file of a controller.
+    """Content of a controller file.
 
     name: name of the design.
     trim_states: (N, states of the aircraft) X0.
     trim_inputs: (N, inputs of the aircraft) U0.
     about: JSON text: the table of its design, provenance.
-    units: units of every number, where they are not those of the aircraft's declaration.
+    units: units of all numbers, if they are not those that the aircraft declares.
     """
 
     schema = "hfa.controller/1"

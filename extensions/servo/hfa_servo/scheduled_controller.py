@@ -1,6 +1,6 @@
-"""Controllers scheduled on the measured scheduling variable of a model, and their files.
+"""Controllers scheduled on a measured variable of a model, and their files.
 
-Files are .npz, which is read again, and .mat for other tools.
+A .npz file can be read again. A .mat file is for other tools.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ _TEXTS = ("name", "feedback", "dynamics", "parameters")
 class ScheduledController(ByValue, Reported):
     """Scheduled controller x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y.
 
-    U_command = U0 + u, x(0) = 0. η is the measured scheduling variable of `model`. Every matrix is
-    linear in it between `breakpoints` and constant beyond the ends. y = [measured; commanded], as
-    deviations from the trim X0, U0 in which the flight begins. u_applied is u after the limits, or
-    u itself without limits.
+    The command is U0 + u, and x(0) = 0. η is the measured scheduling variable of `model`. Every
+    matrix is linear in η between `breakpoints` and constant beyond them. y = [measured; commanded]
+    are deviations from the trim X0, U0 in which the flight begins. u_applied is u, saturated at the
+    limits if there are any.
 
     name: name of its design
     feedback: "state" or "output"
@@ -66,18 +66,18 @@ class ScheduledController(ByValue, Reported):
     D: (N, m, p)
     W: (N, n, m)
     states: names of x, (n,)
-    measurements: states, outputs or parts of them and, as INPUT_position and INPUT_rate, those of
-        the actuators
-    commands: OUTPUT_command r, OUTPUT_command_rate r', and OUTPUT_command_end, the target of the
-        command filter. The controller itself integrates measured minus commanded.
-    inputs: names of u, (m,); the others stay at U0
-    trim_states, trim_inputs: (N, all of the model's), trims at the breakpoints
-    dynamics, parameters: the model's name and the `parameter_hash` of its values
-    command_filter: bandwidth (rad/s) and damping of the controller's own filter, or ()
-    about: the table of its design, provenance
-    model: the model of the names
+    measurements: names of measured states, outputs and parts of outputs, and INPUT_position and
+      INPUT_rate for actuators
+    commands: OUTPUT_command r, OUTPUT_command_rate r', and OUTPUT_command_end, the unfiltered
+      command; the controller itself integrates measured minus commanded
+    inputs: names of u, (m,); other inputs remain at U0
+    trim_states, trim_inputs: trims at the breakpoints, (N, number of states or inputs of the model)
+    dynamics, parameters: name of the model and `parameter_hash` of its values
+    command_filter: bandwidth (rad/s) and damping of the controller's command filter, or ()
+    about: table of its design, provenance
+    model: the model whose names are used
 
-    Raises BadInputError when a shape, an order or a name is wrong.
+    Raises BadInputError if a shape, an order or a name is wrong.
     """
 
     name: str
@@ -101,7 +101,7 @@ class ScheduledController(ByValue, Reported):
     model: Model = field(kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
-        """Check once the assumptions of every flight."""
+        """Raise BadInputError if a shape, an order, a number or a name is wrong."""
         where = f"controller {self.name}:"
         self._check_names(where)
         self._check_arrays(where)
@@ -118,7 +118,7 @@ class ScheduledController(ByValue, Reported):
             raise BadInputError(f"{where} two states have the same name; give each its own")
 
     def _check_names(self, where: str) -> None:
-        """Raise BadInputError for a measurement, a command or an input that the model lacks."""
+        """Raise BadInputError if the model lacks a measurement, a command or an input."""
         model = self.model
         moved = {f"{name}_{what}" for name in model.inputs for what in ("position", "rate")}
         followed = {f"{name}{end}" for name in model.measurable for end in COMMAND_SIGNALS}
@@ -133,7 +133,7 @@ class ScheduledController(ByValue, Reported):
                     raise BadInputError(f"{where} unknown {what} {shown(name)}")
 
     def _check_arrays(self, where: str) -> None:
-        """Raise BadInputError for a wrong shape or order, or a number that is not finite."""
+        """Raise BadInputError if a shape or an order is wrong, or a number is not finite."""
         count = len(self.breakpoints)
         n = len(self.states)
         m = len(self.inputs)
@@ -166,7 +166,7 @@ class ScheduledController(ByValue, Reported):
             )
 
     def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return A, B, C, D at η."""
+        """Return A, B, C and D at the scheduling value η."""
         A, B, C, D = (
             LinearTable(self.breakpoints, stack).at(eta)
             for stack in (self.A, self.B, self.C, self.D)
@@ -174,9 +174,9 @@ class ScheduledController(ByValue, Reported):
         return A, B, C, D
 
     def gain_schedule(self) -> GainSchedule | None:
-        """Return the gains of a controller u = -K(η) x, or None for another controller.
+        """Return the gain schedule of a controller u = -K(η) x, or None for any other controller.
 
-        Such a controller uses the states of the linear model, and has no memory and no commands.
+        Such a controller measures the states of the linear model and has no memory and no commands.
         """
         if self.states or self.commands or self.measurements != self.model.linear:
             return None
@@ -186,9 +186,10 @@ class ScheduledController(ByValue, Reported):
         return GainSchedule(self.breakpoints, gains, self.model)
 
     def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
-        """Raise BadInputError when it was made for another model.
+        """Raise BadInputError if the controller was made for another model or does not cover a
+        range.
 
-        The range from lowest to highest must be within its breakpoints.
+        lowest, highest: range of the scheduling variable
         """
         if model.name != self.dynamics:
             choose = ""
@@ -212,21 +213,23 @@ class ScheduledController(ByValue, Reported):
             )
 
     def _between(self, first: float, last: float) -> str:
-        """Return a range in words: "5 to 20 deg"."""
+        """Return a range as text, such as "5 to 20 deg"."""
         schedule = self.model.schedule
         lowest = shown_value(first, self.model.unit(schedule))
         return f"{lowest} to {self.model.describe(schedule, last)}"
 
     @property
     def called(self) -> str:
-        """Name of the model for which it was made."""
+        """Name of the model for which the controller was made, for messages."""
         if self.dynamics in self.model.extras.variants:
             return f"{self.dynamics} dynamics"
         return self.dynamics
 
     def report(self) -> Report:
-        """Return the report of the design: delta, and for each angle delta_min or gamma_min and the
-        certificate.
+        """Return the report of the design.
+
+        It contains delta and the signals, and for each scheduling value delta_min or gamma_min and
+        the verdict of the certificate.
         """
         rows = self.about.get("angles", [])
         limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
@@ -244,7 +247,7 @@ class ScheduledController(ByValue, Reported):
         return Report(title, (self._summary(limit), table), data=self._data())
 
     def _where(self) -> str:
-        """Return the number of breakpoints and their range, in words."""
+        """Return the number of breakpoints and their range as text."""
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:
@@ -253,7 +256,10 @@ class ScheduledController(ByValue, Reported):
         return f"{len(self.breakpoints)} {kind} from {self._between(first, last)}"
 
     def _summary(self, limit: str) -> str:
-        """Return the delta of the game, and the measured, moved and commanded signals, in words."""
+        """Return one line on delta, measurements, inputs, commands and command filter.
+
+        limit: "delta_min" for a game, else "gamma_min"
+        """
         parts = []
         if limit == "delta_min":
             delta = self.about.get("delta")
@@ -268,8 +274,9 @@ class ScheduledController(ByValue, Reported):
         return "; ".join(parts)
 
     def _data(self) -> dict[str, Any]:
-        """Return the data for JSON: the file without name and trims, and the units of its
-        signals."""
+        """Return the JSON data: the content of the file without name and trims, and the units of
+        the signals.
+        """
         stored = _stored(self)
         signals = (*self.measurements, *self.commands)
         kinds = {"signal": signals, "state": self.states, "input": self.inputs}
@@ -290,16 +297,16 @@ class ScheduledController(ByValue, Reported):
 
 
 def identity(model: Model) -> str:
-    """Return a hash of a model's parameters, in the declared units."""
+    """Return a hash of a model's parameter values, in declared units."""
     native = native_of(model)
     return parameter_hash(native.layout.record("p", native.p.tolist()))
 
 
 def in_units_of(controller: ScheduledController, model: Model) -> ScheduledController:
-    """Return the controller in the units of a model, unchanged or converted to SI.
+    """Return the controller in the units of a model, converted if they differ.
 
-    With a signal s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y,
-    W' = f_x W / f_u.
+    If signals are scaled by f, s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x,
+    D' = f_u D / f_y, W' = f_x W / f_u.
     """
     if (controller.model.extras.native is None) == (model.extras.native is None):
         return controller
@@ -326,19 +333,21 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
 
 
 def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
-    """Return the factors from the units of one model to those of another, or 1 where a name implies
-    no unit."""
+    """Return the factors from the units of one model to those of another.
+
+    The factor of a name that implies no unit is 1.
+    """
     found = [conversion(signal_unit(before, name), signal_unit(after, name)) for name in names]
     return np.array([1.0 if factor is None else factor for factor in found])
 
 
 def _key(model: Model) -> str:
-    """Return the name of the values of the scheduling variable in files and data."""
+    """Return the key of the scheduling values in files and data."""
     return f"{model.schedule}s" if model.extras.names_schedule else "places"
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
-    """Return the arrays, names and texts of a controller by the keys of files and data."""
+    """Return the arrays, names and texts of a controller by their keys in files and data."""
     content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
     content |= {key: list(getattr(controller, key)) for key in _NAMES}
     for key in _ARRAYS:
@@ -349,11 +358,12 @@ def _stored(controller: ScheduledController) -> dict[str, Any]:
 
 @checks_arguments
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
-    """Write a controller to a file, whole or not at all.
+    """Write a controller to a .npz or .mat file. If an error occurs, no file is written.
 
-    A .npz file has stacks (N, rows, columns) as in Python, a .mat file stacks (rows, columns, N).
-    Names are arrays of text (.mat: cells). `about` is JSON text. Raises BadInputError for another
-    suffix or a folder that does not exist.
+    Matrices are (N, rows, columns) in a .npz file and (rows, columns, N) in a .mat file. Names are
+    arrays of text, or cells in a .mat file. `about` is JSON text.
+
+    Raises BadInputError if the suffix is not supported or the folder does not exist.
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
@@ -368,10 +378,9 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 
 @checks_arguments
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
-    """Return the controller in the .npz file `path` of `save_controller`, in the names and units of
-    a model.
+    """Return the controller in a .npz file written by `save_controller`, in the units of a model.
 
-    Raises a BadInputError that names the file and its fault.
+    Raises BadInputError with the file and its fault.
     """
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
@@ -399,10 +408,11 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
 
 
 def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
-    """Return the controller or the schedule of gains of a file.
+    """Return the controller or the gain schedule in a file.
 
-    A controller that is u = -K(η) x of the states of the linear model is a schedule too. Raises
-    BadInputError like `load_controller` and `load_gain_schedule`."""
+    A controller that is u = -K(η) x of the states of the linear model is returned as a gain
+    schedule. Raises BadInputError with the file and its fault.
+    """
     if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
         controller = load_controller(path, model)
         return controller.gain_schedule() or controller
@@ -410,12 +420,15 @@ def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | 
 
 
 def _is_controller(content: Mapping[str, Any]) -> bool:
-    """Return whether arrays of a file are those written by `save_controller`."""
+    """Return whether the content of a file was written by `save_controller`."""
     return str(content.get("schema", "")) == SCHEMA
 
 
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
-    """Return the controller of the arrays of a file."""
+    """Return the controller that the arrays of a file represent.
+
+    Raises BadInputError if it was made for another model.
+    """
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.extras.variants):
         raise BadInputError(

@@ -1,6 +1,4 @@
-"""Closed loop of a controller on a plant with chosen actuators: its poles and single-loop
-margins.
-"""
+"""Closed loop of a controller and a plant with given actuators: poles and single-loop margins."""
 
 from __future__ import annotations
 
@@ -44,8 +42,9 @@ TOGETHER = "all inputs"
 
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
-    """Loop of x' = A x + B u, y = C x and x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y, at constant
-    commands.
+    """Loop of a plant and a controller, at constant commands.
+
+    The plant is x' = A x + B u, y = C x. The controller is x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y.
     """
 
     A: np.ndarray
@@ -58,9 +57,9 @@ class ServoLoop:
 
     @property
     def closed(self) -> np.ndarray:
-        """Matrix of [x; x_c] of the closed loop.
+        """Matrix of the closed loop, with the states [x; x_c].
 
-        Raises NoSolutionError where its numbers overflow.
+        Raises NoSolutionError if its numbers overflow.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
@@ -71,7 +70,7 @@ class ServoLoop:
 
     @property
     def abscissa(self) -> float:
-        """Largest real part of a pole of the closed loop, 1/s."""
+        """Largest real part of the poles of the closed loop, 1/s."""
         return spectrum(self.closed).abscissa
 
 
@@ -81,8 +80,8 @@ def servo_plant(
     controller: ScheduledController,
     actuators: Mapping[str, Actuator],
 ) -> DesignModel:
-    """Return the linear model with these actuators. Its sensors are the measurements of the
-    controller.
+    """Return the linear model with these actuators, and the controller's measurements as
+    sensors.
     """
     loop = Design(
         "loop",
@@ -96,9 +95,9 @@ def servo_plant(
 
 
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
-    """Return the loop of a controller with a plant.
+    """Return the loop of a controller and a plant at the plant's scheduling value.
 
-    A direct path from inputs to a measured output is closed.
+    A direct path from inputs to a measured output is included in the controller's matrices.
     """
     Ak, Bk, Ck, Dk = controller.at(plant.model.point.values[controller.model.schedule])
     measured = len(controller.measurements)
@@ -116,11 +115,10 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
 def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
-    """Return the margins of every input and sensor with all other loops closed, and of all inputs
-    alike.
+    """Return the margins of each loop, opened at one input or sensor with all others closed.
 
-    For all inputs one factor, phase or delay is common. Raises NoSolutionError when the loop is
-    unstable.
+    The entry `TOGETHER` is for a gain, phase or delay common to all inputs. Raises NoSolutionError
+    if the loop is unstable.
     """
     closed = loop.closed
     matrices = (closed, loop.A, loop.Ak)
@@ -144,11 +142,12 @@ def servo_margins(
 
 
 class LoopRow(NamedTuple):
-    """Loop at one scheduling value, with an actuator at each input.
+    """Margins at one scheduling value, with an actuator at each input.
 
     scheduled_at: the scheduling value
-    abscissa: 1/s
-    loops: name of the loop -> its margins, empty where unstable
+    actuators: actuator of each input
+    abscissa: largest real part of the poles, 1/s
+    loops: name of the loop -> its margins; empty if the loop is unstable
     """
 
     scheduled_at: float
@@ -158,13 +157,13 @@ class LoopRow(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Return the actuators in words."""
+        """Text on the actuators, such as "order 1, 2 rad/s"."""
         kinds = [f"order {acting.order}, {acting.bandwidth:g} rad/s" for acting in self.actuators]
         return " and ".join(dict.fromkeys(kinds)) or "none"
 
 
 class _Cell(NamedTuple):
-    """Margin and its place."""
+    """A margin, and the loop or scheduling value to which it belongs."""
 
     margin: LoopMargin
     where: str
@@ -172,7 +171,7 @@ class _Cell(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MarginTable(Checked, Result, Reported):
-    """Margins of a controller at many scheduling values, with many actuators."""
+    """Margins of a controller at several scheduling values and with several actuators."""
 
     json_keys = "ok rows=data_rows checks"
 
@@ -181,14 +180,14 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def single(self) -> tuple[LoopMargin, ...]:
-        """Margins of every loop opened alone, in every row."""
+        """Margins of the loops that are opened one at a time, in all rows."""
         return tuple(
             margin for row in self.rows for name, margin in row.loops.items() if name != TOGETHER
         )
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Checks that every loop is stable."""
+        """The check that every loop is stable."""
         worst = max(self.rows, key=lambda row: row.abscissa)
         unstable = sum(row.abscissa >= 0.0 for row in self.rows)
         reason = (
@@ -198,13 +197,14 @@ class MarginTable(Checked, Result, Reported):
         return (below("largest_abscissa", worst.abscissa, 0.0, reason),)
 
     def _where(self, row: LoopRow) -> str:
-        """Return the scheduling value in words: "5 deg"."""
+        """Return the scheduling value of a row as text, such as "5 deg"."""
         model = self.controller.model
         return model.describe(model.schedule, row.scheduled_at)
 
     def report(self) -> Report:
-        """Return the verdict, and the smallest margins of each loop and of each scheduling
-        value."""
+        """Return the report: verdict, and tables of the smallest margins of each loop and at each
+        scheduling value.
+        """
         model = self.controller.model
         by_loop: dict[tuple[str, ...], list[_Cell]] = {}
         by_value: dict[tuple[str, ...], list[_Cell]] = {}
@@ -227,9 +227,9 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def data_rows(self) -> list[dict[str, Any]]:
-        """Return one row for each scheduling value and set of actuators.
+        """Rows of the data, one for each scheduling value and set of actuators.
 
-        A row has the abscissa, and for each loop gain (dB), phase (deg), crossover (rad/s) and
+        A row contains the abscissa, and for each loop gain (dB), phase (deg), crossover (rad/s) and
         delay (s).
         """
         by = self.controller.model.schedule
@@ -260,9 +260,11 @@ class MarginTable(Checked, Result, Reported):
 def _smallest_table(
     names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
 ) -> Table:
-    """Return one row for each subject: the smallest gain, phase and delay margin.
+    """Return a table of the smallest gain, phase and delay margins, one row for each name.
 
-    The row also names the places of gain and phase.
+    Gain and phase margins are followed by the place where they occur.
+
+    names: header of the first columns
     """
     rows = []
     for words, cells in cells_by_name.items():
@@ -283,13 +285,13 @@ def check_margins(
     *,
     progress: Progress | None = None,
 ) -> MarginTable:
-    """Return the margins about the trims at scheduling values.
+    """Return the margins of a controller about the trims at several scheduling values.
 
     scheduling_values: (N,)
-    bandwidths: bandwidths, rad/s, of actuators of both orders, equal in all inputs, or empty for no
-        actuators
+    bandwidths: bandwidths, rad/s, of actuators of orders 1 and 2, equal at all inputs; empty for no
+      actuators
 
-    Raises BadInputError when the controller is for another model or for other scheduling values.
+    Raises BadInputError if the controller was made for another model or other scheduling values.
     """
     lowest = float(scheduling_values.min())
     controller.refuse_other(model, lowest, float(scheduling_values.max()))

@@ -1,4 +1,4 @@
-"""Policy of a scheduled controller in flight, at the measured scheduling variable."""
+"""Policy of a flight that applies a scheduled controller at the measured scheduling variable."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _MATRICES = ("A", "B", "C", "D", "W")
 class ServoPolicy(Policy):
     """Policy x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y.
 
-    η is the measured scheduling state, and x is the memory.
+    η is the measured scheduling variable, and x is the memory of the policy.
 
     controller: controller with these matrices
-    commands: `CommandSteps` of its outputs, or another value with its names, at, rate and end
-    outputs: `MeasuredOutputs`, or another value with its at
+    commands: `CommandSteps` of its outputs, or an object with the same names, at, rate and end
+    outputs: `MeasuredOutputs`, or an object with the same method `at`
     regulated: the commanded outputs
-    scheduled_at: η of the trim in which the flight begins
+    scheduled_at: η at the trim in which the flight begins
     """
 
     controller: ScheduledController
@@ -45,7 +45,7 @@ class ServoPolicy(Policy):
     scheduled_at: float
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return u of the controller's inputs, and 0, the trim, for the others."""
+        """Return u for the controller's inputs and 0, the trim, for all others."""
         _, _, C, D, _ = self._matrices(measurements)
         u = ca.mtimes(C, memory) + ca.mtimes(D, self._inputs(t, measurements))
         return ca.mtimes(ca.DM(self._chosen), u)
@@ -58,7 +58,7 @@ class ServoPolicy(Policy):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Return the rate of the states x of the controller."""
+        """Return the rate of the controller states x."""
         A, B, _, _, W = self._matrices(measurements)
         rate = ca.mtimes(A, memory) + ca.mtimes(B, self._inputs(t, measurements))
         if not self.controller.W.any():
@@ -67,7 +67,7 @@ class ServoPolicy(Policy):
         return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Return the tracking errors of the commanded outputs."""
+        """Return rms and largest error of each commanded output. It is {} for symbolic commands."""
         if not isinstance(self.commands, CommandSteps):
             return {}
         return {
@@ -80,7 +80,9 @@ class ServoPolicy(Policy):
         }
 
     def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
-        """Return [measured; commands]. An output without a command is held at its trim."""
+        """Return y = [measured; commands]. The command of an output that is not commanded is 0,
+        the trim.
+        """
         values = dict(
             zip(
                 COMMAND_SIGNALS,
@@ -99,14 +101,14 @@ class ServoPolicy(Policy):
         return ca.vertcat(*rows)
 
     def _matrices(self, measurements: Measurements) -> tuple[ca.SX, ...]:
-        """Return A, B, C, D, W at the measured η."""
+        """Return A, B, C, D and W at the measured η."""
         model = self.regulated.model
         deviation = measurements.states[model.linear.index(model.schedule)]
         return self._table.at(self.scheduled_at + deviation)
 
     @property
     def _chosen(self) -> np.ndarray:
-        """Matrix (m, l) that selects the controller's inputs among all."""
+        """Matrix (m, l) from the controller's l inputs to the m inputs of the model."""
         inputs = self.regulated.model.inputs
         return np.array(
             [[float(name == moved) for moved in self.controller.inputs] for name in inputs]
@@ -119,9 +121,9 @@ class ServoPolicy(Policy):
 
 
 class MatrixTables:
-    """Matrices (N, rows, columns) that are linear between breakpoints, as one CasADi function.
+    """Several tables of matrices (N, rows, columns), linear between breakpoints.
 
-    The function is called and not expanded.
+    They are one CasADi function, which is called and not inlined.
     """
 
     def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
@@ -132,7 +134,7 @@ class MatrixTables:
         self._function = ca.Function("table", [eta], [values], {"never_inline": True})
 
     def at(self, eta: ca.SX) -> tuple[ca.SX, ...]:
-        """Return each matrix at a value of the scheduling variable."""
+        """Return each matrix at the scheduling value `eta`."""
         ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
         parts = ca.vertsplit(self._function(eta), ends)
         return tuple(
@@ -143,13 +145,13 @@ class MatrixTables:
 def servo_policy(
     controller: ScheduledController, commands: CommandSteps, model: Model, point: OperatingPoint
 ) -> ServoPolicy:
-    """Return the policy of the controller about a trim of its model, with commands.
+    """Return the policy of a controller about a trim of its model, with commands.
 
-    Its `fastest` is that of the controller alone: the mode of an estimator, which the loop hardly
-    moves. A gain without memory has no such mode.
+    Its `fastest` is the fastest mode of the controller alone, such as that of an estimator, which
+    the closed loop hardly changes. It is 0 for a gain without memory.
 
-    Raises BadInputError when the controller was made for another model or other values of the
-    scheduling variable, or lacks a commanded output.
+    Raises BadInputError if the controller was made for another model or other values of the
+    scheduling variable, or does not accept a command.
     """
     followed = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:

@@ -1,4 +1,4 @@
-"""Tracking errors of a controller."""
+"""Tracking errors of a controller during a flight."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from hfa_servo.measured_outputs import MeasuredOutputs
 
 
 class Tracked(NamedTuple):
-    """An output and its command over a flight.
+    """An output and its command during a flight.
 
     output, command: (N,), deviations from trim
-    rms, largest: of their difference, in `unit`
     unit: unit of the output
+    rms, largest: rms and largest absolute difference, in `unit`
     """
 
     name: str
@@ -28,7 +28,7 @@ class Tracked(NamedTuple):
 
 
 def tracked(flight: Deviations, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
-    """Return each commanded output of a flight with its command, without sensor noise."""
+    """Return each commanded output of a flight, without sensor noise, with its command."""
     model = outputs.model
     rows = [list(model.states).index(name) for name in model.linear]
     values = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T

@@ -1,4 +1,4 @@
-"""Effect of rounding on the value of a state."""
+"""Effect of rounding on the value v'P v of a state v."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from controller.riccati.normal_form import NormalForm
 
 
 def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
-    """Return the effect of rounding on v'P v for the stabilizing P, to first order.
+    """Return a bound on the effect of rounding on v'P v, to first order, for the stabilizing P.
 
-    The result is inf where rounding hides whether L is stable.
+    It is inf if rounding hides whether L = A - S P is stable. A change R of the Riccati equation at
+    P changes P by D with L'D + D L = -R. v'D v is the sum of the entries of Z and R multiplied one
+    by one, where L Z + Z L' = -v v'. The weights of relative changes are therefore, entry by entry,
+    2 P Z for A, 2 P Z P B for B, 2 P Z P E / δ² for E, and Z for Q. Source: Kenney and Hewer, The
+    sensitivity of the algebraic and differential Riccati equations, SIAM J. Control and
+    Optimization 28 (1990).
 
-    form: normal form of the game, not turned
+    form: normal form of the game, without rotation of the coordinates
     P: (n, n), in the user's coordinates
     vector: v, (n,), in the user's coordinates
-
-    A change R of the Riccati equation at P changes P by D with L'D + D L = -R, L = A - S P. v'D v
-    is the sum of Z R entry by entry where L Z + Z L' = -v v'. The weights are therefore 2 P Z for
-    A, 2 P Z P B for B, 2 P Z P E / δ² for E, and Z for Q, entry by entry. Source: Kenney and Hewer,
-    The sensitivity of the algebraic and differential Riccati equations, SIAM J. Control and
-    Optimization 28 (1990).
     """
     from scipy.linalg import solve_continuous_lyapunov
 

@@ -1,6 +1,4 @@
-"""Notes of the commands that fly, export and design: beyond the range of the paper, and at a
-kink.
-"""
+"""Notes that `fly`, `export` and `design` print: angles beyond the paper's range, and kinks."""
 
 from __future__ import annotations
 
@@ -15,7 +13,9 @@ NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 
 @pytest.mark.parametrize("words", [(), ("--samples", "2")], ids=["flight", "members"])
 def test_flight_says_once_that_dihedral_lies_beyond_paper(words: tuple[str, ...]) -> None:
-    """A flight notes once that the dihedral angle is beyond the range of the paper."""
+    """A flight at 16 deg prints once that the angle is beyond the paper's range, and at 15 deg
+    does not.
+    """
     fly = ("fly", "--law", "exact", "--duration", "0.1", *words)
     for degrees, warnings in (("16", [NOTE]), ("15", [])):
         result = hfa(*fly, "--dihedral", degrees, "--json")
@@ -61,7 +61,7 @@ u = 1.0
 )
 @pytest.mark.usefixtures("folder")
 def test_gain_of_matrix_at_kink_comes_with_note(words: str, where: str) -> None:
-    """A design whose matrix is at a kink has a note."""
+    """A gain computed at a kink of the equations comes with one note that names the place."""
     Path("kinked.py").write_text(KINKED)
     Path("design.toml").write_text(DESIGN)
     result = hfa(*words.split(), "--aircraft", "kinked.py:PLANT")

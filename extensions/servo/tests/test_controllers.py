@@ -1,4 +1,4 @@
-"""Controllers of a design: poles of the exact solution, tables, files, and closed loops."""
+"""Controllers of a design: closed-loop poles, tables, files and margins."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ ANGLES = np.radians([9.0, 11.0])
 
 
 def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
-    """Return the closed loop of the design's plant and its controller at 11 deg, with constant
-    commands.
+    """Return the matrix of the closed loop at 11 deg, at constant commands, and the controller.
+
+    The controller is also computed as part of a table, which must contain the same matrices.
     """
     model = model_at(11.0)
     found = controller_at(aircraft, model, design)
@@ -63,7 +64,7 @@ def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
 
 @pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
 def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, name: str) -> None:
-    """State feedback has the poles of the exact gain."""
+    """The loop with the state-feedback controller has the poles of A - B K with the exact K."""
     design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
     loop, _ = whole(published_aircraft, design)
@@ -75,7 +76,9 @@ def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, n
 def test_output_feedback_has_the_poles_of_central_controller(
     published_aircraft: Model, delta: float
 ) -> None:
-    """Output feedback has the poles of the central controller."""
+    """The loop with the output-feedback controller has the poles of the plant with the central
+    controller.
+    """
     design = measured_servo(delta=delta)
     built = design_model(published_aircraft, model_at(11.0), design)
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V)
@@ -115,7 +118,7 @@ def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -
 def test_matrices_are_linear_between_angles_and_constant_beyond(
     published_aircraft: Model,
 ) -> None:
-    """Matrices are linear between the angles and constant beyond them."""
+    """The matrices are linear between breakpoints and constant beyond them."""
     controller = small_controller(published_aircraft)
     cases = (
         (5.0, (1, 0, 0)),
@@ -231,7 +234,9 @@ def test_its_table_limit_and_certificate_of_each_angle(
 
 
 def test_a_loop_whose_numbers_overflow_is_none() -> None:
-    """A loop that overflows, here by an actuator with an effectiveness of 1e308, has no result."""
+    """The abscissa of a loop whose numbers overflow is refused, here with an effectiveness of
+    1e308.
+    """
     one = np.ones((1, 1))
     loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one)
     with pytest.raises(NoSolutionError, match="the closed loop overflows"):
@@ -241,7 +246,11 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
 def test_path_from_inputs_sensor_once_closed_equations_say(
     published_aircraft: Model,
 ) -> None:
-    """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the closed loop."""
+    """With a direct path from inputs to a sensor, the closed loop has the rates of the equations
+    solved for u.
+
+    u = Ck x_c + Dk (C x + D u).
+    """
     rng = np.random.default_rng(0)
     shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
     table = small_controller(
@@ -266,7 +275,9 @@ def test_path_from_inputs_sensor_once_closed_equations_say(
 
 
 def gentle(aircraft: Model, gain: float) -> ScheduledController:
-    """Return a stable controller with aileron_outer = gain pitch_rate at 5 deg."""
+    """Return a stable controller whose output is aileron_outer = gain pitch_rate, for 5 deg
+    only.
+    """
     table = small_controller(aircraft)
     first = {
         name: getattr(table, name)[:1] for name in ("breakpoints", "trim_states", "trim_inputs")
@@ -280,7 +291,9 @@ def gentle(aircraft: Model, gain: float) -> ScheduledController:
 def test_controller_does_little_passes_with_abscissa_of_aircraft(
     published_aircraft: Model,
 ) -> None:
-    """A controller with almost no effect passes with the spectral abscissa of the aircraft."""
+    """A controller with a very small gain passes, with nearly the abscissa of the aircraft
+    alone.
+    """
     found = check_margins(
         published_aircraft, gentle(published_aircraft, 1e-4), np.radians([5.0]), (0.5, 2.0)
     )
@@ -293,7 +306,9 @@ def test_controller_does_little_passes_with_abscissa_of_aircraft(
 def test_planted_unstable_controller_is_found_with_its_actuator(
     published_aircraft: Model,
 ) -> None:
-    """A planted unstable controller is reported with its actuator."""
+    """A controller that is unstable with some actuators fails, and the report names the worst
+    actuator.
+    """
     table = gentle(published_aircraft, 0.3)
     found = check_margins(published_aircraft, table, np.radians([5.0]), (0.05, 2.0))
     unstable = [row for row in found.rows if row.abscissa >= 0.0]

@@ -37,7 +37,9 @@ PEER = ROOT / "extensions/servo/tests/peer_gains.json"
 def test_exact_gain_of_design_with_names_and_units(
     name: str, size: int, published_aircraft: Model
 ) -> None:
-    """The exact gain of a design has names and units."""
+    """`hfa solve --design` returns the peer's gain within 2e-5, with names and units of the
+    design.
+    """
     data = answer("solve", "--design", SIMVFA[name], *AT_11)
     theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
     assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
@@ -59,7 +61,7 @@ def test_the_paper_s_design_is_the_default_game() -> None:
 
 
 def test_a_critic_of_servo_is_learned_and_certified() -> None:
-    """A critic of a servo is learned and certified."""
+    """A critic learned for a design agrees with the exact solution within 1e-8."""
     learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK, "-o", "servo.npz")
     assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
     checked = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, "--weights", "servo.npz")
@@ -80,7 +82,11 @@ load_factor = 1e-3
 
 
 def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
-    """Write a file with the settings of `simvfa-1`, some changed texts, and sensors."""
+    """Write the design `simvfa-1` with replaced texts and added sensors, and return the name of the
+    file.
+
+    changed: old text -> new text
+    """
     text = Path(SIMVFA["simvfa-1"]).read_text(encoding="utf-8")
     for old, new in changed.items():
         assert old in text
@@ -91,7 +97,11 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
 
 @pytest.mark.slow
 def test_design_with_sensors_is_designed_from_its_measurements() -> None:
-    """A design with sensors gives a controller that uses its measurements."""
+    """A design with sensors gives an output-feedback controller with a larger delta_min than the
+    gain.
+
+    A delta between the two values is refused.
+    """
     file = own("own.toml", **{"delta = inf": "delta = 200.0"})
     data = answer("solve", "--design", file, *AT_11)
     assert (
@@ -153,15 +163,18 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
 def test_what_no_controller_can_do_is_one_line(
     sensors: str, changed: dict[str, str], code: int, named: str
 ) -> None:
-    """Requirements that no controller can meet are refused in one line. docs/servo.md has more of
-    them.
+    """A design that no controller can satisfy is refused with a one-line message.
+
+    docs/servo.md lists more cases.
     """
     assert_refused(hfa("design", own("own.toml", sensors, **changed), *AT_11), code, named)
 
 
 @pytest.mark.slow
 def test_a_design_becomes_file_that_prints_same_table() -> None:
-    """A design is written as a file that prints the same table."""
+    """The file that `hfa design -o` writes prints the same report and contains the same
+    matrices.
+    """
     made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
     assert made.code == 0
     again = hfa("design", "servo.npz")
@@ -182,7 +195,9 @@ def test_a_design_becomes_file_that_prints_same_table() -> None:
 
 
 def test_a_controller_in_metres_is_controller_in_feet() -> None:
-    """A controller in meters is the converted controller in feet."""
+    """A controller designed with --units si is the converted controller, and its flights are the
+    same.
+    """
     words = ("design", SIMVFA["simvfa-1"], "--dihedral", "11", "--bandwidth", "10")
     feet = hfa(*words, "-o", "feet.npz")
     metres = hfa(*words, "--units", "si", "-o", "metres.npz")

@@ -1,5 +1,5 @@
-"""Designs in files and their models: the peer's gains from its settings, matrices by differences,
-and named faults.
+"""Designs in files and their design models: gains compared with a peer's, matrices compared with
+differences, and refusal of faulty designs.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ DESIGNS = ROOT / "extensions/servo/hfa_servo"
 
 
 def test_every_design_of_package_has_name_and_source() -> None:
-    """Every design of the package has a name and a source."""
+    """Every design file of the package is listed in `NAMED` and names its source."""
     assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
     assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
 
@@ -119,7 +119,7 @@ def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
 def test_the_peer_s_settings_give_peer_s_gains(
     published_aircraft: Model, name: str, degrees: str
 ) -> None:
-    """The peer's settings give the peer's gains."""
+    """The exact gain for the peer's settings equals the peer's gain within 2e-5."""
     theirs = np.array(PEER[name][degrees])
     ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
     assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
@@ -127,8 +127,9 @@ def test_the_peer_s_settings_give_peer_s_gains(
 
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
 def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
-    """In the peer's air the gains agree to the six stored digits, of which a change of the density
-    by 1e-5 moves the last two.
+    """At the altitude with the peer's air density, gains agree in all six stored digits.
+
+    At 40,000 ft they do not: a change of the density by 1e-5 changes the last two digits.
     """
     own, in_its_air = released_simulation()
     for altitude, digits in ((in_its_air, True), (40_000.0, False)):
@@ -144,7 +145,7 @@ def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
 
 
 def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Game) -> None:
-    """The paper's design gives the paper's game."""
+    """The game of the design `paper` has the matrices and delta of the paper's game."""
     built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
@@ -155,9 +156,7 @@ def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Gam
 def test_loop_of_servo_brings_integrated_outputs_to_zero(
     published_aircraft: Model,
 ) -> None:
-    """The servo rejects a constant disturbance of the input: in steady state the inputs of the
-    integrals are 0.
-    """
+    """With a constant disturbance of the inputs, the integrated outputs are 0 in steady state."""
     built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
     K = solve_game(built.game()).K
     closed = built.A - built.B @ K
@@ -168,8 +167,8 @@ def test_loop_of_servo_brings_integrated_outputs_to_zero(
 
 
 def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
-    """Return the rates of the six states and of the integrals per ft/s of an updraft, by
-    differences of the nonlinear equations.
+    """Return the rates of states and integrals per ft/s of updraft, from differences of the
+    nonlinear equations.
     """
     point = built.model.point
     h = 1e-4
@@ -197,8 +196,8 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
-    """The integral of a short-period output contains the air: e' = ... + F w, compared with
-    differences.
+    """The column of E for an updraft agrees with differences, also for integrals of outputs, e'
+    = F w.
     """
     aircraft = hfa.aircraft(dynamics)
     built = design_at(
@@ -215,7 +214,9 @@ def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
 def test_sensors_states_or_outputs_in_order_of_names(
     published_aircraft: Model,
 ) -> None:
-    """Sensors are states or outputs in the order of their names."""
+    """The rows of C and D are those of the named states and outputs, in the order of the
+    sensors.
+    """
     names = (
         "dihedral_integral",
         "load_factor",
@@ -260,7 +261,10 @@ def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Mode
 def test_output_and_short_period_part_may_both_named(
     published_aircraft: Model,
 ) -> None:
-    """An output and its short-period part may both be named."""
+    """An output and its short-period part may both be sensors.
+
+    Only the row of the part omits the speed.
+    """
     name = "vertical_acceleration"
     design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
     built = design_at(published_aircraft, design, 11.0)
@@ -335,7 +339,9 @@ def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message:
 @pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
 @pytest.mark.parametrize("value", [3, "text", [1.0]])
 def test_value_in_place_of_table_of_variant_named(entry: str, value: object) -> None:
-    """`[newton] weights = 3`, a value in place of a table, is refused by name."""
+    """A value in place of a table, such as `[newton] weights = 3`, is refused with the name of
+    the entry.
+    """
     table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
     data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
     with pytest.raises(BadInputError, match=entry):

@@ -1,5 +1,5 @@
-"""Generalized plants and games from measurements compared with slycot, closed forms, 60 digits and
-LQG, and named refusals.
+"""Generalized plants compared with slycot, closed forms, 60-digit solutions and LQG, and refused
+plants.
 """
 
 from __future__ import annotations
@@ -73,10 +73,10 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
     "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
 def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
-    """The smallest gain of 30 plants is that of slycot or better, and the loop attains it.
+    """For 30 plants, delta_min is at most the gain that slycot attains, and the loop attains it.
 
-    For some plants slycot stops too high, and for others its loop does not attain the gain that it
-    states.
+    For some plants slycot stops at a larger value. For others, its loop does not attain the gain
+    that it reports.
     """
     plant = random_plant(seed, seed % 3)
     smallest, (stated, reached) = smallest_of(seed, seed % 3), of_slycot(plant)
@@ -94,10 +94,10 @@ def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_X_Y_solve_general_equations_to_sixty_digits(seed: int) -> None:
-    """X and Y solve the general equations to sixty digits, as in the book (Theorem 17.1) and as
-    games.
+    """X and Y satisfy the general Riccati equations (Theorem 17.1) and equal 60-digit solutions of
+    the games.
 
-    R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0).
+    The tolerance is 1e-10. In the equations, R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0).
     """
     plant = random_plant(seed)
     delta = 1.2 * smallest_of(seed).value
@@ -138,10 +138,11 @@ def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
 
 @pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.slow), 5])
 def test_state_feedback_limit_measuring_every_state_ever_better(seed: int) -> None:
-    """State feedback is the limit of measurements of every state with decreasing noise, also with
-    cross terms and D11.
+    """delta_min of state feedback is the limit for measurements of all states with decreasing
+    noise.
 
-    The whole size of D11 bounds delta, because the gain does not measure w.
+    The plant has cross terms and D11. delta_min is at least |D11|, because the gain does not
+    measure w.
     """
     plant = random_plant(seed, 0.3)
     state = replace(plant, C2=None, D21=None, D22=None)
@@ -195,7 +196,9 @@ def test_a_planted_error_in_the_controller_is_seen(
 
 
 def test_a_gain_that_is_too_large_is_seen() -> None:
-    """The peak 1/(2 zeta) at 1 rad/s of a resonance far narrower than any grid is found."""
+    """The peak 1/(2 ζ) of a resonance with ζ = 1e-7 is found, although it is narrower than any
+    grid.
+    """
     A = np.array([[0.0, 1.0], [-1.0, -2e-7]])
     B = np.array([[0.0], [1.0]])
     C = np.array([[1.0, 0.0]])
@@ -210,7 +213,7 @@ def transfer(numerators: list, denominators: list) -> Any:
 
 
 def with_noise(system: Any, size: float) -> GeneralizedPlant:
-    """Return the system with one y and one u, and noise on y."""
+    """Return the generalized plant of a system with one y and one u, with noise added to y."""
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
     k = B.shape[1] - 1
     B = np.insert(B, k, 0.0, axis=1)
@@ -220,8 +223,9 @@ def with_noise(system: Any, size: float) -> GeneralizedPlant:
 
 
 def python_control_367() -> Any:
-    """Return a mass, spring and damper as a user gave it to hinfsyn, where w has no direct effect
-    on y.
+    """Return the system of python-control issue 367: a mass, spring and damper given to hinfsyn.
+
+    w has no direct effect on y.
     """
     damped = [1.0, 12.0, 20.0]
     return transfer(
@@ -231,8 +235,9 @@ def python_control_367() -> Any:
 
 
 def octave_13() -> Any:
-    """Return a mass moved by a force, with a plant for each of four blocks: u moves unstable modes
-    that y does not measure.
+    """Return the system of Octave control issue 13: a double integrator in each of four blocks.
+
+    u moves unstable modes that y does not measure.
     """
     one = control.ss(DOUBLE["A"], DOUBLE["B2"], [[1.0, 0.0]], 0.0)
     A = np.kron(np.eye(4), one.A)
@@ -244,8 +249,11 @@ def octave_13() -> Any:
 
 
 def octave_14(weighted: bool = True) -> Any:
-    """Return the mass once, with the weight 10 (s + 1) / (s + 100) on u, where w has no direct
-    effect on y.
+    """Return the system of Octave control issue 14: one double integrator.
+
+    w has no direct effect on y.
+
+    weighted: whether u has the weight 10 (s + 1) / (s + 100)
     """
     plain = control.ss(
         DOUBLE["A"],
@@ -259,7 +267,9 @@ def octave_14(weighted: bool = True) -> Any:
 
 
 def test_plants_of_public_issues_are_refused_by_name() -> None:
-    """Plants from public issues are refused by name."""
+    """Plants from public issues that violate an assumption are refused, and the message names
+    it.
+    """
     for system in (python_control_367(), octave_13(), octave_14()):
         with pytest.raises(
             BadInputError,
@@ -279,9 +289,10 @@ def test_plants_of_public_issues_are_refused_by_name() -> None:
 
 @pytest.mark.parametrize("reach", [0.0, 0.1])
 def test_an_integrator_without_disturbance_is_named_through_dust(reach: float) -> None:
-    """The message names the integrator of 1.6 / (s (s² + 4.8 s + 1.7)), and not D12 and D21.
+    """The message names the integrator of 1.6 / (s (s² + 4.8 s + 1.7)) that no disturbance reaches.
 
-    The plant has weights of S and K S, and entries of 1e-16 to 1e-15 in A, as `augw` leaves them.
+    The plant has weights of S and K S, and rounding errors of 1e-16 to 1e-15 in A, as `augw` leaves
+    them. If the disturbance reaches it, the plant is solved.
     """
     plant = GeneralizedPlant(
         A=[
@@ -310,7 +321,7 @@ def test_an_integrator_without_disturbance_is_named_through_dust(reach: float) -
 @pytest.mark.parametrize("size", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
 def test_plants_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
-    """Plants from public issues, with noise added, agree with slycot."""
+    """With noise added, delta_min of the plants from public issues agrees with slycot."""
     plant = with_noise(system(), size)
     smallest = plant.minimum_delta().value
     # Ours ends within 2.5e-7, SB10AD within 1e-10.
@@ -347,8 +358,9 @@ def test_plants_public_issues_with_noise_agree_with_slycot(system: Any, size: fl
 def test_mixed_sensitivity_agrees_with_slycot(
     plant: Any, error: Any, effort: float, noise: Any
 ) -> None:
-    """Plants with weights of S, K S and T agree with slycot: D11 is not 0, D21 is square, and
-    without an unstable pole Y is exactly 0.
+    """delta_min of plants with weights of S, K S and T agrees with slycot.
+
+    In these plants D11 is not 0 and D21 is square. Without an unstable pole, Y is exactly 0.
     """
     G, W1, W2 = (control.ss(control.tf(*each)) for each in (plant, error, ([effort], [1.0])))
     W3 = control.ss(control.tf(*noise)) if noise else None
@@ -384,8 +396,9 @@ def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], word
 
 
 def test_rounding_of_a_double_integrator_is_no_reach() -> None:
-    """A double integrator whose poles are ±3e-8 by rounding is not called reached by the
-    disturbance of a sensitivity.
+    """Rounding errors that move a double integrator's poles to ±3e-8 do not make it controllable.
+
+    The message names the mode that the disturbance does not reach.
     """
     e = 6e-16
     plant = GeneralizedPlant(
@@ -475,8 +488,10 @@ ONE = np.eye(1)
 def servo(
     request: pytest.FixtureRequest, published_aircraft: Model
 ) -> tuple[Game, np.ndarray, GeneralizedPlant]:
-    """Return the peer's servo at 11 deg with its three measurements and a disturbance of every
-    state.
+    """Return a game of the peer's servo at 11 deg, the matrix C of three measurements, and the
+    plant.
+
+    The disturbance acts on every state.
     """
     built = design_model(published_aircraft, model_at(11.0), simvfa_design(request.param))
     C = np.array([[float(state == name) for state in built.states] for name in MEASURED])
@@ -496,7 +511,7 @@ def larger_root(a: float, s: float, q: float) -> float:
 
 
 def by_hand(delta: float) -> tuple[float, float]:
-    """Return X and Y of `scalar` in closed form."""
+    """Return X and Y of the plant `scalar` at delta, in closed form."""
     return larger_root(0.5, 4 / 0.4 - 0.49 / delta**2, 3.0), larger_root(
         0.5, 1 / 0.25 - 3.0 / delta**2, 0.49
     )
@@ -513,9 +528,7 @@ def test_a_scalar_plant_by_hand() -> None:
 
 @pytest.mark.parametrize("size", [pytest.param(1e-14, marks=pytest.mark.slow), 1e14])
 def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
-    """The smallest delta is found for any unit of z, which scales it. The search begins above an
-    attained gain.
-    """
+    """If z is scaled by a factor, delta_min is scaled by the same factor."""
     plant = random_plant(8)
     expected = smallest_of(8).value
     scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
@@ -525,7 +538,10 @@ def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
 
 
 def test_smallest_delta_of_scalar_plant_and_its_report() -> None:
-    """The smallest delta of a scalar plant equals its closed form and is reported."""
+    """delta_min of a scalar plant agrees with the closed form, and the report states it.
+
+    A smaller delta is refused with the condition that fails.
+    """
     smallest, refused, condition = scalar().minimum_delta()
     assert refused < smallest <= refused * (1 + 1e-6)
     assert condition == "coupling condition"
@@ -579,9 +595,7 @@ def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, Generalize
 
 
 def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
-    """With every state measured and decreasing noise, the filter's part of the coupling vanishes,
-    and the smallest delta becomes that of the game.
-    """
+    """With all states measured and decreasing noise, delta_min decreases to that of the game."""
     n = len(game.A)
     smallest = minimum_delta(game).value
     plants = [
@@ -596,8 +610,9 @@ def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_units_of_states_over_16_decades_change_nothing(seed: int) -> None:
-    """Units z = u y over 16 decades leave delta_min, the coupling and the response unchanged, and
-    convert X and Y.
+    """Changing the units of the states by 16 decades changes neither delta_min nor the coupling.
+
+    X, Y and the controller are converted.
     """
     rng = np.random.default_rng(seed)
     A, B, E, C = (rng.standard_normal(shape) for shape in ((3, 3), (3, 1), (3, 2), (2, 3)))

@@ -1,5 +1,5 @@
-"""Critics of design models with 55 to 105 weights are certified, exact and in time from every
-start.
+"""Critics learned for design models with 55 to 105 weights: exact and in time from every initial
+condition.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ SIZES = {
 
 
 def design_of(name: str) -> Design:
-    """Return the design of this name.
+    """Return the design with this name.
 
-    three inputs: `simvfa-2` with the ailerons of the center panel as a third input
+    "three inputs" is `simvfa-2` with the ailerons of the center panel as a third input.
     """
     if name != "three inputs":
         return simvfa_design(name) if name in SIMVFA else load_design(str(SEARCHED), hfa.aircraft())
@@ -63,7 +63,10 @@ def exact(name: str) -> tuple[Game, Solution]:
 @pytest.mark.parametrize("starts", [2, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SIZES)
 def test_every_start_ends_certified_at_exact_solution_time(name: str, starts: int) -> None:
-    """Every run ends certified at the exact solution within its time."""
+    """From every random initial critic, learning settles within 10 s at the exact P and K.
+
+    The errors are at most 1e-8.
+    """
     game, solution = exact(name)
     functions = basis("quadratic", len(game.A))
     assert (len(game.A), functions.size) == SIZES[name]

@@ -1,6 +1,4 @@
-"""Loop shaping: gamma_min by three methods, its guarantees, the model of the commands, and the
-designed servo.
-"""
+"""Loop shaping: gamma_min by three methods, robustness, model following and the servo design."""
 
 from __future__ import annotations
 
@@ -30,7 +28,7 @@ INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 
 
 def shaped_plant(degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, C of W2 G W1 of the servo by series connection."""
+    """Return A, B, C of the shaped plant W2 G W1 of the servo, connected in series here."""
     design = load_design("servo", hfa.aircraft())
     assert design.shaping is not None
     built = design_model(hfa.aircraft(), model_at(degrees), design)
@@ -52,8 +50,10 @@ def random_plant(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0, None])
 def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
-    """gamma_min agrees with γ² = 1/(1 - ‖[N M]‖_H²) of Glover and McFarlane, and with sb10ad's
-    search on its four-block problem.
+    """gamma_min agrees with γ² = 1/(1 - ‖[N M]‖_H²) (Glover and McFarlane) and with SLICOT's
+    SB10AD.
+
+    SB10AD searches the smallest gain of the equivalent four-block problem.
     """
     slycot = pytest.importorskip("slycot")
     A, B, C = random_plant(1) if degrees is None else shaped_plant(degrees)
@@ -94,8 +94,9 @@ def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
 
 
 def test_loop_as_robust_gamma_says_planted_error_found() -> None:
-    """By slycot's norm the loop is as robust as gamma states, and a planted factor in the
-    observer's gain is detected.
+    """The robustness norm of the loop agrees with slycot and is at most gamma.
+
+    A planted factor on the observer gain makes the check fail.
     """
     slycot = pytest.importorskip("slycot")
     A, B, C = shaped_plant(11.0)
@@ -119,14 +120,14 @@ def test_loop_as_robust_gamma_says_planted_error_found() -> None:
 
 
 def test_mode_that_is_not_seen_has_no_controller() -> None:
-    """An unobservable mode has no controller."""
+    """A plant with an unstable unobservable mode is refused."""
     with pytest.raises(NoSolutionError, match="no robust controller"):
         robust_controller(np.diag([1.0, -1.0]), np.ones((2, 1)), np.array([[0.0, 1.0]]))
 
 
 @cache
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
-    """Return the designed servo at its own angles, or at these."""
+    """Return the controller of the design `servo`, at its breakpoints or at the given angles."""
     aircraft = hfa.aircraft(dynamics)
     design = load_design("servo", hfa.aircraft()).of(hfa.aircraft(dynamics))
     assert design.shaping is not None
@@ -138,8 +139,9 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
 @pytest.mark.parametrize("angles", [(1, 20), pytest.param(range(21), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) -> None:
-    """At every integer angle every loop has 6 dB, 45 deg, and tolerates 20 ms of delay in all
-    inputs at once.
+    """At every integer angle, each loop of the servo has margins of at least 6 dB and 45 deg.
+
+    All loops tolerate 20 ms of delay, also in all inputs at once.
     """
     table = check_margins(hfa.aircraft(dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0))
     assert (len(table.rows), table.ok) == (4 * len(angles), True)
@@ -151,10 +153,9 @@ def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) ->
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
-    """The servo is stable with half the effectiveness and 20 ms of delay.
+    """The servo is stable with half the effectiveness and 20 ms of delay in every input.
 
-    The delay is a Padé approximant of order 3 in every input, whose error is below 1e-6 up to 20
-    rad/s.
+    The delay is a Padé approximant of order 3, whose error is below 1e-6 up to 20 rad/s.
     """
     from control import pade, ss, tf
 
@@ -184,7 +185,7 @@ def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
 
 
 def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> None:
-    """With the gain or the phase of the margin in one loop, a pole is on the imaginary axis."""
+    """If one loop is changed by its gain or phase margin, a pole lies on the imaginary axis."""
     controller = servo("published", (11.0,))
     actuators = dict.fromkeys(INPUTS, Actuator(2, 2.0))
     loop = servo_loop(
@@ -212,7 +213,7 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
 
 
 def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) -> None:
-    """l = 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s and an infinite gain
+    """The loop 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s and infinite gain
     margin.
     """
     from hfa_servo.servo_loop import ServoLoop
@@ -230,8 +231,9 @@ def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) 
 def test_model_answers_command_and_loop_feels_none_of(
     published_aircraft: Model,
 ) -> None:
-    """With the actuators of the model, measured and modeled outputs agree, and in steady state both
-    equal the command.
+    """With the actuators of the followed model, the aircraft's states equal those of the model.
+
+    The observer's states remain 0. In steady state, the outputs equal the commands.
     """
     design = load_design("servo", hfa.aircraft())
     model = model_at(11.0)
@@ -319,7 +321,7 @@ def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
 def pencil_of(
     dynamics: str, degrees: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> np.ndarray:
-    """Return [A, B; C, D] for these inputs and outputs."""
+    """Return [A, B; C, D] of the aircraft for these inputs and outputs."""
     design = Design(
         "zeros",
         inputs,
@@ -334,12 +336,12 @@ def pencil_of(
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
 def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
-    """With two surfaces the zeros s, at which [A - s I, B; C, D] loses rank, are at 0.67 rad/s in
+    """With two surfaces, the zeros from them to dihedral and A_z include a pair at 0.67 rad/s in
     the right half plane.
 
-    They are the poles of a loop that holds both outputs tightly, and gusts excite them. With pitch
-    in place of A_z there are no such zeros. With the inputs of the servo the rank is full at those
-    s.
+    At a zero s, [A - s I, B; C, D] loses rank. Zeros are the poles of a loop that holds both
+    outputs tightly, and gusts excite them. With pitch in place of A_z there are no such zeros. With
+    all inputs of the servo, the rank is full at these s.
     """
     two = ("aileron_outer", "elevator_center")
     zeros = {}

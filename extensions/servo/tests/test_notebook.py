@@ -1,4 +1,4 @@
-"""Calls of notebooks: responses of linear models, names of other tools, and functions as
+"""Calls in notebooks: responses of linear models, names of other tools, and functions as
 methods.
 """
 
@@ -28,7 +28,10 @@ def _linear() -> LinearModel:
 
 
 def test_step_and_simulate_agree_with_exponentials() -> None:
-    """A step response is x = A⁻¹ (e^At - 1) B, which is checked by x' = A x + B at an instant."""
+    """A step response satisfies x' = A x + B, and a simulation of the same input agrees with it.
+
+    Inputs may be given by name or as an array. Wrong inputs and times are refused.
+    """
     linear = _linear()
     time = np.linspace(0.0, 2.0, 2001)
     stepped = linear.step(time)
@@ -66,7 +69,7 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
 
 
 def test_other_attributes_are_those_of_python_control() -> None:
-    """Further attributes of a linear model are python-control's, with named inputs and outputs."""
+    """A linear model has the attributes of python-control, with named inputs and outputs."""
     linear = _linear()
     assert linear.ninputs == 5
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
@@ -88,8 +91,10 @@ def test_other_attributes_are_those_of_python_control() -> None:
 
 
 def test_functions_of_matrices_take_those_of_the_model() -> None:
-    """python-control's ctrb(A, B) and care(A, B, Q, R) are methods with the model's matrices, and
-    their errors are one line.
+    """Functions of python-control such as ctrb(A, B) are called with the matrices of the linear
+    model.
+
+    Their errors become a one-line message.
     """
     linear = _linear()
     assert np.array_equal(linear.ctrb(), control.ctrb(linear.A, linear.B))
@@ -130,8 +135,9 @@ def test_poles_and_zeros_are_drawn() -> None:
 
 
 def test_a_free_response_is_the_matrix_exponential() -> None:
-    """A free response is x(t) = e^(A t) x(0), for an initial state by name or as an array, without
-    inputs.
+    """A simulation without inputs returns x(t) = e^(A t) x(0).
+
+    x(0) may be given by name or as an array. Wrong ones are refused.
     """
     linear = _linear()
     start = 0.05 * np.eye(6)[linear.states.index("alpha")]
@@ -155,7 +161,9 @@ def test_a_sample_time_replaces_the_times() -> None:
 
 
 def test_keywords_of_python_control_are_accepted() -> None:
-    """input=, output=, T= and X0= name the arguments inputs, outputs, time and initial."""
+    """The keywords input=, output=, T= and X0= are accepted for inputs, outputs, time and
+    initial.
+    """
     linear = _linear()
     usual = linear.step(time=3.0, inputs="throttle", outputs="speed")
     assert np.array_equal(
@@ -183,8 +191,9 @@ def test_functions_of_hfa_are_methods_of_their_first_argument() -> None:
 
 
 def test_words_of_other_tools_are_attributes_of_results() -> None:
-    """Names of other tools, such as SciPy's `success`, return the attribute of the same meaning if
-    it exists.
+    """Attribute names of other tools, such as SciPy's `success`, return the equivalent attribute.
+
+    A name without an equivalent is refused with a suggestion.
     """
     point = _linear().point
     assert point.success is point.converged is point.ok is True
@@ -215,8 +224,10 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
 
 
 def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
-    """An argument is made from an earlier result, Model -> OperatingPoint -> LinearModel -> Game,
-    with the keywords of each step.
+    """Functions accept an earlier member of the chain Model -> OperatingPoint -> LinearModel ->
+    Game.
+
+    Further keywords specify the steps between.
     """
     point = find_operating_point(MODEL, dihedral=0.2)
     linear = point.linearize()
@@ -239,7 +250,9 @@ def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
 
 
 def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> None:
-    """fly(model, FILE) converts a gain by the units that the file states."""
+    """fly(model, FILE) converts a gain from the units that the file states to those of the
+    model.
+    """
     point = find_operating_point(MODEL)
     run = hfa.learn(hfa.paper.published_game(point.linearize()), seed=0)
     run.save(Path("learned.npz"))
@@ -258,7 +271,9 @@ def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> 
 
 
 def test_a_gain_closes_the_loop_of_a_linear_model() -> None:
-    """linear.closed_loop(K) is z' = (A - B K) z + B v, and linear.margins(K) has its margins."""
+    """linear.closed_loop(K) is z' = (A - B K) z + B v. linear.margins(K) are the solution's
+    margins.
+    """
     linear = _linear()
     solution = hfa.lqr(linear, np.eye(6), np.eye(5))
     closed = linear.closed_loop(solution)
@@ -278,7 +293,7 @@ def test_a_gain_closes_the_loop_of_a_linear_model() -> None:
 
 
 def test_values_of_a_model_are_the_points() -> None:
-    """environment(model, dihedral=...) and assess(point, FILE) begin at these trims."""
+    """environment(model, dihedral=...) and assess(point, FILE) use the trims at these values."""
     env = hfa.environment(MODEL, dihedral=[0.1, 0.2])
     assert [point["dihedral"] for point in env.episodes.points] == [0.1, 0.2]
     model = hfa.load_model("examples/gtm.py:GTM")
@@ -292,7 +307,9 @@ def test_values_of_a_model_are_the_points() -> None:
 
 
 def test_prove_chooses_by_its_arguments() -> None:
-    """hfa.prove(game, K) proves a critic, and hfa.prove(game) the exact solution."""
+    """hfa.prove(game, K) proves statements on a critic, and hfa.prove(game) on the exact
+    solution.
+    """
     game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
     assert hfa.prove(game, [[2.4]]).data["statement"] == "critic"
     assert not hfa.prove(game, np.array([[0.5]])).proved
@@ -305,7 +322,7 @@ def test_prove_chooses_by_its_arguments() -> None:
 
 
 def test_a_point_brings_its_model() -> None:
-    """point.fly(K) flies from this point, and hfa.fly(model, K) from the model's trim."""
+    """point.fly(K) starts from this point, and model.fly(K) from the model's default trim."""
     point = find_operating_point(MODEL, dihedral=0.2)
     K = hfa.lqr(point, np.eye(6), np.eye(5)).K
     flown = hfa.fly(MODEL, point, K, 0.1, initial={"alpha": 0.01})
@@ -334,7 +351,7 @@ def test_the_text_of_a_file_is_a_model() -> None:
 
 
 def test_a_model_trims_itself() -> None:
-    """`model.trim` contains the declared values and is also a function."""
+    """`model.trim` is a mapping of declared values and can be called to find a trim."""
     assert MODEL.trim(dihedral=0.2) == find_operating_point(MODEL, dihedral=0.2)
     assert MODEL.trim({"dihedral": 0.2}) == find_operating_point(MODEL, dihedral=0.2)
     assert MODEL.trim == dict(MODEL.trim.items())
@@ -352,7 +369,7 @@ def test_keywords_of_a_scenario_make_it() -> None:
 
 
 def test_a_linear_model_is_its_matrices() -> None:
-    """A linear model unpacks into A, B, C, D, and a call with s returns its transfer function."""
+    """A linear model unpacks into A, B, C and D. linear(s) is its transfer matrix at s."""
     linear = _linear()
     A, B, C, D = linear
     system = control.ss(*linear)
@@ -377,7 +394,7 @@ def test_modes_are_a_table_and_a_method() -> None:
 
 
 def test_sweeps_and_flights_are_tables_and_curves() -> None:
-    """Sweeps and flights have the methods of their pandas table, whose columns are names."""
+    """Sweeps and flights have the methods of their pandas table, and can be plotted by name."""
     swept = hfa.sweep(MODEL, at=[0.1, 0.2])
     assert np.array_equal(hfa.sweep(MODEL, [0.1, 0.2]).A, swept.A)
     table = swept.to_pandas()
@@ -398,7 +415,10 @@ def test_sweeps_and_flights_are_tables_and_curves() -> None:
 
 
 def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
-    """hfa.save and hfa.load write and read linear models, solutions, points and deployments."""
+    """hfa.save and hfa.load write and read linear models, solutions and points.
+
+    hfa.load also reads deployments and aircraft.
+    """
     linear = _linear()
     hfa.save(linear, tmp_path / "linear.npz")
     again = hfa.load(tmp_path / "linear.npz")
@@ -429,7 +449,7 @@ def test_a_solution_draws_its_poles() -> None:
 
 
 def test_keywords_read_the_file_of_a_critic(folder: Path) -> None:
-    """verify(game, FILE, activation="tanh") judges the network of this file."""
+    """verify(game, FILE, activation="tanh") returns the verdict on the network in this file."""
     game = hfa.paper.published_game(_linear())
     K = hfa.solve_game(game).K
     np.savez("policy.npz", **{"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * K})
@@ -441,7 +461,7 @@ def test_keywords_read_the_file_of_a_critic(folder: Path) -> None:
 
 
 def test_keywords_change_a_game() -> None:
-    """solve_game(game, delta=...) and game.replace(delta=...) keep the other weights."""
+    """solve_game(game, delta=...) and game.replace(delta=...) change only delta."""
     game = hfa.game(_linear(), np.eye(6), np.eye(5), delta=200.0)
     larger = game.replace(delta=400.0)
     assert larger.delta == 400.0
@@ -491,8 +511,10 @@ def test_eigenvalues_are_a_method_too() -> None:
 
 
 def test_errors_name_the_call_that_was_meant() -> None:
-    """Errors name the intended call for a single loop, for the closed loop of a solution, and for
-    the file of a trained policy."""
+    """The error for a wrong call names the call to use instead.
+
+    Examples are single loops, closed loops and trained policies.
+    """
     linear = _linear()
     with pytest.raises(BadInputError, match="give inputs=NAME, outputs=NAME"):
         linear.root_locus()
@@ -502,7 +524,7 @@ def test_errors_name_the_call_that_was_meant() -> None:
         solution.step_response()
 
     class Trained:
-        """An object with the method of Stable-Baselines3's policies."""
+        """Object with the method `predict` of Stable-Baselines3 policies."""
 
         def predict(self, observation: np.ndarray) -> np.ndarray:
             return observation
@@ -518,10 +540,10 @@ def test_errors_name_the_call_that_was_meant() -> None:
 
 
 def test_wrong_calls_are_one_line() -> None:
-    """Wrong calls raise one-line errors about the call, and none from inside the functions."""
+    """A wrong call raises a one-line error about the call, not an error from inside a function."""
 
     class Table:
-        """Compares entry by entry, as a DataFrame does."""
+        """Object whose comparison is entry by entry, as that of a DataFrame."""
 
         __hash__ = None  # type: ignore[assignment]
 

@@ -1,4 +1,4 @@
-"""delta_min of ordinary mixed-sensitivity plants is equal for every copy and equal to slycot's."""
+"""delta_min of mixed-sensitivity plants is the same for transformed copies and for slycot."""
 
 from __future__ import annotations
 
@@ -33,12 +33,15 @@ def decade(rng: Generator, low: float, high: float) -> float:
 
 
 def signed(rng: Generator) -> float:
-    """Return poles with signs, of which three of four are stable."""
+    """Return 1 (a stable pole) with probability 3/4, otherwise -1."""
     return 1.0 if rng.random() < 0.75 else -1.0
 
 
 def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Return a transfer function with one to three poles from 0.1 to 10 rad/s and fewer zeros."""
+    """Return numerator and denominator of a random transfer function.
+
+    It has one to three poles and fewer zeros, from 0.1 to 10 rad/s.
+    """
     order = int(rng.integers(1, 4))
     denominator = np.ones(1)
     while len(denominator) <= order:
@@ -56,10 +59,10 @@ def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mixed_sensitivity(seed: int) -> GeneralizedPlant:
-    """Return a plant with weights of S, K S and T.
+    """Return a random plant with weights of S, K S and T.
 
-    S has an integrator except below 1e-4 to 0.1 of the bandwidth, K S a gain or a lead to 1000
-    rad/s, and T nothing or a weight beyond 1 to 100 rad/s.
+    The weight of S is an integrator with a lag at 1e-4 to 0.1 of the bandwidth. That of K S is a
+    gain, or a lead up to 1000 rad/s. T has a weight beyond 1 to 100 rad/s, or none.
     """
     rng = np.random.default_rng([44, seed])
     transfer = random_transfer(rng)
@@ -77,7 +80,7 @@ def mixed_sensitivity(seed: int) -> GeneralizedPlant:
 
 
 def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
-    """Return the bracket of delta_min, or 0 to inf if rounding leaves it undecided."""
+    """Return the bracket of delta_min, or (0, inf) if rounding leaves it undecided."""
     try:
         return plant.minimum_delta()
     except NoSolutionError as refusal:
@@ -87,16 +90,15 @@ def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
 
 
 def agree(one: DeltaMin, other: DeltaMin) -> bool:
-    """Return whether a delta_min lies in both brackets, so that neither refuses one that the other
-    has shown.
-    """
+    """Return whether the two brackets of delta_min overlap."""
     most = (1.0 + AGREES) * min(one.value, other.value)
     return max(one.refused, other.refused) <= most
 
 
 def test_smallest_delta_of_slycot_and_of_every_copy() -> None:
-    """The smallest delta of a plant with poles from 0.1 to 25,000 rad/s is that of slycot and of
-    every copy.
+    """For a plant with poles from 0.1 to 25,000 rad/s, delta_min agrees with slycot.
+
+    A transformed copy of the plant has the same delta_min.
     """
     plant = mixed_sensitivity(98)
     smallest = plant.minimum_delta()
@@ -125,10 +127,10 @@ def test_copies_agree_above_and_below_the_smallest_delta() -> None:
 
 
 def test_what_cancels_in_turned_axes_hides_nothing() -> None:
-    """In rotated axes delta_min is 1.28456, where rho(XY) = delta², although rounding moves it by
-    0.001 in the given axes.
+    """In rotated coordinates, delta_min lies between 1.2845 and 1.2846, where rho(XY) = delta².
 
-    The poles are from 8e-4 to 5,148 rad/s.
+    Without a change of coordinates, rounding would move it by 0.001. The poles are from 8e-4 to
+    5,148 rad/s.
     """
     plant = mixed_sensitivity(15)
     for copy in copies(plant, 15, 4):
@@ -137,8 +139,9 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
 
 
 def test_a_turned_plant_is_solved_as_given_one() -> None:
-    """A rotated plant with poles from 2e-4 to 1000 rad/s is solved as the given one. The gain of
-    the controller is that in the plant's own axes, rounded.
+    """A plant with poles from 2e-4 to 1000 rad/s has the same coupling in rotated coordinates.
+
+    Its controller attains the gain.
     """
     plant = mixed_sensitivity(12)
     delta = 1.01 * plant.minimum_delta().value
@@ -152,7 +155,7 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
 
 
 def test_axes_are_left_as_they_were_entered() -> None:
-    """A change of axes and its inverse leave matrices unchanged up to rounding of their largest
+    """A change of coordinates and back leaves matrices unchanged within 1e-14 of their largest
     entry.
     """
     turned = [copy.problem for copy in copies(mixed_sensitivity(15), 15, 4)][-1]
@@ -176,8 +179,9 @@ def test_axes_are_left_as_they_were_entered() -> None:
 
 
 def test_sizes_are_those_of_the_parts_that_cancel() -> None:
-    """If parts cancel, the sizes are those of the parts: u = -N⁺ C x subtracts 1e6 from A and
-    leaves 1.
+    """If large terms cancel in A, `sizes` contains their magnitude, not that of the difference.
+
+    Here, u = -N⁺ C x subtracts 1e6 from A and leaves 1.
     """
     side = Side(
         A=np.array([[1e6 + 1.0]]),
@@ -205,8 +209,10 @@ def test_the_loop_keeps_a_gain_near_the_smallest() -> None:
 
 @pytest.mark.slow
 def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
-    """For many plants no gain that slycot attains is refused, and no gain is claimed that it rules
-    out.
+    """For 171 plants and their copies, the brackets of delta_min overlap with each other and with
+    slycot.
+
+    No bracket is wider than 6e-4, and few are wider than the tolerance.
     """
     changed = []
     opened: Counter[str] = Counter()

@@ -1,4 +1,4 @@
-"""The bound on the effect of rounding on a value."""
+"""The bound on the effect of rounding on a value v'P v."""
 
 import math
 from dataclasses import replace
@@ -14,8 +14,9 @@ from hfa_servo.value_error import value_error
 
 
 def test_the_error_of_a_value_bounds_changes() -> None:
-    """The error of a value bounds its changes, almost tightly, if every entry changes by up to
-    1e-7.
+    """If each entry of A and B changes by 1e-7, v'P v changes by less than the bound.
+
+    The largest change is at least 1 % of the bound.
     """
     rng = np.random.default_rng(11)
     part = 1e-7
@@ -37,7 +38,7 @@ def test_the_error_of_a_value_bounds_changes() -> None:
 
 
 def test_an_unstabilizing_value_has_no_bound() -> None:
-    """A value that does not stabilize has an infinite error."""
+    """The bound is infinite for a P that does not stabilize."""
     one = np.eye(1)
     form = NormalForm.of(Game(0.0 * one, one, one, one, one, 2.0))
     assert value_error(form, 0.0 * one, np.ones(1)) == math.inf

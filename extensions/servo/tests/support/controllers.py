@@ -1,4 +1,4 @@
-"""Small scheduled controllers made of plain numbers."""
+"""Small scheduled controllers with simple numbers, for tests."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from hfa_support.provenance import parameter_hash
 
 
 def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
-    """Return a controller with three angles, one integral and one input.
+    """Return a controller with three angles, one state and one input.
 
-    Every matrix is 10 times its number at the first angle plus the angle's number.
+    All entries of matrix number k = 0, 1, ... at angle number i = 0, 1, 2 are 10 k + i.
+
+    changed: fields that differ
     """
     angles = np.radians([5.0, 10.0, 20.0])
     shapes = {"A": (1, 1), "B": (1, 4), "C": (1, 1), "D": (1, 4), "W": (1, 1)}
@@ -42,7 +44,12 @@ def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
 
 
 def integrating_controller(aircraft: Model, **changed: object) -> ScheduledController:
-    """Return u = -(k e + g (dihedral - r)), e' = dihedral - r, with k increasing with the angle."""
+    """Return the controller u = -k (e + 0.3 (dihedral - r)), e' = dihedral - r.
+
+    k increases with the angle.
+
+    changed: fields that differ
+    """
     gains = np.array([0.02, 0.03, 0.04])[:, None, None]
     one = np.ones((3, 1, 1))
     row = np.array([0.0, 1.0, -1.0, 0.0])

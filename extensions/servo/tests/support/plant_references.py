@@ -1,4 +1,4 @@
-"""Results of SLICOT for a generalized plant through slycot, which shares no code with this
+"""Reference results for generalized plants from SLICOT (slycot), which shares no code with this
 project.
 """
 
@@ -14,8 +14,10 @@ from hfa_servo.generalized_plant import GeneralizedPlant, closed_plant
 
 
 def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
-    """Return the smallest gain that SLICOT's SB10AD states, and that of the loop which it
+    """Return the smallest gain that SLICOT's SB10AD reports, and the gain of the loop that it
     returns.
+
+    Both are inf if SB10AD finds no controller.
     """
     slycot = pytest.importorskip("slycot")
     B = np.hstack([plant.B1, plant.B2])
@@ -30,7 +32,7 @@ def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
 
 
 def norm(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Return the L2 gain by SLICOT's AB13DD."""
+    """Return the L2 gain of a system, computed by SLICOT's AB13DD."""
     slycot = pytest.importorskip("slycot")
     E = np.eye(len(A))
     return float(

@@ -1,4 +1,4 @@
-"""Designs for the tests of servos."""
+"""Designs that several tests of this extension use."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ A_Z = "vertical_acceleration_short_period"
 
 
 def measured_servo(**changed: object) -> Design:
-    """Return the settings of `simvfa-1` with the three measurements of its servo."""
+    """Return the design `simvfa-1` with three sensors, and with changed fields."""
     settings: dict[str, object] = {
         "sensors": {"pitch_rate": 1e-4, "dihedral_integral": 1e-4, f"{A_Z}_integral": 1e-2}
     }
