@@ -1,5 +1,6 @@
-"""Actuators: lags within their limits, and the lag that the linear policy tolerates, as stated in
-docs/nonlinear.md.
+"""Actuators: response within their limits, and the largest lags that linear policies tolerate.
+
+The lags are compared with docs/nonlinear.md.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M),
 
 
 def flown(actuators: ActuatorBank, *command: float) -> Deviations:
-    """Fly the printed model at 15 degrees for two seconds under a constant command."""
+    """Return two seconds of the first published linear model under a constant command."""
     model = published_models()[0]
     law = OpenLoop("none", held=np.array([command]))
     scenario = Scenario(2.0, tick=0.1, initial=np.zeros(N), actuators=actuators)
@@ -56,7 +57,7 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
 
 
 def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
-    """A lag that the step cannot resolve is refused."""
+    """A lag too short for the integration step is refused. With a shorter step it is accepted."""
     lag = Input(0.5, *[0.0003] * (M - 1))
     fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
     fast.refuse_step(0.00075)
@@ -80,7 +81,9 @@ def test_of_order_2_it_is_second_order_response() -> None:
 
 
 def test_fault_changes_actuators_it_names_from_time_on() -> None:
-    """A fault changes the actuators that it names from its time on."""
+    """A fault changes only the named actuator, from its start on, by effectiveness and
+    bandwidth.
+    """
     fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
     flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
     whole = 1.0 - np.exp(-flight.times / 0.1)
@@ -97,7 +100,7 @@ WEIGHTS = ("the paper's weights", "R x 100")
 
 @cache
 def gain(weights: str) -> np.ndarray:
-    """Return the exact gain at 15 degrees."""
+    """Return the exact gain at 15 degrees, for one of the two sets of `WEIGHTS`."""
     game = game_at(15.0, "newton")
     return solve_game(
         game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)
@@ -111,9 +114,9 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 
 
 def lost(weights: str, lag: float) -> bool:
-    """Return whether a dihedral command of one degree for 200 s leaves the envelope.
+    """Return whether a flight of 200 s with a dihedral command of one degree leaves the envelope.
 
-    The actuators have this lag (s) and move at most 60 deg/s.
+    lag: lag of all actuators, s, whose surfaces move at most 60 deg/s
     """
     aircraft = hfa.aircraft("newton")
     point = model_at(15.0, "newton").point
@@ -140,7 +143,7 @@ def lost(weights: str, lag: float) -> bool:
 
 
 def stated(row: str) -> tuple[float, ...]:
-    """Return the two lags, s, in the row of docs/nonlinear.md that begins with this text."""
+    """Return the two lags, s, in the row of docs/nonlinear.md that begins with `row`."""
     text = DOCUMENT.read_text(encoding="utf-8")
     found = re.findall(
         rf"^\| {re.escape(row)}[^|]* \| ([\d.]+) s \| ([\d.]+) s \|$", text, re.MULTILINE
@@ -151,7 +154,7 @@ def stated(row: str) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("degrees", [15.0, 16.0])
 def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None:
-    """The lags of the document are those at which the loop becomes unstable."""
+    """The closed loop is stable at the documented lag and unstable with 1 ms more."""
     for weights, limit in zip(
         WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
     ):
@@ -167,8 +170,8 @@ def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None
 def test_flights_of_200_s_confirm_the_largest_lag(
     weights: str,
 ) -> None:
-    """Flights of 200 s stay inside the envelope at the stated lag and leave it at a slightly larger
-    lag.
+    """A flight of 200 s stays inside the envelope at the documented lag and leaves it with 2 ms
+    more.
     """
     limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
     assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

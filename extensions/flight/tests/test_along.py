@@ -1,4 +1,4 @@
-"""Linear models along a flight compared with the difference of two flights and with
+"""Linear models along a flight, compared with the difference of two flights and with
 python-control.
 """
 
@@ -19,8 +19,10 @@ from hfa_flight.along import models_along
 
 
 def test_along_a_flight_small_deviations_follow_linear_model() -> None:
-    """Two flights of the Navion after a step of elevator and rudder differ by δx of δx' = A(t) δx,
-    to second order.
+    """The difference of two Navion flights after a step input follows δx' = A(t) δx to second
+    order.
+
+    With A constant at its initial value, the error is larger.
     """
     point = trimmed(NAVION)
     u = np.array(point.inputs) + np.array([0.0, -0.05, 0.0, 0.05])

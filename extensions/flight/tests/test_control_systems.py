@@ -28,8 +28,10 @@ def system(update, **more):
 
 
 def test_a_system_of_python_control_is_traced() -> None:
-    """A traced system keeps its names, parameters and outputs. Its linear model agrees with
-    python-control's differences.
+    """A converted python-control system keeps its names, parameters and outputs.
+
+    Its linear model agrees with the finite differences of python-control. Converted back, it has
+    the same rates and outputs.
     """
     nlsys = system(pendulum)
     model = from_control(
@@ -72,7 +74,7 @@ def test_a_system_of_python_control_is_traced() -> None:
     ],
 )
 def test_an_untraceable_system_is_refused(made, words: str) -> None:
-    """A system that cannot be traced is refused in one line."""
+    """A system that cannot be evaluated with symbols is refused with a one-line message."""
     with pytest.raises(BadInputError) as caught:
         from_control(made(), {})
     assert words in str(caught.value)

@@ -1,4 +1,4 @@
-"""The figure of flights of drawn aircraft."""
+"""The figure of the flights of drawn aircraft."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from hfa_identify.parameter_spread import ParameterSpread
 
 
 def test_the_figure_shows_differences_of_drawn_flights() -> None:
-    """Each line ends with the difference of its aircraft from the original, even if the aircraft
-    leaves its limits before the end.
+    """Each line is the difference of a drawn aircraft from the nominal one, up to its departure.
 
     States that do not move have no row.
     """

@@ -1,4 +1,4 @@
-"""`hfa export`: its files and refused requests."""
+"""`hfa export`: the files that it writes, and refused requests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _in_a_folder(folder: Path) -> None:
 
 
 def constants(source: Path, name: str) -> np.ndarray:
-    """Return the numbers of a table in a C file."""
+    """Return the array `name` defined in a C file."""
     line = next(
         line
         for line in source.read_text("utf-8").splitlines()
@@ -35,7 +35,7 @@ def constants(source: Path, name: str) -> np.ndarray:
 
 
 def test_the_c_files_have_the_numbers_of_commands(tmp_path: Path) -> None:
-    """The C files contain the numbers of the commands."""
+    """Trim, A, B and K in the C files equal those of `hfa linearize` and `hfa solve`."""
     result = hfa(
         "export", "-o", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json"
     )
@@ -139,7 +139,7 @@ def test_an_fmu_without_a_compiler_is_one_line(
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
-    """A grid of trims is exported as an FMU whose inputs include the swept variables."""
+    """The FMU of a sweep has inputs for the swept variables. A sweep of one point is refused."""
     path = tmp_path / "models.fmu"
     words = ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
     assert hfa(*words, "-o", str(path)).code == 0
@@ -154,7 +154,9 @@ def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
 def test_fmu_of_first_day_of_all_clocks_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An FMU is written if the clock is before 1980, where ZIP archives begin."""
+    """With a clock before 1980, the FMU's archive is dated 1980, the first year of the ZIP
+    format.
+    """
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert hfa("export", "--dihedral", "15", "-o", "a.fmu").code == 0
     with zipfile.ZipFile("a.fmu") as archive:

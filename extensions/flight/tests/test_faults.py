@@ -1,4 +1,4 @@
-"""Flights and exports with a home folder that cannot be written, or with a full disk."""
+"""Flights and exports with an unwritable home folder or a full disk."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ __all__ = ["small_disk"]
 @pytest.mark.slow
 @pytest.mark.parametrize("home", ["unset", "missing", "read-only", "a file"])
 def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
-    """The result is written without a cache of machine code."""
+    """Without a usable home folder, the result is written, and machine code is not cached."""
     words = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
     works_without_a_home(tmp_path, words, home)
 
 
 def test_export_disk_has_no_room_for_not_there(small_disk: Path) -> None:
-    """If the disk has room for the header only, an export leaves no file."""
+    """An export to a disk that has room for only one of its files leaves no file."""
     has_no_room(small_disk, "export --dihedral 15 -o folder", 12)

@@ -1,4 +1,4 @@
-"""The cost of a flight."""
+"""The cost of a flight with held and with interpolated inputs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ ONE = np.eye(1)
 
 @pytest.mark.parametrize(("is_held", "cost"), [(True, 6.0), (False, 28.5)])
 def test_held_inputs_cost_what_they_hold(is_held: bool, cost: float) -> None:
-    """Held inputs cost 2² for 1 s and 1² for 2 s. Inputs linear between the rows cost trapezoids of
-    2.5 and 26.
+    """Held inputs of 2 for 1 s and 1 for 2 s cost 2² + 2·1². Interpolated inputs follow the
+    trapezoidal rule.
     """
     assert cost_of_flight(TIMES, ZEROS, INPUTS, ONE, ONE, is_held) == cost
 

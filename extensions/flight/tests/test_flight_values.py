@@ -1,4 +1,4 @@
-"""`hfa.fly` and `hfa.Flight` in scripts and notebooks."""
+"""`hfa.fly` and its result in scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def test_steps_of_an_input_give_the_step_response() -> None:
 
 @pytest.mark.parametrize("kind", ["gain", "solution", "critic", "function", "mapping"])
 def test_every_kind_of_policy_flies(kind: str) -> None:
-    """A gain as an array, a solution, a critic and two Python functions fly the same loop.
+    """A gain, a solution, a critic and two Python functions of the same K give the same flight.
 
-    The functions are evaluated once a tick.
+    The functions are evaluated once a tick, hence the tolerance of 0.005.
     """
     game = hfa.game(hfa.linearize(CART, POINT), Q=np.eye(2), R=np.eye(1))
     solution = hfa.solve_game(game)

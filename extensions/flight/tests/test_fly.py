@@ -1,4 +1,4 @@
-"""`hfa fly`: reports, files, exit codes and refusals."""
+"""`hfa fly`: reports, files, exit codes and refused options."""
 
 from __future__ import annotations
 
@@ -75,8 +75,9 @@ def test_command_says_that_flight_held_and_writes_it() -> None:
 
 
 def test_a_flight_without_a_law_has_a_cost() -> None:
-    """With Q and R a flight without a law has a cost over its rows, which agrees with SciPy's rule
-    to 1e-3.
+    """With --Q and --R, a flight without a policy reports a cost within 0.1 % of Simpson's rule.
+
+    Without these options it reports none.
     """
     words = (
         "fly",
@@ -99,8 +100,10 @@ def test_a_flight_without_a_law_has_a_cost() -> None:
 
 
 def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
-    """The exact gain, P and W from a file fly as --law exact does. Another R changes only the
-    policy of P.
+    """Exact K, P and W from files give the flight of --law exact. Wrong files and options are
+    refused.
+
+    Another R changes the policy of P.
     """
     exact = solve_game(game)
     stored("K.json", K=exact.K)
@@ -228,7 +231,7 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
 
 
 def network_of(K: np.ndarray) -> str:
-    """Write a network that is u = -K z, with relu(z) - relu(-z) = z, and return its file."""
+    """Write a network that computes u = -K z, using relu(z) - relu(-z) = z, and return its file."""
     twice = np.vstack([np.eye(6), -np.eye(6)])
     layers = {
         "0.weight": twice,
@@ -240,7 +243,11 @@ def network_of(K: np.ndarray) -> str:
 
 
 def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
-    """A network that equals a gain flies as this gain, within the control limits."""
+    """A network that computes -K z gives the flight of the gain K.
+
+    From a larger initial deviation, the network's inputs are saturated and those of the gain are
+    not.
+    """
     path = network_of(solve_game(game).K)
     network = ("--weights", path, "--set", "activation=relu")
     words = ("fly", "--dihedral", "15", "--duration", "0.5", "-o", "a.json")
@@ -262,7 +269,9 @@ def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
 
 @needs_gcc
 def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
-    """A network is exported as C and as an FMU."""
+    """The C code of a network computes its inputs, saturated at the control limits. An FMU is
+    written.
+    """
     K = solve_game(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
     assert hfa("export", "-o", "c", *network).code == 0
@@ -326,8 +335,9 @@ SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration",
 
 @pytest.mark.slow
 def test_gains_of_file_flown_along_trims_of_command() -> None:
-    """Gains as a table, as a MATLAB stack and as a controller of `hfa design` give one flight. A
-    single gain for all angles gives another one.
+    """Gains from `hfa design`, a JSON table and a MATLAB stack give the same flight.
+
+    A single gain for all angles gives another flight. A command beyond the table is refused.
     """
     made = hfa("design", "--design", "paper", "--dihedral", "5,10,15", "-o", "paper.npz", "--json")
     assert made.code == 0, made.err
@@ -352,7 +362,7 @@ def test_gains_of_file_flown_along_trims_of_command() -> None:
 
 
 def test_a_flight_in_metres_is_flight_in_feet() -> None:
-    """A flight in meters is the converted flight in feet."""
+    """A flight with --units si and converted options ends in the converted state."""
     foot = 0.3048
     words = (*FLY, "--duration", "0.5", "--gust")
     feet = answer(*words, "200:5")["final"]

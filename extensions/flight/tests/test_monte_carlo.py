@@ -1,5 +1,5 @@
-"""A Monte Carlo: each member is the stated flight, any order gives the same bits, and the report is
-true.
+"""Monte Carlo simulations: members equal single flights, independent of their order, and the report
+agrees with them.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ SEEN = [STATES.index(name) for name in LINEAR_STATES]
 
 
 def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
-    """Return the row of a member under u = -K z, by a Runge-Kutta loop in NumPy.
+    """Return the results of a member under u = -K z, computed by a Runge-Kutta loop in NumPy.
 
-    It evaluates the equations of motion in plain numbers, without compiled functions.
+    The equations of motion are evaluated with numbers, without compiled functions.
     """
     assert member.samples is not None
     h = member.step
@@ -73,9 +73,9 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         return rate
 
     def limited(t: float, x: np.ndarray, tick: int) -> np.ndarray:
-        """Return X with alpha replaced by the angle of attack through the air.
+        """Return the absolute state with the angle of attack through the air in place of alpha.
 
-        It follows from the velocity of the air north and down.
+        It is computed from the aircraft's velocity and the wind, north and down.
         """
         X = State(*(x + X0))
         wind = winds(t, tick)
@@ -160,8 +160,10 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
 
 
 def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
-    """The envelope limits the angle through the air, which a sharp gust changes before the path,
-    and turbulence possibly at the start.
+    """The envelope limits the angle of attack through the air, not alpha over ground.
+
+    A sharp gust exceeds the limit before alpha does. Turbulence may exceed it at the start, which a
+    single flight refuses.
     """
     alpha = plan.point.states.alpha
     near = np.radians(0.5)
@@ -204,7 +206,9 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 
 
 def test_plans_are_equal_when_they_give_same_results(plan: MonteCarlo, gain: np.ndarray) -> None:
-    """Plans are equal if and only if they give the same results."""
+    """Equal plans have equal hashes. Each change that affects the results makes a plan
+    different.
+    """
     assert replace(plan) == plan
     assert hash(replace(plan)) == hash(plan)
     others = [
@@ -273,9 +277,9 @@ def test_chunks_workers_and_their_order_do_not_matter(
 def test_members_beyond_control_limits_counted_and_input_named(
     plan: MonteCarlo,
 ) -> None:
-    """Members that exceed a control limit are counted, and the input is named.
+    """The report counts members that exceed a control limit and names the input.
 
-    An initial error of 0.5 ft/s needs more than 30 degrees of the outer elevator. No member leaves
+    An initial speed error of 0.35 ft/s makes the outer elevator exceed its limit. No member leaves
     the envelope.
     """
     start = np.zeros(7)
@@ -291,7 +295,7 @@ def test_members_beyond_control_limits_counted_and_input_named(
 
 
 def test_a_member_costs_more_than_its_steps(plan: MonteCarlo) -> None:
-    """Many short members are divided into several chunks, so that progress is reported."""
+    """10,000 very short members are divided into 8 to 100 chunks, so that progress is reported."""
     short = replace(plan.scenario, duration=0.02)
     many = replace(plan, scenario=short, members=10_000)
     assert 8 <= many.members / chunk_of(many) <= 100

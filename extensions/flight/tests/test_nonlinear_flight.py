@@ -1,6 +1,6 @@
-"""Flights of the nonlinear aircraft: effects of a scenario, and ends of a flight.
+"""Nonlinear flights: effects of a scenario, ends of a flight, and comparisons.
 
-The linear model agrees to second order, and an adaptive integrator to 1e-6.
+The linear prediction agrees to second order, and an adaptive integrator within 1e-6.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ N = len(LINEAR_STATES)
 
 
 def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None:
-    """Parameter errors change the flown aircraft and not the prediction: a heavier aircraft sinks,
-    and the prediction stays in trim.
+    """A parameter error changes the nonlinear flight and not the linear prediction.
+
+    An aircraft that is 5 % heavier descends, and its prediction stays at trim.
     """
     result = flown(newton, Scenario(duration=2.0, errors={"panel_mass": 1.05}))
     assert result.predicted is not None
@@ -48,8 +49,9 @@ def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None
 def test_the_envelope_limits_the_angle_through_the_air(
     newton: FlownCase,
 ) -> None:
-    """In rising air alpha over ground falls to -1.5 deg, but the envelope limits alpha through the
-    air, which stays near 2.8 deg.
+    """In a gust, the envelope limits the angle of attack through the air, not alpha over ground.
+
+    alpha falls below -1.4 deg, but the angle through the air stays between 2.6 and 3 deg.
     """
     gust = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0))
     alpha = STATES.index("alpha")
@@ -85,7 +87,9 @@ def test_the_envelope_limits_the_angle_through_the_air(
 
 
 def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
-    """The envelope is centered at the trim and can be changed."""
+    """The default envelope is centered at the trim. Limits can be changed, and wrong ones are
+    refused.
+    """
     p = newton.aircraft
     point = newton.point
     at = point.states
@@ -111,7 +115,7 @@ def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
 
 
 def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> None:
-    """Gains for several ticks are applied one after the other, and the last one stays."""
+    """Gains given for several ticks are applied in turn, and the last one from then on."""
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
     law = GainPolicy("several", gains)
     np.testing.assert_array_equal(law.gains, gains)
@@ -125,10 +129,10 @@ DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
 
 def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarray:
-    """Return d log |x_nonlinear - x_linear| / d log size by state, (7,).
+    """Return the order of the linear model's error in the size of the deviation, by state, (7,).
 
-    The closed loop is released from SIZES x DIRECTION. The slope is 2 if the linear model is the
-    derivative, and 1 if not.
+    It is d log |x_nonlinear - x_linear| / d log size for initial deviations SIZES x DIRECTION: 2 if
+    the linear model is the derivative, and 1 if not.
     """
     scenario = Scenario(2.0, 0.001, 0.05, DIRECTION)
     loops = [CompiledLoop(ClosedLoop(each, law, scenario)) for each in (plant, linear)]
@@ -144,8 +148,9 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarra
 def test_linear_prediction_is_wrong_to_second_order_only(
     newton: FlownCase, at_15: FlownCase
 ) -> None:
-    """The error of the linear model is of second order in the deviation. That of a model half a
-    degree away is of first order.
+    """The linear model's error is of second order in the deviation.
+
+    For a linear model at another dihedral angle (by half a degree), it is of first order.
     """
     for case, off in ((at_15, 0.0), (newton, 0.5)):
         other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
@@ -192,11 +197,13 @@ EVERYTHING = Scenario(
 
 
 def adaptive_states(result: Flight) -> np.ndarray:
-    """Return the flight by DOP853 at rtol 1e-10, at the ends of the ticks, (ticks + 1, 7).
+    """Return the flight integrated by DOP853 with rtol 1e-10, at the ends of the ticks, (ticks + 1,
+    7).
 
-    The integration restarts where the inputs of the law, a gust's noise or an actuator jump,
-    because a jump inside a step reduces its order. Source: Hairer, Norsett, Wanner, Solving
-    Ordinary Differential Equations I, Section II.10, as in SciPy."""
+    The integration restarts where held inputs jump, because a jump inside a step reduces the order.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Section II.10, as in
+    SciPy.
+    """
     loop = CompiledLoop(result.loop)
     scenario = result.loop.scenario
     y = result.loop.start()
@@ -232,8 +239,9 @@ def adaptive_states(result: Flight) -> np.ndarray:
 
 
 def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
-    """Return max |fixed - adaptive| / max |adaptive| over the deviations of the states from
-    trim.
+    """Return max |fixed - adaptive| / max |adaptive|, with a maximum over time in each state.
+
+    Both are deviations from trim.
     """
     size = np.maximum(np.abs(adaptive).max(axis=0), 1e-3 * np.array(STATE_SCALES))
     return float((np.abs(fixed - adaptive).max(axis=0) / size).max())

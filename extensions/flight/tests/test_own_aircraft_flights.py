@@ -1,4 +1,4 @@
-"""`hfa fly` and `export` with `--aircraft FILE.py:NAME`."""
+"""`hfa fly` and `hfa export` with `--aircraft FILE.py:NAME`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _there(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_doublet_without_law_is_written_and_drawn() -> None:
-    """A flight with a doublet and without a law is written and drawn."""
+    """A flight with an elevator doublet and no policy is simulated, written as JSON and drawn."""
     doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
     result = hfa(
         "fly", "--aircraft", NAVION, *doublet, "-o", "flight.json", "--picture", "flight.png"
@@ -47,7 +47,10 @@ def test_a_doublet_without_law_is_written_and_drawn() -> None:
 
 
 def test_gain_flies_with_offsets_actuators_faults_and_delay() -> None:
-    """A gain flies with offsets, actuators, faults and a delay."""
+    """A flight accepts an initial deviation, actuators, a fault and a delay, which sets the tick.
+
+    The fault applies to all surfaces.
+    """
     words = (
         "--law",
         "exact",
@@ -77,7 +80,9 @@ def test_members_are_drawn_by_workers() -> None:
 
 
 def test_members_are_drawn_and_changed_file_is_noticed() -> None:
-    """Members are drawn, and a changed aircraft file is noticed."""
+    """Random members of user aircraft are stored. After a change of the aircraft file, --resume
+    refuses.
+    """
     assert hfa(*MEMBERS).code == 0
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
     xcg = ("--error", "xcg=0.02", "-o", "f16.zarr")
@@ -92,7 +97,9 @@ def test_members_are_drawn_and_changed_file_is_noticed() -> None:
 
 
 def test_gains_over_the_speed_follow_command_of_it() -> None:
-    """Gains scheduled over the speed follow a command of the speed."""
+    """A gain-scheduled policy tracks a speed command. A command beyond the speeds of the table
+    is refused.
+    """
     gain = json.loads(hfa("solve", "--aircraft", NAVION, "--json").out)["K"]
     np.savez("gains.npz", speed=np.array([170.0, 200.0]), K=np.array([gain, gain]))
     words = ("fly", "--aircraft", NAVION, "--controller", "gains.npz", "--command", "speed=1:14")
@@ -125,7 +132,10 @@ IMPLICIT = tank(lambda level, pump: ROOT(1.0, pump) - level)
 
 
 def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
-    """Exports contain the model's own disturbances, and name operations that C cannot express."""
+    """Exports contain the disturbances of the model.
+
+    A function that C cannot express is refused by name.
+    """
     Path("tanks.py").write_text(TANKS, "utf-8")
     for place in ("c", "a.fmu"):
         assert hfa("export", "--aircraft", "tanks.py:PLAIN", "-o", place).code == 0
@@ -174,7 +184,10 @@ def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:
 
 @pytest.mark.slow
 def test_a_controller_is_scheduled_over_the_users_speed() -> None:
-    """A controller is designed, flown and exported over the speed of the user's model."""
+    """A controller scheduled over the speed of a user's model is designed, simulated and exported.
+
+    A speed outside the schedule and another aircraft are refused.
+    """
     for name in ("gtm.py", "gtm.toml"):
         shutil.copy(EXAMPLES / name, ".")
     gtm = ("--aircraft", "gtm.py:GTM")

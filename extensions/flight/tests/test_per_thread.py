@@ -1,4 +1,6 @@
-"""A Monte Carlo on several threads of one process has the bits of one member after the other."""
+"""Monte Carlo simulations on several threads of a process have the same bits as members in
+sequence.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def test_a_monte_carlo() -> None:
 
 
 def test_memory_that_threads_share_is_noticed() -> None:
-    """Memory that threads share changes the results. `cached_per_thread` prevents this."""
+    """Threads that share memory give wrong results. With `cached_per_thread` the results are
+    right.
+    """
 
     def chunk_with(memory_of: Callable[[], NDArray]) -> Callable[[int], Rows]:
         def chunk(number: int) -> Rows:

@@ -1,4 +1,4 @@
-"""Monte Carlos that are ended by Ctrl-C, SIGTERM or a lost cluster, and their continuation."""
+"""Monte Carlo simulations ended by Ctrl-C, SIGTERM or a lost cluster, and their continuation."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ STORED = ("--workers", "2", "-o", "a.zarr")
 def test_run_ended_leaves_no_worker_no_temporary_folder(
     tmp_path: Path, number: signal.Signals, code: int, said: str
 ) -> None:
-    """A run that is ended leaves no worker and no temporary folder."""
+    """After a signal, no worker process and no temporary folder remain.
+
+    The exit code and the message are those of the signal.
+    """
     words = (*EXACT, "--samples", "100000", "--workers", "2")
     ended = leaves_nothing(tmp_path, words, number)
     assert (ended.code, ended.err) == (code, said)
@@ -42,7 +45,9 @@ def test_run_ended_leaves_no_worker_no_temporary_folder(
 @proc
 @pytest.mark.slow
 def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
-    """A run that is ended at random moments and continued has the same bits."""
+    """A run that is ended at random times and continued has the same bits as one without
+    interruption.
+    """
     comes_to_the_same_bits(tmp_path, (*EXACT, "--samples", "1500", "--duration", "1", *STORED))
 
 
@@ -52,7 +57,7 @@ WORDS = (*EXACT, "--samples", "4000", "--duration", "1", "-o", "a.zarr")
 
 @contextmanager
 def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Yield a process whose standard error is in log-N."""
+    """Yield a process whose standard error is written to the file log-N. It is killed on exit."""
     with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
         process = subprocess.Popen(
             words, cwd=folder, stdout=subprocess.DEVNULL, stderr=log, text=True

@@ -1,4 +1,4 @@
-"""Refusals of `hfa fly` and `hfa export`: one line that names cause and remedy."""
+"""Refusals of `hfa fly` and `hfa export`: one line with cause and remedy."""
 
 from __future__ import annotations
 

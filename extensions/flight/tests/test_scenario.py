@@ -1,6 +1,4 @@
-"""Random scenarios: distributions, seeds, gusts and turbulence as defined, and refused
-scenarios.
-"""
+"""Random scenarios: distributions, seeds, gusts and turbulence, and refused scenarios."""
 
 from __future__ import annotations
 
@@ -38,9 +36,10 @@ def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
 
 
 def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
-    """Return the faults of the drawn errors: equal members, or a wrong distribution.
+    """Return a list of faults of the drawn parameter errors, empty if there are none.
 
-    The distribution must be log-normal with mean 1.
+    Faults are equal members, correlated errors, and a distribution that is not log-normal with mean
+    1.
     """
     from scipy.stats import kstest
 
@@ -124,7 +123,7 @@ def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
 
 
 def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
-    """Noise and turbulence have the requested intensity."""
+    """Drawn noise and turbulence have the specified standard deviations."""
     members = [plan.member(number) for number in range(200)]
     noise = np.stack([each.samples for each in members])
     deviation = noise.std(axis=(0, 1))
@@ -181,7 +180,7 @@ def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) 
 
 
 def test_one_minus_cosine_has_its_length_and_peak() -> None:
-    """A one-minus-cosine gust has the given length and peak."""
+    """The gust equals (peak/2) (1 - cos) while it passes, and is 0 before and after."""
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)
     values = np.array([float(gust.updraft(t)) for t in times])

@@ -1,5 +1,5 @@
-"""Scheduled gains in flight: about each trim the policy is its gain, and a slow change follows the
-trims.
+"""Scheduled gains in flight: near each trim the policy is the gain of that trim, and the aircraft
+follows slow commands along the trims.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ DIHEDRAL = LINEAR_STATES.index("dihedral")
 
 
 def exact_gains(*degrees: float) -> GainSchedule:
-    """Return the exact gains at these dihedral angles."""
+    """Return the schedule of the exact gains at these dihedral angles, deg."""
     gains = np.array([exact_gain(angle) for angle in degrees])
     return GainSchedule(np.radians(degrees), gains, model_at(degrees[0]).point.model)
 
 
 def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGainPolicy:
-    """Return the policy from the trim at `start` degrees, with `end` commanded from 1 s on."""
+    """Return the policy that begins at the trim at `start` and commands the angle `end` from 1 s
+    on, deg.
+    """
     steps = CommandSteps(("dihedral",), np.array([1.0]), np.radians([[end - start]]))
     return scheduled_gains("gains", schedule, model_at(start).point, steps, level_flight)
 
@@ -42,7 +44,7 @@ def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGa
 
 
 def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and ∂u/∂z for a constant command of an angle, (5,) and (5, 6)."""
+    """Return u, (5,), and ∂u/∂z, (5, 6), at z = 0 for a constant command of this angle."""
     commands = CommandSteps(
         ("dihedral",), np.zeros(1), np.radians([[degrees]]) - policy.path.base.states.dihedral
     )
@@ -57,8 +59,9 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
 
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
 def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
-    """At a breakpoint the policy equals its gain and trim, without hidden coupling: the derivative
-    with respect to the measured dihedral is the gain's own column.
+    """At a breakpoint, the policy equals the trim input and the derivative is the gain alone.
+
+    There is no hidden coupling: the column for the measured dihedral is that of the gain.
     """
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
     u, slope = slope_at(policy, degrees)
@@ -68,7 +71,9 @@ def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
 
 
 class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
-    """A policy with hidden coupling: its trim follows the measured dihedral."""
+    """A planted fault: a policy with hidden coupling, whose trim depends on the measured
+    dihedral.
+    """
 
     def control(self, t: Any, measurements: Measurements, memory: Any, held: Any) -> Any:
         measured = self.path.base.states.dihedral + measurements.states[DIHEDRAL]
@@ -116,8 +121,9 @@ def test_a_schedule_flies_the_change(start: float, end: float) -> None:
 
 @pytest.mark.slow  # the schedule flies a smaller change above
 def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
-    """From 0 to 20 degrees the scheduled gain stays in the envelope, and the constant gain of 0
-    degrees leaves it.
+    """From 0 to 20 degrees, the flight with scheduled gains stays inside the envelope.
+
+    With the gain of 0 degrees at all angles it leaves the envelope.
     """
     wide = exact_gains(0.0, 5.0, 10.0, 15.0, 20.0)
     assert flown(wide, 0.0, 20.0).departure is None

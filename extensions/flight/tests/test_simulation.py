@@ -1,5 +1,5 @@
-"""The simulation: its order, fast modes and ends, models without a law, delays, disturbances, and
-limit cycles.
+"""The simulation: order of the method, fast modes, end of a flight, delays, disturbances and limit
+cycles.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ SPEED = STATES.index("speed")
 
 
 class Falling(Plant):
-    """speed' = -1, alpha' = sqrt(0.0105 + speed), which is nan from the step past 0.0105 s."""
+    """Plant speed' = -1, alpha' = sqrt(0.0105 + speed), which is NaN from the step after 0.0105
+    s.
+    """
 
     def __init__(self, point: OperatingPoint) -> None:
         self.point = point
@@ -70,7 +72,11 @@ class Falling(Plant):
 def test_a_flight_ends_with_its_tick(
     point: OperatingPoint, slowest: float, state: str, time: float, end: float
 ) -> None:
-    """A flight of 0.05 s in steps of 1 ms and ticks of 10 ms ends with a tick."""
+    """A flight of 0.05 s with ticks of 10 ms ends at the end of the tick in which it leaves the
+    envelope.
+
+    The departure states the first variable beyond its limit, or not finite, and its time.
+    """
     limits = dict.fromkeys(STATES, (-1e9, 1e9))
     limits["speed"] = (point.states.speed + slowest, 1e9)
     envelope = Limits.of(point.model, STATES, limits)
@@ -87,7 +93,9 @@ def test_a_flight_ends_with_its_tick(
 
 @dataclass(frozen=True, eq=False)
 class Pendulum(LinearPlant):
-    """y1' = y2, y2' = -sin y1 - 0.3 y2 + u, and an observer y3 of y1 with a mode at -fast."""
+    """Plant y1' = y2, y2' = -sin y1 - 0.3 y2 + u, with an observer y3 of y1 whose mode is at
+    -fast.
+    """
 
     fast: float = 4.0
 
@@ -98,7 +106,7 @@ class Pendulum(LinearPlant):
 def pendulum(
     fast: float, step: float, *, duration: float = 6.0, observed: float = 0.0
 ) -> CompiledLoop:
-    """Return the pendulum driven by the held input, which jumps at 3.7 s."""
+    """Return the loop of the pendulum with an input of 0.5 that jumps to -1 at 3.7 s."""
     plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
     pushes = np.repeat([[0.5], [-1.0]], [37, 1], axis=0)
     law = OpenLoop("pushed", held=pushes, fastest=fast)
@@ -108,15 +116,17 @@ def pendulum(
 
 
 def test_method_of_order_4_where_constants_jump_too() -> None:
-    """The method is of order 4, even if the constants jump."""
+    """Halving the step reduces the error 12 to 20 times, although the input jumps at a tick."""
     found = [pendulum(4.0, 0.05 / parts).fly().states[::parts] for parts in (1, 2, 4)]
     coarse, fine = (np.abs(one - other).max() for one, other in pairwise(found))
     assert 12.0 < coarse / fine < 20.0
 
 
 def test_a_fast_mode_of_the_law_divides_steps() -> None:
-    """A mode of the law at 1e5 1/s divides a step of 0.02 s: the observer follows, and the pendulum
-    is unchanged.
+    """A policy mode of 1e5 1/s divides each step of 0.02 s: the observer follows, and the
+    pendulum's motion does not change.
+
+    A mode of 1e9 1/s is refused.
     """
     fast = 1e5
     flight = pendulum(fast, 0.02, observed=1.0).fly()
@@ -133,7 +143,9 @@ def test_a_fast_mode_of_the_law_divides_steps() -> None:
 
 
 def test_run_ends_with_tick_in_it_to_stop() -> None:
-    """A run ends with the tick in which it is stopped."""
+    """A run ends at the end of the tick in which `stop` is true. Its states equal those of a
+    longer run.
+    """
     loop = pendulum(4.0, 0.02, duration=30.0)
     whole = loop.fly()
     stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
@@ -142,7 +154,7 @@ def test_run_ends_with_tick_in_it_to_stop() -> None:
 
 
 def test_loop_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
-    """The error of a loop that overflows reports the time and nothing else."""
+    """The error of a loop that diverges reports the time, and nothing is printed."""
 
     class Blown(LinearPlant):
         def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
@@ -157,7 +169,10 @@ def test_loop_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[s
 
 
 def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
-    """Fly without a law, with each input stepped by this amount from 1 s on."""
+    """Return the flight without a policy in which each named input is stepped at 1 s.
+
+    steps: name of an input -> size of its step
+    """
     commands = CommandSteps(tuple(steps), np.array([1.0]), np.array([list(steps.values())]))
     law = open_loop(commands, tuple(model.inputs), scenario.tick, scenario.ticks)
     point = find_operating_point(model, usual_condition(model))
@@ -165,7 +180,10 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
 
 
 def test_step_without_law_is_what_another_integrator_says() -> None:
-    """A step of an input without a law agrees with another integrator."""
+    """A flight with stepped inputs and no policy agrees with SciPy's integration within 1e-8.
+
+    An unknown input is refused.
+    """
     result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
     x0 = np.array(result.point.states)
     u0 = np.array(result.point.inputs)
@@ -183,7 +201,7 @@ def test_step_without_law_is_what_another_integrator_says() -> None:
 
 
 def test_plans_of_models_that_differ_in_equations_differ() -> None:
-    """Plans of models that differ only in their equations are different."""
+    """Two plans are different if their models differ only in the equations."""
 
     def plan(factor: float) -> MonteCarlo:
         def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -204,7 +222,10 @@ def test_plans_of_models_that_differ_in_equations_differ() -> None:
 
 
 def test_disturbances_are_those_of_the_model() -> None:
-    """A constant w and a wave act in x' = -x + u + w. A gust needs a disturbance `updraft`."""
+    """A constant disturbance w plus a wave gives the exact solution of x' = -x + u + w.
+
+    An unknown disturbance is refused, and so is a gust for a model without `updraft`.
+    """
     model = Model(
         "tank",
         states={"level": Declared("ft")},
@@ -232,9 +253,9 @@ def test_disturbances_are_those_of_the_model() -> None:
 
 @pytest.mark.parametrize("delay", [1.0, 0.25])
 def test_a_delay_is_a_delay(delay: float) -> None:
-    """x' = -x(t - D) with x(0) = 1 and no command before 0 has its solution by the method of steps.
+    """x' = -x(t - D) with x(0) = 1 and no command before D has the solution of the method of steps.
 
-    It is x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!.
+      x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!
     """
     tick = 0.005
     scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
@@ -253,8 +274,9 @@ def test_a_delay_is_a_delay(delay: float) -> None:
 
 
 def test_a_slow_decay_is_no_limit_cycle() -> None:
-    """A decay of 0.5 % in a second is reported with its time to half, and not as a limit cycle. An
-    approach to a limit cycle is not a decay.
+    """A decay of 0.5 % a second is reported with its time to half, not as a limit cycle.
+
+    A growing oscillation and an approach to a constant amplitude are limit cycles.
     """
     t = np.arange(0.0, 20.0005, 0.001)
     wave = np.sin(5.477 * t + 0.7)[:, None]
@@ -284,8 +306,9 @@ def test_a_slow_decay_is_no_limit_cycle() -> None:
 
 
 def test_what_still_oscillates_is_a_limit_cycle() -> None:
-    """A lasting sine is a limit cycle. One that decays, is driven, or is too small to be seen is
-    not.
+    """A persistent sine is a limit cycle.
+
+    One that decays, is excited to the end, or is too small is not.
     """
     t = np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
@@ -313,8 +336,8 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
 
 
 def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
-    """A loop that a delay destabilizes ends in a limit cycle bounded by the rate limits. Without
-    the delay it settles.
+    """With a delay of 0.3 s, the loop ends in a limit cycle bounded by rate limits. Without, it
+    settles.
     """
     point = find_operating_point(NAVION, usual_condition(NAVION))
     model = linearize(NAVION, point)
@@ -345,9 +368,7 @@ def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
 
 
 def test_cycles_of_the_aircraft_are_found_without_law() -> None:
-    """The limit cycle of Van der Pol's oscillator (μ = 0.5) is found: amplitude 2.00, period 6.381
-    s.
-    """
+    """The limit cycle of Van der Pol's oscillator (μ = 0.5) is found with a period of 6.381 s."""
     oscillator = Model(
         name="van der Pol",
         states={"x": Declared("m", min=-10.0, max=10.0), "v": Declared("m/s", min=-10.0, max=10.0)},

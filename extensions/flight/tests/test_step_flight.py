@@ -1,4 +1,4 @@
-"""Flights of a plant in discrete time."""
+"""Simulation of discrete-time plants with `hfa fly --model`."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,9 @@ def test_a_flight_costs_what_its_value_says():
 
 @pytest.mark.usefixtures("folder")
 def test_the_command_flies_game_s_policy_and_critics():
-    """The command flies the policy of the game and critics."""
+    """The exact policy and critics P, K and H of it give the same cost. A wrong gain and wrong
+    options are refused.
+    """
     parts = {name: getattr(STEP, name) for name in ("A", "B", "Q", "R")}
     continuous = stored("continuous.json", **parts)
     plant = stored("plant.json", **parts, time="discrete", discount=0.97, N=PROBLEM.N)

@@ -1,4 +1,4 @@
-"""Turbulence of MIL-F-8785C: spectra, scales, and its effect in the equations."""
+"""Turbulence of MIL-F-8785C: spectra, scales, and its effect on the aircraft."""
 
 import itertools
 from dataclasses import replace
@@ -22,7 +22,10 @@ EVERY = {name: {name: 1.0} for name in "uvwpqr"}
 
 
 def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
-    """Return moderate turbulence at 150 ft/s."""
+    """Return moderate turbulence at the speed V = 150 ft/s.
+
+    changes: fields that differ
+    """
     given = Turbulence("moderate", altitude, SPAN, spectrum)
     scales = scales_and_intensities("moderate", altitude, spectrum)
     air = TurbulentAir(given, *scales, altitude, 1.0, V, 0.02, 10, 1, EVERY)
@@ -30,7 +33,10 @@ def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
 
 
 def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray:
-    """Return the (6, N) one-sided power per rad/s of MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5."""
+    """Return the specified one-sided power spectra of the six components at omega (N,), (6, N).
+
+    They are per rad/s. Source: MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5.
+    """
     (L_u, L_v, L_w), (s_u, s_v, s_w) = air.lengths, air.intensities
     Omega = omega / V
     if spectrum == "dryden":
@@ -60,8 +66,8 @@ def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize(("spectrum", "error"), [("dryden", SAME_FORMULA), ("karman", 0.017)])
 @pytest.mark.parametrize("altitude", [60.0, 500.0, 1500.0, 20e3])
 def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
-    """Dryden filters have the exact spectra, and von Karman filters agree within 1.7 % up to ωL/V =
-    1000.
+    """The filters have the specified spectra up to ωL/V = 1000, within rounding for Dryden and
+    within 1.7 % for von Karman.
     """
     air = air_of(spectrum, altitude)
     made = AirFilter.of(air)
@@ -75,10 +81,10 @@ def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
-    """Variances are the squared intensities for u, v, w, and integrals of the specification for p,
-    q, r.
+    """The variances of u, v and w are the squared intensities, and those of p, q and r the
+    integrals of the specified spectra.
 
-    Those of von Karman's filter differ by up to 1.5 % (u, v, w) and 2.5 % (q, r).
+    Von Karman filters deviate by up to 1.5 % (u, v, w) and 2.5 % (p, q, r).
     """
     air = air_of(spectrum)
     made = AirFilter.of(air)
@@ -95,8 +101,10 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
 
 
 def test_drawn_turbulence_has_the_spectrum() -> None:
-    """Turbulence of 1.3 hours at 50 Hz has variances within 4 standard errors, and power within 10
-    % in bands, with the spectrum folded at 25 Hz.
+    """1.3 hours of turbulence at 50 Hz have the right variances within 8 %, and the right power in
+    four bands within 10 %.
+
+    The reference spectrum is folded at 25 Hz.
     """
     air = air_of("dryden", 500.0, ticks=240_000)
     components = AirFilter.of(air).drawn(air.ticks, seed=7)
@@ -115,7 +123,7 @@ def test_drawn_turbulence_has_the_spectrum() -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
-    """q = w (s/V) / (1 + 4b/(πV) s) and r = -v (s/V) / (1 + 3b/(πV) s) in size and phase."""
+    """q / w = (s/V) / (1 + 4b/(πV) s) and r / v = -(s/V) / (1 + 3b/(πV) s) at three frequencies."""
     made = AirFilter.of(air_of(spectrum))
     for w in (0.1, 3.0, 100.0):
         H = made.C @ np.linalg.solve(1j * w * np.eye(len(made.A)) - made.A, made.B)
@@ -127,8 +135,10 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
 
 
 def test_scales_and_intensities_are_those_of_the_specification() -> None:
-    """Scales and intensities follow the formulas at low altitude (30 kn at 20 ft) and Figure 7 at
-    high altitude, and are linear between these altitudes.
+    """Scales and intensities are those of the specification.
+
+    They follow the formulas at low altitude (30 kn at 20 ft) and Figure 7 at high altitude, and are
+    linear between. Altitudes without turbulence are refused.
     """
     low = scales_and_intensities("moderate", 500.0, "dryden")
     assert low.lengths == pytest.approx((944.657, 944.657, 500.0), rel=1e-4)
@@ -144,10 +154,10 @@ def test_scales_and_intensities_are_those_of_the_specification() -> None:
 
 
 def test_a_steady_gust_is_a_change_of_frame() -> None:
-    """In a wind (u, v, w) fixed to the aircraft, it has the rates of still air at the velocity
-    through the air.
+    """In a constant wind (u, v, w), the rates equal those in still air at the velocity through the
+    air.
 
-    Its velocity over ground changes by the same vector.
+    The acceleration differs only by the rotation of the axes.
     """
     model = load_model("examples/uav.toml")
     gusty = in_gusts(model)
@@ -172,7 +182,7 @@ def test_a_steady_gust_is_a_change_of_frame() -> None:
 
 
 def _rates(model, x, u, w):
-    """Return X' at numbers."""
+    """Return the rates X' of a model as numbers."""
     import casadi as ca
 
     vectors = [[ca.SX(value) for value in vector] for vector in (x, u, model.p)]
@@ -180,14 +190,14 @@ def _rates(model, x, u, w):
 
 
 def _velocity(x):
-    """Return the velocity of a state in body axes."""
+    """Return the velocity in body axes, (3,), from the state."""
     alpha, beta = x[1], x[2]
     along = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
     return x[0] * np.array(along)
 
 
 def _rotation(x):
-    """Return the rotation from body to level axes."""
+    """Return the rotation matrix from body to level axes."""
     roll, pitch = x[6], x[7]
     c, s = np.cos(roll), np.sin(roll)
     by_roll = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
@@ -196,7 +206,10 @@ def _rotation(x):
 
 
 def test_rates_of_the_air_act_as_damping() -> None:
-    """p, q, r of the air change the moments as the aircraft's own rates do, and turn nothing."""
+    """Gust rates p, q and r change the angular accelerations as the aircraft's own rates do.
+
+    They do not change the rates of the attitude angles.
+    """
     model = load_model("examples/uav.toml")
     gusty = in_gusts(model)
     point = hfa.find_operating_point(model)
@@ -216,8 +229,9 @@ def test_rates_of_the_air_act_as_damping() -> None:
 
 
 def test_flight_meets_what_was_drawn() -> None:
-    """A flight, also of the linear aircraft, has the drawn disturbances at its ticks, in the
-    model's units.
+    """The disturbances of a flight at its ticks equal the drawn ones, in the model's units.
+
+    The linear prediction includes them. The report names the components without effect.
     """
     model = load_model("examples/gtm.py:GTM")
     point = hfa.find_operating_point(model)
@@ -256,8 +270,10 @@ def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
 
 
 def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
-    """A given intensity applies to u, v and w in the units of the aircraft. p, q and r follow from
-    the span.
+    """A given intensity applies to u, v and w in the model's units. With a span, p, q and r are
+    included.
+
+    An altitude is refused in addition to an intensity.
     """
     typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1"
     main(typed.split())
@@ -273,7 +289,7 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
 
 
 def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
-    """The turbulence has the altitude of --hold, and the report shows it."""
+    """A turbulence level without an altitude uses that of --hold. The report states it."""
     typed = "fly --aircraft examples/uav.toml --hold altitude=60 --turbulence karman-light::3"
     short = ("--law", "none", "--duration", "0.1")
     main([*typed.split(), *short])

@@ -1,4 +1,4 @@
-"""Flights in meters."""
+"""Flights with --units si."""
 
 from __future__ import annotations
 
@@ -18,6 +18,6 @@ def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
-    """A store in meters has the converted numbers of a store in feet."""
+    """A store of members with --units si contains the converted numbers."""
     members = ("--samples", "2", "--duration", "0.1", "--error", "chord=0.05")
     assert_store_in_metres(*FLIGHT, *members, name="final", folder=tmp_path)

@@ -1,1 +1,1 @@
-"""The main job on one HTML page: trims, models, games and claims."""
+"""`hfa report`: trims, linear models, games and the paper's claims on one HTML page."""

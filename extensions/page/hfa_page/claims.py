@@ -1,4 +1,4 @@
-"""The claims of Section 5 of the paper, as `python -m studies.section5` checked and stored them."""
+"""Claims of Section 5 of the paper, as checked and stored by `python -m studies.section5`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,11 @@ _SAME = 1e-9
 class Claims(NamedTuple):
     """Content of claims.json.
 
-    It has the number of claims with each verdict, the provenance, a row for each claim, and the
-    dihedral angle (deg), A and B of each linear model in the flights.
+    data: the complete content
+    verdicts: number of claims with each verdict, as text
+    about: sentence on the file and its provenance
+    rows: table with one row for each claim
+    models: dihedral angle (deg), A and B of each linear model in the flights
     """
 
     data: dict[str, Any]
@@ -40,19 +43,19 @@ class Claims(NamedTuple):
 
     @property
     def not_confirmed(self) -> str:
-        """Number of claims that are not confirmed, in words."""
+        """Text such as "28 of 55 claims not confirmed"."""
         counts = self.data["verdicts"]
         return f"{counts.get('not confirmed', 0)} of {sum(counts.values())} claims not confirmed"
 
     @property
     def others(self) -> str:
-        """Numbers of claims with each other verdict, in words."""
+        """Text with the number of claims of each other verdict."""
         counts = self.data["verdicts"].items()
         words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
         return ", ".join(words)
 
     def flew(self, regeneration: Regeneration) -> bool:
-        """Return whether the stored flights were those of the linear models regenerated here."""
+        """Return whether the stored flights used the linear models regenerated here."""
         regenerated = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
         return bool(self.models) and all(
             angle in regenerated
@@ -63,9 +66,9 @@ class Claims(NamedTuple):
 
 
 def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
-    """Return the section on the claims, and whether they are for this aircraft.
+    """Return the section on the claims, which states whether they are for this page's matrices.
 
-    Without claims it states how to compute them.
+    Without claims, it states how to compute them.
     """
     if claims is None:
         how = (
@@ -80,9 +83,11 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
 
 
 def load_claims(path: Path) -> Claims:
-    """Return the content of claims.json, given its path or folder.
+    """Return the content of claims.json.
 
-    Raises BadInputError where its layout is not the study's.
+    path: the file or its folder
+
+    Raises BadInputError if the file cannot be read or its entries are not those of the study.
     """
     file = path / "claims.json" if path.is_dir() else path
     study = "`python -m studies.section5`"
@@ -113,8 +118,10 @@ def load_claims(path: Path) -> Claims:
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
-    """Return a row for each claim: its verdict, its criterion, and the numbers of its law and of
-    others.
+    """Return a table with one row for each claim.
+
+    A row contains the verdict, the claim, the criterion, and the measured numbers of the law in
+    question and of the laws compared with it.
     """
     rows = []
     for claim in claims:

@@ -1,4 +1,4 @@
-"""Tables of A and B with printed entries below the computed ones."""
+"""Tables of A and B with the printed entries below the computed ones."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 def matrices_compared_with_print(
     model: LinearModel, published: PublishedModel
 ) -> tuple[Table, ...]:
-    """Return A and B with a printed row below each computed one.
+    """Return tables of A and B with a printed row below each computed row.
 
-    The tone of an entry is its deviation in half units.
+    The color of an entry depends on its deviation in half units of the last printed digit.
     """
     entries = iter(compare(model, published))
     tables = []
@@ -35,7 +35,7 @@ def matrices_compared_with_print(
 
 
 def _toned(entry: EntryRow) -> str:
-    """Return the cell of a computed entry; an entry that is 0 and printed 0 has no tone."""
+    """Return the cell of a computed entry, without color if it is 0 and printed as 0."""
     shown = four_decimals(entry.computed)
     if entry.is_zero:
         return shown

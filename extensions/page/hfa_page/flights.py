@@ -1,4 +1,4 @@
-"""Flights from the paper's x(0), as `python -m studies.best_flights` stored them."""
+"""Flights from the paper's x(0), as stored by `python -m studies.best_flights`."""
 
 from __future__ import annotations
 
@@ -29,9 +29,12 @@ _SAME = 1e-9
 
 
 class StoredFlights(NamedTuple):
-    """Content of best_flights.json: its table, its limits, and the linear model of each trim.
+    """Content of best_flights.json.
 
-    The dihedral angles are in rad.
+    data: the complete content
+    table: costs of the flights
+    limits: the assumed limits in words
+    models: dihedral angle (deg), A and B of the linear model at each trim
     """
 
     data: dict[str, Any]
@@ -40,9 +43,11 @@ class StoredFlights(NamedTuple):
     models: list[tuple[float, np.ndarray, np.ndarray]]
 
     def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
-        """Return whether the linear models of the page are those of the stored flights.
+        """Return whether the stored linear models equal those of the page at all shared angles.
 
-        A_and_B: dihedral angle, deg -> (A, B); at least one angle must be stored
+        It is False if no angle is shared.
+
+        A_and_B: dihedral angle, deg -> (A, B)
         """
         shared = [model for model in self.models if model[0] in A_and_B]
         return bool(shared) and all(
@@ -55,7 +60,10 @@ class StoredFlights(NamedTuple):
 def flights_section(
     flights: StoredFlights, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> Report:
-    """Return the section on the costs of the flights, their limits and their aircraft."""
+    """Return the section on the costs of the flights, which names their limits and aircraft.
+
+    A_and_B: dihedral angle, deg -> (A, B) of the page
+    """
     same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
     about = (
         "The cost of x'Qx + u'Ru, the paper's Q and R. The policies are exact for the linear game; "
@@ -66,9 +74,11 @@ def flights_section(
 
 
 def load_flights(path: Path) -> StoredFlights:
-    """Return the content of best_flights.json, given its path or folder.
+    """Return the content of best_flights.json.
 
-    Raises BadInputError where its layout is not the study's.
+    path: the file or its folder
+
+    Raises BadInputError if the file cannot be read or its entries are not those of the study.
     """
     file = path / "best_flights.json" if path.is_dir() else path
     try:
@@ -91,8 +101,9 @@ def load_flights(path: Path) -> StoredFlights:
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
-    """Return a row for each angle and set of limits: the cost of each flight, also above the
-    best.
+    """Return a table with one row for each angle and set of limits.
+
+    A row contains the cost of each policy's flight, with its ratio to the best, and the best cost.
     """
     header = ("dihedral, assumed limits", *_POLICIES, "best flight found")
     rows = [
@@ -107,7 +118,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _policy(flight: Mapping[str, Any]) -> Cell:
-    """Return the cost of a policy's flight, and whether it leaves the limits."""
+    """Return the cell for a policy's flight: its cost, and whether it leaves the limits."""
     if flight["cost"] is None:
         return Cell("does not converge", "bad")
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"
@@ -117,8 +128,9 @@ def _policy(flight: Mapping[str, Any]) -> Cell:
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    """Return each set of limits in words. All but the first are described by their differences from
-    it.
+    """Return a sentence that lists each set of limits.
+
+    From the second set on, only differences from the first are listed.
     """
     sentences = []
     first: Mapping[str, Sequence[float]] = {}

@@ -1,4 +1,4 @@
-"""Picture of the HFA in a trim from the front: panels, lift, weight and hinge moments."""
+"""Front view of the HFA at a trim: panels, lift, weight and hinge moments."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _WIDTH = 10.0
 
 
 class Panel(NamedTuple):
-    """Panel seen from the front, in horizontal and vertical coordinates in the units of the report.
+    """A panel seen from the front, in horizontal and vertical coordinates and the report's units.
 
-    ends: (2, 2), the ends of its span
-    middle: (2,), the point at which its forces act
-    lift: (2,), across the panel
+    ends: (2, 2), end points of its span
+    middle: (2,), point at which its forces act
+    lift: (2,), normal to the panel
     weight: (2,)
     """
 
@@ -43,10 +43,10 @@ class Panel(NamedTuple):
 
 
 def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
-    """Return the right, the center and the left panel; the pilot's right is left in the picture.
+    """Return the right, the center and the left panel. The aircraft's right is left in the picture.
 
-    The hinges are at (±s/2, 0). An outer panel leaves its hinge at the dihedral angle η. Its middle
-    is (s/2)(cos η, sin η) away from the hinge, and its lift L_o acts along (∓sin η, cos η).
+    The hinges are at (±s/2, 0). An outer panel extends from its hinge at the dihedral angle η. Its
+    middle is (s/2)(cos η, sin η) from the hinge, and its lift L_o is along (∓sin η, cos η).
     """
     parameters = hfa_model.parameters_of(aircraft)
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
@@ -75,19 +75,19 @@ def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel
 
 
 def scale_text(model: Model, scale: float) -> str:
-    """Return the scale of the forces in words.
+    """Return a text on the scale of the forces.
 
-    scale: length of a force in the picture divided by the force, in the units of the model
+    scale: length of an arrow divided by its force, in the units of the model
     """
     length = "foot" if unit_of(model, "ft") == "ft" else "meter"
     return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} per {length}"
 
 
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
-    """Return a figure of the aircraft from the front in a trim.
+    """Return a figure of the aircraft from the front at a trim.
 
-    All forces have one scale, which the picture states. Angles and lengths are true. The hinge
-    moments are printed in words.
+    All forces have the same scale, which the picture states. Angles and lengths are true to scale.
+    The hinge moments are printed as text.
     """
     panels = panels_from_the_front(aircraft, point)
     span = hfa_model.parameters_of(aircraft).panel_span
@@ -136,7 +136,7 @@ def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
 
 
 def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, color: str) -> None:
-    """Draw an arrow from a point, with a text beyond its end."""
+    """Draw an arrow from the point `place`, with a text beyond its end."""
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)
@@ -145,7 +145,7 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
 
 
 def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
-    """Draw both hinges, and print the moment about each where no panel covers it."""
+    """Draw both hinges, and print the moment about each on the side away from the panels."""
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
     rounded = round(float(moment), 1) + 0.0
@@ -160,7 +160,7 @@ def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
 
 
 def _label(axes: Axes, place: np.ndarray, text: str, color: str, above: bool) -> None:
-    """Print the text above or below a point."""
+    """Print a text above or below a point."""
     style: dict[str, Any] = {
         "color": color,
         "fontsize": 9,

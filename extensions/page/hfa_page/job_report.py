@@ -1,6 +1,6 @@
-"""Sections and numbers of the page of the main job, and its HTML file.
+"""Sections and numbers of the page of `hfa report`, and its HTML file.
 
-The file contains style, data and Plotly's script, and loads nothing from elsewhere.
+The file contains style, data and Plotly's script. It loads nothing else.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _POLICY = (
 
 
 def main_report(job: MainJob) -> Report:
-    """Return the report below the page's slider. Its data contain every number."""
+    """Return the report that follows the slider on the page. Its data contain every number."""
     regeneration = job.regeneration.report()
     swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
@@ -93,12 +93,12 @@ def main_report(job: MainJob) -> Report:
 
 
 def glosses() -> Table:
-    """Return the explanation of each check of the page."""
+    """Return a table that explains each check of the page."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
 
 def verdicts(job: MainJob) -> Table:
-    """Return the table of checks: subject and result."""
+    """Return the table of checks with their verdicts."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
@@ -121,7 +121,7 @@ def verdicts(job: MainJob) -> Table:
 
 
 def flown_angles(job: MainJob) -> Report | None:
-    """Return the report of the stored flights from the paper's x(0), or None without them."""
+    """Return the section on the stored flights from the paper's x(0), or None if none are given."""
     if job.flights is None:
         return None
     linear = {
@@ -133,9 +133,9 @@ def flown_angles(job: MainJob) -> Report | None:
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
-    """Return the report of a requested angle: linear model, game solution and learned critic.
+    """Return the section on a requested angle: linear model, game solution and learned critic.
 
-    The slider shows its trim.
+    Its data also contain the trim, which the slider shows.
     """
     model = angle.model
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
@@ -164,7 +164,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """Report shown by the slider at one angle: trim, modes, A and B with their units."""
+    """Return what the slider shows at one angle: trim, modes, and A and B with their units."""
     title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
     if model is None:
@@ -176,8 +176,10 @@ def point_report(job: MainJob, angle: Angle) -> Report:
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
-    """Return the report of the linear model, with printed entries below the computed ones if
-    any."""
+    """Return the report of the linear model.
+
+    If the paper prints this model, the printed entries are below the computed ones.
+    """
     bands = (
         entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
     )
@@ -193,8 +195,8 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
     """Return the page as HTML.
 
-    The verdict in one sentence comes first. The aircraft with its slider and the verdicts follow,
-    then the folded sections of the report.
+    It begins with one sentence on the verdict. Below are the aircraft with its slider, the table of
+    verdicts and the folded sections of the report.
     """
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
@@ -221,7 +223,10 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """Return the verdicts on this program and on the paper's claims, then the checks, as HTML."""
+    """Return the first paragraph of the page as HTML.
+
+    It states the verdict on hfa, the verdicts on the paper's claims, and the results of the checks.
+    """
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
@@ -249,7 +254,10 @@ def _link(section: str, title: str) -> str:
 
 
 def _folded(section: str, part: Report) -> str:
-    """Return a section that unfolds on a click, in print, and where a link leads to it."""
+    """Return a section as HTML that is folded until the user opens it.
+
+    section: its id
+    """
     return (
         f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
         f"<section>{replace(part, title='').html(2)}</section></details>"
@@ -257,8 +265,11 @@ def _folded(section: str, part: Report) -> str:
 
 
 def any_angle(job: MainJob, drawn: Report) -> str:
-    """Return the slider over the sweep, the aircraft, the costs of flights and the verdicts, the root
-    locus, and trim and model of the chosen angle."""
+    """Return the upper part of the page as HTML.
+
+    It contains the slider over the sweep, the aircraft, the costs of flights, the verdicts, the
+    root locus, and the trim and linear model at the chosen angle.
+    """
     labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
@@ -289,9 +300,9 @@ def _file(name: str) -> str:
 
 @cache
 def plotly_script() -> str:
-    """Return Plotly's script, compressed, with its license in plain text before it.
+    """Return Plotly's script as HTML, compressed, preceded by its license as plain text.
 
-    Raises BadInputError when Plotly is not installed.
+    Raises BadInputError if Plotly is not installed.
     """
     try:
         from plotly.offline import get_plotlyjs

@@ -1,5 +1,7 @@
-"""The main job: regeneration of both printed pairs, a sweep, and games and critics at requested
-angles."""
+"""Computation of the results on the page of `hfa report`.
+
+They are the regeneration of both printed pairs, a sweep, and games and critics at requested angles.
+"""
 
 from __future__ import annotations
 
@@ -44,12 +46,15 @@ MOST_ASKED = 20
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """Trim and linear model at a dihedral angle, rad.
+    """Trim and linear model at a dihedral angle.
 
-    A requested angle also has the exact solution of the paper's game, and a critic learned with the
-    default law and compared with it.
+    For a requested angle, it also has the exact solution of the paper's game, and the verdict on a
+    critic learned with the default law.
 
-    model, solution, check: None if not computed; `reason` states why.
+    dihedral: rad
+    condition: condition of the trim
+    model, solution, check: None if not computed
+    reason: why the first missing of them could not be computed, or ""
     """
 
     dihedral: float
@@ -61,7 +66,7 @@ class Angle:
 
     @property
     def dihedral_deg(self) -> float:
-        """The requested angle, degrees."""
+        """The dihedral angle in degrees."""
         return in_degrees(self.dihedral)
 
     @property
@@ -77,7 +82,14 @@ def trimmed_angle(
     flight: TrimCondition,
     start: OperatingPoint | None,
 ) -> Angle:
-    """Trim and linearize at a dihedral angle, rad. Without a trim the reason is kept."""
+    """Trim and linearize at a dihedral angle, rad, and return the result.
+
+    If there is no trim, the result contains only the reason.
+
+    outputs: outputs of the linear model
+    flight: condition of the trim
+    start: initial point of the search, or None
+    """
     condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
         point = find_operating_point(aircraft, condition, start)
@@ -87,7 +99,10 @@ def trimmed_angle(
 
 
 def with_game(angle: Angle) -> Angle:
-    """Return the angle with its game solved, and a learned critic compared with the solution."""
+    """Return the angle with the solution of its game, and the verdict on a learned critic.
+
+    An angle without a trim is returned unchanged. If there is no solution, the reason is stored.
+    """
     model = angle.model
     if model is None:
         return angle
@@ -103,11 +118,13 @@ def with_game(angle: Angle) -> Angle:
 
 @dataclass(frozen=True, eq=False)
 class MainJob:
-    """Results for one aircraft: both printed pairs, a sweep of the dihedral angle, requested
-    angles.
+    """Results of `hfa report` for one aircraft.
 
-    points: one for each angle of the sweep
-    claims, flights: None where none were given
+    regeneration: comparison with both printed pairs (A, B)
+    sweep: sweep of the dihedral angle
+    points: trim and linear model at each angle of the sweep
+    angles: requested angles, with games and critics
+    claims, flights: stored results of studies, or None
     """
 
     aircraft: Model
@@ -121,12 +138,15 @@ class MainJob:
 
     @property
     def learned(self) -> bool:
-        """True if every learned critic agrees with the exact game solution."""
+        """True if the learned critic agrees with the exact solution at every requested angle."""
         return all(angle.ok for angle in self.angles)
 
     @property
     def ok(self) -> bool:
-        """True if every check holds; verdicts on the paper's claims do not count."""
+        """True if the printed pairs are regenerated and every learned critic agrees.
+
+        Verdicts on the paper's claims have no effect.
+        """
         return self.regeneration.ok and self.learned
 
 
@@ -142,13 +162,17 @@ def main_job(
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
 ) -> MainJob:
-    """Regenerate both pairs and sweep the dihedral angle.
+    """Compute the results of `hfa report`.
 
-    At each requested angle (rad) the game is solved, and a critic is learned and compared.
+    Both printed pairs are regenerated, and the dihedral angle is swept. At each requested angle,
+    the game is solved, and a critic is learned and compared with the solution.
 
-    asked: requested angles, which the sweep visits too
+    asked: requested angles, rad, which are added to the sweep
+    swept: angles of the sweep, rad
+    outputs: outputs of the linear models
+    claims: claims shown on the page
     flight, start: condition and initial point of the trims, as for `sweep`; the printed pairs are
-        at the paper's condition
+      regenerated at the paper's condition
     """
     aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")

@@ -1,8 +1,8 @@
-"""Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's own script.
+"""Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's script.
 
-`front_view` draws the aircraft from the front, with panels, lift and weight to one scale.
-`locus_plot` draws the root locus over the dihedral angle, where hovering shows angle, frequency and
-damping.
+- `front_view` draws the aircraft from the front, with panels, lift and weight at one scale.
+- `locus_plot` draws the root locus over the dihedral angle. Hovering over a root shows angle,
+  frequency and damping.
 """
 
 from __future__ import annotations
@@ -72,12 +72,14 @@ _HOVER = (
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """Picture of one or more Plotly figures on an HTML page. Elsewhere Matplotlib draws it."""
+    """Picture that consists of Plotly figures on an HTML page. Outside HTML, Matplotlib draws
+    it.
+    """
 
     figures: tuple[PlotlyFigure, ...]
 
     def html(self) -> str:
-        """Return boxes, figures and one caption. The page itself contains Plotly's script."""
+        """Return the figures with one caption as HTML. The page supplies Plotly's script."""
         key = self.name.removesuffix(".png")
         text = html.escape(self.text)
         boxes = "".join(
@@ -90,7 +92,7 @@ class InteractivePlot(Picture):
 
 
 def in_script(value: Any) -> str:
-    """Return the value as JSON that cannot end its script element."""
+    """Return the value as JSON in which "<" is escaped, so that it cannot end a script element."""
     return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace(
         "<", "\\u003c"
     )
@@ -108,10 +110,11 @@ def _figure(
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """Return a figure with a frame for each position of the slider.
+    """Return a Plotly figure with one frame for each position of the slider.
 
-    A frame contains the changes of the last traces. Background and size are those of the page. The
-    legend is above.
+    traces: all traces at first
+    moving: for each frame, the new values of the last traces
+    x, y: axes
     """
     layout = {
         "xaxis": x,
@@ -139,9 +142,10 @@ def _figure(
 
 
 def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """Return one drawing for all points that are trimmed, with one frame each, or None without any.
+    """Return the front view of all trims, with one frame for each point and all forces at one
+    scale.
 
-    All arrows have one scale.
+    Returns None if no point has a trim.
     """
     trims = [None if angle.model is None else angle.model.point for angle in points]
     trimmed = [point for point in trims if point is not None]
@@ -174,9 +178,9 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """Return the moving parts, or nothing without a trim.
+    """Return the traces that depend on the trim, which are empty without a trim.
 
-    They are the ends of the panels, lift, weight and hinges, with their sizes.
+    They draw the panels, lift, weight, hinges, and the values of forces and moments.
     """
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
@@ -209,13 +213,13 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
 
 
 def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
-    """Return start and end of each force, (2, 2)."""
+    """Return for each force an array (2, 2) with the start and the end of its arrow."""
     pairs = zip(starts, forces, strict=True)
     return [np.array([start, start + scale * force]) for start, force in pairs]
 
 
 def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
-    """Return a trace of separate lines, each (2, 2), with nan as a gap."""
+    """Return a trace of lines, each (2, 2), that are separated by NaN."""
     gap = np.full((1, 2), np.nan)
     return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
 
@@ -226,9 +230,9 @@ def _line(positions: Any) -> dict[str, Any]:
 
 
 def locus_plot(swept: Sweep) -> InteractivePlot | None:
-    """Return the root locus of all modes, and of slow ones alone where speeds differ.
+    """Return the root locus of a sweep, or None if no point has a trim.
 
-    The result is None without trims.
+    If some modes are much slower than others, a second figure shows only the slow ones.
     """
     if not swept.mode_names:
         return None
@@ -242,9 +246,9 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """Return the figure with one line for each mode, and the point of the slider.
+    """Return a root locus with one line for each mode, and marks at the slider's angle.
 
-    shown: (n,), mask of the columns
+    shown: (n,), mask of the modes that are drawn
     """
     angles = np.degrees(swept.values[:, -1])
     roots = swept.eigenvalues[:, shown]
@@ -278,7 +282,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
 
 
 def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
-    """Return eigenvalues with angle, frequency and damping."""
+    """Return a trace of eigenvalues whose hover text shows angle, frequency and damping."""
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
         hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))

@@ -1,4 +1,4 @@
-"""Files of `hfa report` and of the study behind it, each entry declared once."""
+"""Types of the files of `hfa report` and of the studies that it shows."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from hfa_support.reporting.results import Result
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MainJobData(Result):
-    """The main job on one page, composed of the data of its reports.
+    """Numbers of the page of `hfa report`.
 
     ok: whether every check passes.
     regeneration: as of hfa regenerate.
     sweep: as of hfa sweep.
     critics: as of hfa verify, at each requested angle.
-    angles: dihedral_deg; reason, empty where all was found; trim, model, solution and critic as of
-        hfa trim, linearize, solve and verify.
+    angles: for each requested angle: dihedral_deg; reason, empty if everything was computed; trim,
+      model, solution and critic as of hfa trim, linearize, solve and verify.
     claims: claims of studies.section5, read from --claims.
     flights: flights of studies.best_flights, read from --flights.
     """
@@ -37,14 +37,14 @@ class MainJobData(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClaimsData(Result):
-    """The claims of Section 5 of the paper, claims.json of `python -m studies.section5`.
+    """Claims of Section 5 of the paper (claims.json of `python -m studies.section5`).
 
     setting: matrices and configuration.
     laws: laws that were simulated.
-    verdicts: how many claims are confirmed, not confirmed, not decidable.
-    lost_flights: section, name, law, lost_at (s).
+    verdicts: number of claims with each verdict: confirmed, not confirmed, not decidable.
+    lost_flights: flights that left the envelope: section, name, law, lost_at (s).
     own_failures: flights of this project's laws that failed.
-    claims: claim, number, limit, verdict.
+    claims: for each claim: claim, number, limit, verdict.
     experiments: flights and pictures of each section.
     """
 
@@ -62,14 +62,13 @@ class ClaimsData(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightsData(Result):
-    """Flights of the nonlinear HFA from the paper's x(0), best_flights.json of `python -m
-    studies.best_flights`.
+    """Flights of the nonlinear HFA from the paper's x(0) (best_flights.json).
 
     start: state -> its initial deviation from the trim.
     limits: set of limits -> state or input -> lowest and highest value.
     models: dihedral_deg, A and B of each linear model.
-    flights: dihedral_deg; within, the set of limits; best, exact_policy, exact_lqr and
-        learned_critic with costs of flights on the nonlinear aircraft.
+    flights: for each angle and set of limits: dihedral_deg; within, the set of limits; best,
+      exact_policy, exact_lqr and learned_critic with costs of flights on the nonlinear aircraft.
     """
 
     schema = "hfa.paper-flights/2"

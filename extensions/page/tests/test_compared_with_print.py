@@ -1,4 +1,4 @@
-"""A and B of the page compared with the printed matrices."""
+"""A and B on the page compared with the printed matrices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trim import regenerate
 
 
 def test_planted_error_changes_tone_of_entry_no_other() -> None:
-    """A planted error changes the tone of its entry and of no other."""
+    """A planted deviation of an entry changes its color according to size, and no other color."""
     published = published_models()[0]
     model = regenerate(hfa.aircraft(), published)
 

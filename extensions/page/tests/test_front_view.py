@@ -1,4 +1,4 @@
-"""The front view of the HFA in a trim, compared with its loads."""
+"""The front view of the HFA at a trim, compared with the computed loads."""
 
 from __future__ import annotations
 

@@ -359,10 +359,10 @@ def test_it_flies_what_we_fly_and_says_time(
     point: OperatingPoint,
     tmp_path: Path,
 ) -> None:
-    """The exported loop flies our flight and prints its time.
+    """The exported example loop reaches the states of the product's simulation and prints its time.
 
-    Holding the inputs for a tick causes an error proportional to the tick. Without it both are
-    equal.
+    Holding the inputs during a tick causes an error proportional to the tick. Extrapolated to a
+    tick of 0, the states agree within 3e-5. A planted error in the C code is detected.
     """
     controller = made(published_aircraft)
     states = []

@@ -1,4 +1,4 @@
-"""The FMU in FMPy: its validator, its simulation compared with ours, and inputs that it refuses."""
+"""Exported FMUs in FMPy: validation, simulation compared with the product, and refused calls."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ ACTUATORS = ActuatorBank(
 
 
 class Unit(NamedTuple):
-    """An exported unit, and our flight of it with states every 0.1 s, (601, 7)."""
+    """An exported FMU, and the product's simulation of the same flight.
+
+    known: states every 0.1 s, (601, 7)
+    """
 
     kind: str
     path: Path
@@ -118,7 +121,7 @@ def test_60_seconds_are_ours(unit: Unit) -> None:
 
 
 def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Path) -> None:
-    """The validator accepts the FMU and reports a planted wrong unit."""
+    """FMPy's validator accepts the FMU and reports a planted wrong unit."""
     path = unit.path
     assert fmpy.validation.validate_fmu(str(path)) == []
     read = fmpy.read_model_description(str(path))
@@ -139,7 +142,7 @@ def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Pa
 
 
 def test_a_state_is_kept_and_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
-    """A saved state of the FMU is restored, and a wrong GUID is refused."""
+    """A saved state of the FMU is restored. Wrong calls and a wrong GUID are refused."""
     path = unit.path
     states = len(unit.loop.states)
     count = 2 * states + len(unit.loop.outputs) + len(unit.loop.inputs)
@@ -179,9 +182,9 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
 
 
 def test_a_model_interpolated_over_two_variables_is_fmu(tmp_path: Path) -> None:
-    """A model interpolated over two variables is exported as an FMU.
+    """The FMU of a sweep over two variables agrees, between grid points, with SciPy's integration.
 
-    Between the grid points it agrees with another integrator with NumPy's A and B.
+    The integration uses A and B interpolated by the product.
     """
     between = InterpolatedModel(
         sweep(NAVION, {"speed": [170.0, 180.0, 190.0], "gamma": [0.0, 0.02]})

@@ -1,4 +1,6 @@
-"""GNU Octave reads our .mat files with the shipped function, and we read its own files."""
+"""GNU Octave reads the project's .mat files with the exported function, and the project reads files
+that Octave wrote.
+"""
 
 from __future__ import annotations
 

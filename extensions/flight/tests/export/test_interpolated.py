@@ -1,4 +1,4 @@
-"""Interpolated models compared with exact ones."""
+"""Interpolated linear models compared with exact ones."""
 
 from __future__ import annotations
 
@@ -42,8 +42,10 @@ def test_it_is_exact_at_points_and_bilinear_between(model: InterpolatedModel) ->
 
 @needs_gcc
 def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
-    """C gives the same model at random values, at the grid points, and beyond an end, where the
-    last value holds.
+    """The generated C code gives the product's interpolated model at random values and at grid
+    points.
+
+    Beyond the grid it gives the model at the nearest end.
     """
     model.to_casadi().generate("models.c")
     subprocess.run(
@@ -66,7 +68,7 @@ def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
 
 
 def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> None:
-    """The error at the middles of the cells decreases with the square of the step."""
+    """Halving the grid step reduces the error at the middles of the cells about four times."""
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []
     for between in (model, InterpolatedModel(sweep(hfa.aircraft(), finer))):

@@ -1,5 +1,5 @@
-"""Cases of flights, each with a trim, its game, gain and envelope, built once for several test
-files.
+"""Flight cases shared by several test files: a trim with its game, gain and envelope, built
+once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])
 
 @dataclass(frozen=True, eq=False)
 class FlownCase:
-    """One trim with its game, exact gain and envelope."""
+    """A trim of an aircraft, with its game, exact gain and envelope."""
 
     aircraft: Model
     point: OperatingPoint
@@ -48,7 +48,7 @@ def flown(on: FlownCase, scenario: Scenario) -> Flight:
 
 
 def seen(z: ca.SX) -> Measurements:
-    """Return an error z from a constant reference, without actuators."""
+    """Return the measurements for an error z about a constant reference, without actuators."""
     return Measurements(z, z, ca.SX(0, 1), ca.SX(0, 1))
 
 
@@ -58,7 +58,7 @@ def signal(**values: float) -> Waveform:
 
 @pytest.fixture(scope="session", params=["published", "newton"])
 def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    """Return the case with the exact gain at 15 degrees, for each set of equations."""
+    """Return the case at 15 degrees with the exact gain, for each variant of the equations."""
     return case_at(parameters, request.param, 15.0)
 
 

@@ -1,4 +1,4 @@
-"""Flights of the linear model under given policies, with the cost of the game integrated."""
+"""Simulation of the linear model under given policies, with the integrated cost of the game."""
 
 from __future__ import annotations
 
@@ -16,7 +16,14 @@ Feedback = Callable[[float, np.ndarray], np.ndarray]
 
 
 class LinearFlight(NamedTuple):
-    """times (N,), states (N, n), controls (N, m), disturbances (N, k), and running cost (N,)."""
+    """Time history of the linear model.
+
+    times: (N,), s
+    states: (N, n)
+    controls: (N, m)
+    disturbances: (N, k)
+    cost: (N,), cost integrated from the start
+    """
 
     times: np.ndarray
     states: np.ndarray
@@ -33,9 +40,14 @@ def simulate(
     times: np.ndarray,
     forcing: Callable[[float], np.ndarray] | None = None,
 ) -> LinearFlight:
-    """Integrate z' = A z + B u + E d + r(t) and J' = z'Qz + u'Ru - δ² d'd by LSODA to 1e-13.
+    """Integrate z' = A z + B u + E d + r(t) and the cost J' = z'Qz + u'Ru - δ² d'd.
 
-    forcing: r: t -> (n,)
+    SciPy's LSODA is used with a tolerance of 1e-13.
+
+    control: (t, z) -> u
+    disturbance: (t, z) -> d
+    initial: z at times[0], (n,)
+    forcing: r, t -> (n,); by default 0
     """
     price = (
         0.0 if math.isinf(game.delta) else game.delta**2

@@ -1,4 +1,4 @@
-"""The Monte Carlo that tests fly, and changes to it."""
+"""A Monte Carlo plan for tests, and functions that change it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EVERYTHING = Uncertainty(
 
 @pytest.fixture
 def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
-    """Return twelve short flights with all kinds of draws."""
+    """Return a plan of twelve short flights with all kinds of random quantities."""
     wave = Harmonic(3.0, np.full(6, 1e-3), np.zeros(6))
     scenario = Scenario(
         duration=0.5,

@@ -42,7 +42,7 @@ def _flights(text: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportRequest(UnitsOption, TrimOptions):
-    """The main job on one page."""
+    """Options of `hfa report`."""
 
     at: Range | None = scheduled(
         scheduled_range,
@@ -129,7 +129,10 @@ def report(request: ReportRequest) -> int:
 
 
 def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
-    """Write the page to a file, or with its pictures and numbers into a folder; return a notice."""
+    """Write the page and return the line that names what was written.
+
+    place: an .html file, or a folder for the page, its pictures and its numbers
+    """
     html = page(job, report, provenance)
     if place.suffix:
         write_text(place, html)
