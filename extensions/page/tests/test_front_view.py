@@ -19,7 +19,11 @@ from trim import trim_figure
 def test_lift_is_across_panels_and_carries_weight(
     published_aircraft: Model, degrees: float
 ) -> None:
-    """The lift of a panel is perpendicular to it, balances the weight, and is drawn to scale."""
+    """The lift of each panel is normal to it, the lifts balance the weight, and arrows are to
+    scale.
+
+    The hinge moments are printed.
+    """
     point = model_at(degrees).point
     panels = panels_from_the_front(published_aircraft, point)
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)

@@ -1,4 +1,6 @@
-"""The page: verdicts that can fail, stored claims, and plots with the numbers of the models."""
+"""The page of `hfa report`: verdicts that can fail, stored results of studies, and plots with the
+models' numbers.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ from verification.critic.critic_check import check_critic
 
 @pytest.fixture(scope="module")
 def job(parameter_set: ParameterSet) -> MainJob:
-    """Return a page without games: both pairs, and five angles, one of them without a trim."""
+    """Return the results for a page without games: both printed pairs, and five angles, one of
+    which has no trim.
+    """
     return main_job(
         parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0])
     )
@@ -80,7 +84,9 @@ def claims() -> Claims:
 
 
 def test_a_row_each_with_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
-    """Each claim has a row with its stored verdict."""
+    """The page has one row for each stored claim, with its verdict, and counts the unconfirmed
+    claims.
+    """
     said, table = claims_section(claims, job.regeneration).parts
     stored = claims.data["claims"]
     assert [row[:2] for row in table.rows] == [
@@ -97,7 +103,7 @@ FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 
 
 def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
-    """The page shows costs, limits and the aircraft of the stored flights, and notices another
+    """The page shows costs and limits of the stored flights and whether they are for its
     aircraft.
     """
     flights = load_flights(FLIGHTS)
@@ -128,7 +134,7 @@ def test_damaged_flights_are_refused(tmp_path: Path) -> None:
 
 
 def checks_in(data: Any) -> set[str]:
-    """Return the names of the checks anywhere in the data of a report."""
+    """Return the names of all checks in the data of a report."""
     if isinstance(data, dict):
         own = {data["name"]} if {"name", "value", "limit"} <= set(data) else set()
         return own.union(*map(checks_in, data.values()))
@@ -173,7 +179,9 @@ def test_a_damaged_table_is_refused(
 
 
 def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
-    """Plotly accepts the figure, and its arrows are to scale."""
+    """Plotly accepts the front view. Its arrows are to scale, and its panels have the dihedral
+    angle.
+    """
     plot = front_view(job.aircraft, job.points)
     assert plot is not None
     (spec,) = plot.figures

@@ -1,4 +1,4 @@
-"""`hfa report`: one page, or a folder with the page, its pictures and its numbers."""
+"""`hfa report`: one page, or a folder with page, pictures and numbers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MEGABYTE = 1_000_000
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
-    """Return the output of the command and its folder."""
+    """Return the result of the command and the folder that it wrote."""
     folder = tmp_path_factory.mktemp("report") / "new"
     words = (
         "-o",
@@ -50,7 +50,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
 
 
 def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
-    """The folder contains the page, its pictures and its numbers."""
+    """The folder contains the page, its pictures and its numbers, which equal those of other
+    commands.
+
+    The page loads nothing from a network.
+    """
     result, folder = made
     assert (result.code, result.err) == (DONE, "")
     names = {
@@ -105,7 +109,7 @@ def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> Non
 
 @pytest.mark.slow
 def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None:
-    """The largest page contains at most three megabytes of data."""
+    """With the largest permitted sweep, the page has less than 3 MB without Plotly's script."""
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
     html = page.read_text(encoding="utf-8")
@@ -115,7 +119,7 @@ def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> None:
-    """If the numbers cannot be written to the folder, no pictures are written."""
+    """If numbers.json cannot be written, no picture is written."""
     (tmp_path / "numbers.json").mkdir()
     words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
     assert_refused(hfa("report", *words), BAD_INPUT, "it is a folder")
@@ -123,7 +127,7 @@ def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> Non
 
 
 def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
-    """An angle without a trim is listed on the page with its reason."""
+    """An angle without a trim is on the page with its reason. The command fails."""
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
     assert (result.code, result.err) == (FAILED, "")
@@ -138,7 +142,9 @@ def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
 def test_without_plotly_page_is_refused_before_anything_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without Plotly, here hidden, the page is refused before anything is computed."""
+    """Without Plotly (hidden here), the page is refused before the computation. --json needs no
+    Plotly.
+    """
     plotly_script.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert_refused(
@@ -149,8 +155,9 @@ def test_without_plotly_page_is_refused_before_anything_computed(
 
 
 def test_every_angle_is_trimmed_as_asked() -> None:
-    """Every angle is trimmed at the requested condition, except the printed pairs, which keep the
-    paper's.
+    """Requested and swept angles are trimmed at the condition of the options.
+
+    The printed pairs are regenerated at the paper's condition.
     """
     words = (
         "--free",
@@ -177,7 +184,7 @@ def test_every_angle_is_trimmed_as_asked() -> None:
 
 @pytest.mark.slow
 def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A failed report leaves no picture."""
+    """If a file of the report cannot be written, the folder is removed."""
 
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")

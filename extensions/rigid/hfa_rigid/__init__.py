@@ -1,5 +1,7 @@
-"""Rigid aircraft in standard air over a flat Earth, for readers of aircraft.
+"""Rigid aircraft in standard air over a flat Earth, used by readers of aircraft files.
 
-`motion.py` contains the equations of motion and `atmosphere.py` the air. `tables.py` interpolates.
-`aircraft.py` makes the `Model` of forces, moments and masses.
+- `motion.py` contains the equations of motion.
+- `atmosphere.py` contains the standard atmosphere.
+- `tables.py` interpolates.
+- `aircraft.py` makes the `Model` from forces, moments and masses.
 """

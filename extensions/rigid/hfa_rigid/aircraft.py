@@ -1,7 +1,7 @@
 """The `Model` of a rigid aircraft in standard air over a flat Earth, from its forces and moments.
 
-The equations of an aircraft make a `Motion` of the state, compute forces and moments from it, and
-return `Motion.rates_and_outputs`.
+The equations of an aircraft create a `Motion` from the state, compute forces and moments with it,
+and return `Motion.rates_and_outputs`.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ _FASTEST = 5.0
 
 
 class Motion:
-    """The motion of a rigid aircraft at a state with the fields of `STATES`.
+    """Motion of a rigid aircraft at a state with the fields of `STATES`.
 
-    air: air at its altitude.
+    air: standard air at the altitude.
     pressure: dynamic pressure.
     mach: Mach number.
-    velocity: (3,), through the air, in body axes.
-    rates: (3,), of rotation about the body axes.
+    velocity: (3,), velocity through the air, in body axes.
+    rates: (3,), angular velocity in body axes.
     """
 
     def __init__(self, x: Any, gravity: Any, system: str) -> None:
         """Compute the motion at a state.
 
-        x: numbers or expressions
-        gravity: acceleration
-        system: english or si
+        x: state, as numbers or expressions
+        gravity: acceleration of gravity
+        system: system of units, english or si
         """
         self.air = air_at(x.altitude, system)
         self.pressure = 0.5 * self.air.density * x.speed**2
@@ -62,7 +62,7 @@ class Motion:
         self._down = rotation(x.roll, x.pitch, x.yaw)[2, :].T
 
     def acceleration(self, specific_force: Any) -> Any:
-        """Return the rate of the velocity, (3,).
+        """Return the rate of the body-axis velocity, (3,).
 
         specific_force: (3,), force without weight, divided by mass
         """
@@ -108,7 +108,7 @@ def rigid_aircraft(
     """Return the `Model` of a rigid aircraft, whose default trim is straight and level.
 
     system: system of units, english or si.
-    speed, altitude: of the usual trim.
+    speed, altitude: values of the default trim.
     alpha: lowest, initial and highest angle of attack, rad.
     beta: lowest and highest sideslip, rad.
     outputs: outputs in addition to those of `Motion`.

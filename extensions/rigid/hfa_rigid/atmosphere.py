@@ -1,6 +1,7 @@
 """The U.S. Standard Atmosphere 1976 up to 47 km, in ft, slug, lbf and degrees Rankine.
 
-The constants are JSBSim's (`FGStandardAtmosphere`), so that both programs agree to rounding."""
+The constants are those of JSBSim (`FGStandardAtmosphere`), so results agree within rounding.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ _LAYERS = (
 
 @dataclass(frozen=True)
 class Air:
-    """Air in ft, slug, lbf and degrees Rankine, or in SI units.
+    """State of the air, in ft, slug, lbf and degrees Rankine, or in SI units.
 
     temperature: degrees Rankine or K.
     pressure: static pressure.
@@ -48,7 +49,7 @@ class Air:
 
 
 def air_at(altitude: Any, system: str = "english") -> Air:
-    """Return standard air at a geometric altitude, up to 154,000 ft.
+    """Return standard air at a geometric altitude, in ft or m, of at most 154,000 ft.
 
     system: system of units, english or si
     """
@@ -80,8 +81,11 @@ def air_at(altitude: Any, system: str = "english") -> Air:
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
-    """Return the pressure at a height above the bottom of a layer, relative to the pressure
-    there.
+    """Return the ratio of the pressure at the height `climb` above the bottom of a layer to that at
+    the bottom.
+
+    warmth: temperature at the bottom, degrees Rankine
+    lapse: temperature gradient, degrees Rankine per ft
     """
     if lapse == 0.0:
         return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))

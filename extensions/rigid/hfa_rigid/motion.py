@@ -1,9 +1,7 @@
 """Equations of motion of a rigid aircraft over a flat Earth.
 
-Body axes point forward, right and down.
-Arguments are numbers or CasADi expressions in one consistent system of units (ft, slug, lbf or m,
-kg, N). x has the fields of `STATES`.
-
+Body axes point forward, right and down. Arguments are numbers or CasADi expressions in one
+consistent system of units (ft, slug, lbf or m, kg, N). An argument x has the fields of `STATES`.
 Source: B. L. Stevens, F. L. Lewis, E. N. Johnson, *Aircraft Control and Simulation*, 3rd ed., 2016,
 Section 1.7.
 """
@@ -24,10 +22,10 @@ STATES = (
 
 
 def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
-    """Return the matrix (3, 3) from turned axes to reference axes, for yaw, pitch and roll, rad.
+    """Return the matrix (3, 3) from rotated axes to reference axes.
 
-    The rotations are applied in this order. With the Euler angles of an aircraft it converts
-    components in body axes to components along north, east and down.
+    The axes are rotated by yaw, pitch and roll, rad, in this order. For the Euler angles of an
+    aircraft, the matrix converts body-axis components to components north, east and down.
     """
     cos_roll = ca.cos(roll)
     sin_roll = ca.sin(roll)
@@ -52,7 +50,8 @@ def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
 def wind_axes(alpha: Any, beta: Any) -> Any:
     """Return the matrix (3, 3) from wind axes to body axes.
 
-    Its first column is the direction of flight."""
+    Its first column is the direction of the velocity through the air.
+    """
     cos_alpha = ca.cos(alpha)
     sin_alpha = ca.sin(alpha)
     cos_beta = ca.cos(beta)
@@ -65,16 +64,16 @@ def wind_axes(alpha: Any, beta: Any) -> Any:
 
 
 def angular_velocity(x: Any) -> Any:
-    """Return the rates of rotation about the body axes, (3,), rad/s."""
+    """Return the angular velocity in body axes, (3,), rad/s."""
     return ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate)
 
 
 def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -> Any:
-    """Return v' = f/m + g - ω × v, (3,), the rate of the body-axis velocity.
+    """Return v' = f + g - ω × v, (3,), the rate of the body-axis velocity.
 
     velocity: (3,) v
     rates: (3,) ω
-    specific_force: (3,) force without weight, divided by mass
+    specific_force: (3,) f, force without weight, divided by mass
     gravity: (3,) acceleration of gravity in body axes
     """
     return specific_force + gravity - ca.cross(rates, velocity)
@@ -92,9 +91,10 @@ def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
 
 
 def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
-    """Return the matrix of inertia (3, 3) from moments xx, yy, zz and products xy, zx, yz.
+    """Return the inertia matrix (3, 3).
 
-    The product xy is ∫ x y dm, and likewise the others.
+    moments: moments of inertia xx, yy, zz
+    products: products of inertia xy, zx, yz; xy is ∫ x y dm, and likewise zx and yz
     """
     xx, yy, zz = moments
     xy, zx, yz = products
@@ -126,9 +126,9 @@ def state_rates(
 ) -> dict[str, Any]:
     """Return the rates of `STATES` by name.
 
-    velocity: (3,) through the air, body axes
-    velocity_rate: (3,) its `acceleration`
-    rotation_rate: (3,) `angular_acceleration`
+    velocity: (3,), velocity through the air, in body axes
+    velocity_rate: (3,), its rate (`acceleration`)
+    rotation_rate: (3,), rate of the angular velocity (`angular_acceleration`)
     climb: rate of the altitude
     """
     speed_rate, alpha_rate, beta_rate = flow_rates(velocity, velocity_rate)
@@ -148,7 +148,7 @@ def state_rates(
 
 
 def _inverse(matrix: Any) -> Any:
-    """Return the inverse of a symmetric (3, 3) matrix, by its cofactors."""
+    """Return the inverse of a symmetric (3, 3) matrix, computed from its cofactors."""
     rows = ca.horzsplit(matrix)
     cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
     return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])

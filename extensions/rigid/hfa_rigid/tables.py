@@ -1,4 +1,4 @@
-"""Linear interpolation in tables of any number of dimensions, as CasADi expressions."""
+"""Linear interpolation in tables with any number of arguments, as CasADi expressions."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import numpy as np
 
 
 class Interpolator:
-    """Values of tables at expressions, constant beyond the first and the last breakpoint.
+    """Interpolates tables at expressions. Tables are constant beyond the first and last breakpoint.
 
-    On each axis one comparison for each breakpoint selects the cell. The line of that cell, a level
-    and a slope, is selected with these 0-1 numbers, whose derivatives are zero. A derivative
-    therefore costs as much as one of y0 + t (y1 - y0), however large the table is. Numbers between
-    0 and 1 give a blend of the lines of both cells, so that smooth comparisons make a smooth table.
-    At a breakpoint the slope is the one to the right. Tables over the same expression and
-    breakpoints share the comparisons.
+    On each axis, one comparison for each breakpoint selects the cell. The line of the cell, a level
+    and a slope, is selected by these comparisons, which are 0 or 1 and have zero derivatives. The
+    derivative of a table therefore costs as much as that of y0 + t (y1 - y0), independent of the
+    size of the table. If a comparison is replaced by a smooth function with values between 0 and 1,
+    the lines of both cells are blended, and the table becomes smooth. At a breakpoint, the slope is
+    that of the cell to the right. Tables over the same expression and breakpoints share the
+    comparisons.
     """
 
     def __init__(self) -> None:
@@ -26,10 +27,10 @@ class Interpolator:
     def __call__(
         self, values: np.ndarray, breakpoints: Sequence[np.ndarray], arguments: Sequence[Any]
     ) -> ca.SX:
-        """Return the value at the arguments, one for each axis.
+        """Return the interpolated value of a table with d arguments.
 
         values: (n1, ..., nd), in row-major order
-        breakpoints: d arrays, increasing, of at least two
+        breakpoints: d increasing arrays with at least two entries
         arguments: d scalars, numbers or expressions
         """
         axes = [np.asarray(points, dtype=float) for points in breakpoints]
@@ -46,9 +47,11 @@ class Interpolator:
 
     def cell(self, argument: ca.SX, points: np.ndarray) -> tuple[ca.SX, ca.SX]:
         """Return the indicator (n - 1,) of the argument's cell, and the argument relative to the
-        middle.
+        middle breakpoint.
 
         The argument is clipped to the breakpoints.
+
+        points: breakpoints, (n,)
         """
         key = (argument.element_hash(), points.tobytes())
         if key not in self._axes:
@@ -61,10 +64,12 @@ class Interpolator:
 
 
 def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
-    """Return levels at the middle breakpoint and slopes (n - 1, ...) of the lines between values.
+    """Return the levels at the middle breakpoint, and the slopes, of the lines between values.
+
+    Both are (n - 1, ...).
 
     values: (n, ...), an array, or expressions as a column
-    points: (n,)
+    points: (n,), breakpoints
     """
     column = (-1, *[1] * (len(values.shape) - 1))
     widths = np.diff(points).reshape(column)
@@ -74,15 +79,15 @@ def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
 
 
 def _middle(points: np.ndarray) -> float:
-    """Return the breakpoint to which the arguments of lines are relative."""
+    """Return the middle breakpoint, to which the arguments of lines are relative."""
     return float(points[len(points) // 2])
 
 
 def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return the interpolated value of a table of lines in row-major order, one axis after the
-    other.
+    """Return the interpolated value of a table of lines, in row-major order.
 
-    lines: (2, n1 - 1, 2, n2 - 1, ...), of each axis the levels and the slopes
+    lines: (2, n1 - 1, 2, n2 - 1, ...), levels and slopes on each axis
+    cells: for each axis, the result of `Interpolator.cell`
     """
     if not cells:
         return lines

@@ -1,4 +1,4 @@
-"""Equations of motion of a rigid body compared with laws of conservation."""
+"""Equations of motion of a rigid body compared with conservation laws."""
 
 from types import SimpleNamespace
 
@@ -21,9 +21,11 @@ VALUES = dict(zip(STATES, (50.0, 0.1, -0.2, 0.3, -0.4, 0.5, 0.6, -0.7, 0.8, 1000
 
 
 def derivative_along_motion(quantity, force, moment):
-    """Return the rate of a function of (state, velocity) at one state.
+    """Return the rate of a quantity during the motion, at the state VALUES.
 
-    The motion is caused by force per mass and moment in body axes.
+    quantity: function of (state, velocity)
+    force: (3,), force per mass in body axes
+    moment: (3,), in body axes
     """
     symbols = {name: ca.SX.sym(name) for name in STATES}
     x = SimpleNamespace(**symbols)
@@ -56,7 +58,7 @@ def test_no_moment_keeps_the_angular_momentum():
 
 
 def test_a_moment_does_its_work():
-    """The rate of the rotational kinetic energy is the moment times the angular velocity."""
+    """The rate of the rotational energy equals the power of the moment, M · ω."""
     moment = np.array([1.0, -2.0, 3.0])
 
     def energy(x, velocity):
@@ -69,7 +71,7 @@ def test_a_moment_does_its_work():
 
 
 def test_a_force_changes_speed_and_path():
-    """A force along the velocity changes the speed only."""
+    """A force per mass of 2.5 along the velocity increases the speed at the rate 2.5."""
     direction = wind_axes(VALUES["alpha"], VALUES["beta"])[:, 0]
 
     def speed(x, velocity):

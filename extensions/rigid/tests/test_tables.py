@@ -1,4 +1,4 @@
-"""Interpolation in tables of one to four dimensions compared with SciPy."""
+"""Interpolation in tables with one to four arguments compared with SciPy."""
 
 import casadi as ca
 import numpy as np

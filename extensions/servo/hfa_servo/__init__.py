@@ -1,4 +1,4 @@
-"""Controller design with actuators, integrals of outputs, and cost weights."""
+"""Design of controllers with actuators, integrated outputs and cost weights; calls in notebooks."""
 
 from hfa_support.public_names import public_names
 

@@ -1,5 +1,6 @@
-"""Export of a scheduled controller: expressions for other tools, and C with an example loop of 100
-Hz."""
+"""Export of a scheduled controller: expressions for other tools, and C with an example 100 Hz
+loop.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +42,13 @@ SECONDS = 20
 
 @dataclass(frozen=True)
 class CommandArguments:
-    """External commands after their filter, (k,) each, with the methods of `CommandSteps`."""
+    """Filtered commands as symbols, with the methods of `CommandSteps`.
+
+    names: commanded outputs
+    value: r, (k,)
+    slope: r', (k,)
+    goal: unfiltered commands, (k,)
+    """
 
     names: tuple[str, ...]
     value: ca.SX
@@ -49,25 +56,25 @@ class CommandArguments:
     goal: ca.SX
 
     def at(self, t: ca.SX) -> ca.SX:
-        """Return the commands r."""
+        """Return the filtered commands r."""
         return self.value
 
     def rate(self, t: ca.SX) -> ca.SX:
-        """Return the rates r' of the commands."""
+        """Return the rates r' of the filtered commands."""
         return self.slope
 
     def end(self, t: ca.SX) -> ca.SX:
-        """Return the target of the filter."""
+        """Return the unfiltered commands."""
         return self.goal
 
 
 class CommandedPolicy(NamedTuple):
-    """Controller about a trim whose commands are symbols, filtered by r'' = ω² (goal - r) - 2 ζ ω
-    r'.
+    """Controller about a trim, with the command filter r'' = ω² (goal - r) - 2 ζ ω r' as states.
 
-    filtered: [r; r']
+    policy: the controller
+    filtered: symbols of [r; r']
     filtered_rate: their rates
-    goal: the value that r approaches
+    goal: symbols of the unfiltered commands
     """
 
     policy: ServoPolicy
@@ -77,14 +84,15 @@ class CommandedPolicy(NamedTuple):
 
 
 def commandable(controller: ScheduledController) -> tuple[str, ...]:
-    """Return the outputs that can be commanded."""
+    """Return the names of the outputs for which the controller accepts commands."""
     value = COMMAND_SIGNALS[0]
     return tuple(name.removesuffix(value) for name in controller.commands if name.endswith(value))
 
 
 def longest_step(controller: ScheduledController) -> float:
-    """Return the longest step, s: 1 ms, or less where the fastest mode of the controller requires
-    it.
+    """Return the longest permitted integration step, s.
+
+    It is 1 ms, or less if the fastest mode of the controller requires it.
     """
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 
@@ -92,10 +100,10 @@ def longest_step(controller: ScheduledController) -> float:
 def commanded_policy(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> CommandedPolicy:
-    """Return the controller about a trim, with external commands.
+    """Return the controller about a trim, with symbols as commands.
 
-    Raises BadInputError when it was made for another model, or for other values of the scheduling
-    variable.
+    Raises BadInputError if the controller was made for another model, or for other values of the
+    scheduling variable.
     """
     names = commandable(controller)
     r = ca.SX.sym("r", len(names))
@@ -114,9 +122,10 @@ def commanded_policy(
 def controller_steering(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> Steering:
-    """Return the controller with the command filter as states, v = the commands.
+    """Return the steering of an exported loop by a controller, in which v are the commands.
 
-    Raises BadInputError like `commanded_policy`.
+    The states of the command filter are states of the loop. Raises BadInputError if the controller
+    was made for another model, or for other values of the scheduling variable.
     """
     commanded = commanded_policy(controller, model, point)
     names = commandable(controller)
@@ -142,11 +151,13 @@ def c_controller_texts(
     origin: str,
     actuators: ActuatorBank | None = None,
 ) -> dict[str, str]:
-    """Return file name -> text: header, source and, with actuators, an example.
+    """Return file name -> text of the C header and source and, with actuators, of an example loop.
 
-    Raises BadInputError when the controller was made for another model or other values of the
-    scheduling variable, an actuator cannot hold the trim, or the controller measures quantities
-    that these actuators lack.
+    origin: provenance, for comments
+
+    Raises BadInputError if the controller was made for another model or other values of the
+    scheduling variable, a trim input is outside its actuator's limits, or the controller measures
+    actuator states that do not exist.
     """
     header, source, example = CONTROLLER_FILES
     commanded = commanded_policy(controller, model, point)
@@ -199,7 +210,10 @@ def _example(
     command: dict[str, str],
     origin: str,
 ) -> str:
-    """Return the text of the example: a loop of 100 Hz with aircraft, actuators and sensors."""
+    """Return the C text of the example: a 100 Hz loop with aircraft, actuators and sensors.
+
+    command: output -> unit of the commands
+    """
     model = point.model
     state, amount = displaced_state(model)
     loop = exported_loop(model, point, actuators=actuators)
@@ -233,12 +247,14 @@ def _example(
 
 
 def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> ca.Function:
-    """Return the Function (scheduled, measured, memory, command, lowest, highest) -> (u,
-    memory').
+    """Return the Function (scheduled, measured, memory, command, lowest, highest) -> (u, memory').
 
-    scheduled: value of the scheduling variable, absolute; the rest as deviations from trim
-    memory: [controller; r; r']
-    command: the value that r approaches
+    All arguments except `scheduled` are deviations from trim.
+
+    scheduled: absolute value of the scheduling variable
+    memory: [states of the controller; r; r']
+    command: unfiltered commands
+    lowest, highest: limits of u
     """
     model = point.model
     controller = commanded.policy.controller
@@ -266,7 +282,7 @@ def _measured_loop(
 ) -> ca.Function:
     """Return the Function (y, u) -> (y', scheduling variable, measured outputs), in still air.
 
-    y = [X; actuators]; u are deviations from trim.
+    y is [X; actuator states]. u are deviations from trim.
     """
     model = point.model
     trim = np.array(point.inputs)

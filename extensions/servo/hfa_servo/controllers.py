@@ -1,5 +1,6 @@
-"""Computation of the controllers of a design: a certified gain or central controller at every
-angle."""
+"""Computation of the controllers of a design: a certified gain or central controller at each value
+of the scheduling variable.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +39,10 @@ class LinearController:
     """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one scheduling
     value.
 
-    limit: the smallest delta of the game or, for a shaped loop, the smallest gamma
-    checks: checks that certify it
+    y are the measurements, w the commands and u_applied the saturated inputs.
+
+    limit: smallest delta of the game or, for loop shaping, smallest gamma
+    checks: checks that certify the controller
     """
 
     A: np.ndarray
@@ -52,10 +55,10 @@ class LinearController:
 
 
 class Feedback(NamedTuple):
-    """Controller x' = A x + B y + W (u_applied - u), u = C x + D y, with y the sensors of a design
+    """Controller x' = A x + B y + W (u_applied - u), u = C x + D y of the sensors y of a design
     model.
 
-    limit, checks: as for `LinearController`
+    limit, checks: as in `LinearController`
     """
 
     A: np.ndarray
@@ -75,13 +78,13 @@ def design_controller(
     *,
     progress: Progress | None = None,
 ) -> ScheduledController:
-    """Return the controllers of a design at increasing values of the scheduling variable.
+    """Return the scheduled controller of a design, computed at increasing scheduling values.
 
-    breakpoints: (N,), these values
+    breakpoints: (N,), values of the scheduling variable
     progress: called after each value
 
-    Raises BadInputError for a model that is not scheduled over one of its linear states. Raises a
-    NoSolutionError that names the breakpoint at which there is no trim or no certified controller.
+    Raises BadInputError if the model is not scheduled over a state of its linear model. Raises
+    NoSolutionError with the breakpoint if there is no trim or no certified controller.
     """
     by = model.schedule
     if by not in model.linear:
@@ -129,9 +132,9 @@ def design_controller(
 
 
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
-    """Warn where entries of A and B are means of two slopes.
+    """Issue one warning if entries of A or B are means of two slopes at a kink.
 
-    The warning names the first, and their number.
+    It names the first such linear model and states how many there are.
     """
     kinked = [linear for linear in linear_models if linear.kinks]
     if kinked:
@@ -143,12 +146,13 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
 
 
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
-    """Return the controller of one linear model.
+    """Return the controller of a design for one linear model.
 
-    It is the gain u = -K z, or the central controller of the game from the sensors. Both see the
-    integrals, which are states of the controller behind its own: e' = y - r.
+    It is the gain u = -K z, or the central controller of the game with the sensors. The integrals,
+    e' = y - r, are its last states, and it feeds them back. For a loop-shaping design, it is the
+    robust controller.
 
-    Raises NoSolutionError when it is not certified.
+    Raises NoSolutionError if the controller is not certified.
     """
     built = design_model(model, linear, design)
     design = built.design
@@ -180,7 +184,7 @@ def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearCo
 
 
 def _state_feedback(built: DesignModel) -> Feedback:
-    """Return the exact gain of the game, from all states."""
+    """Return the exact gain of the game as feedback of all states."""
     game = built.game()
     exact = solve_game(game)
     n = len(built.A)
@@ -197,7 +201,7 @@ def _state_feedback(built: DesignModel) -> Feedback:
 
 
 def _output_feedback(built: DesignModel) -> Feedback:
-    """Return the central controller of the game, from the sensors."""
+    """Return the central controller of the game as feedback of the sensors."""
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
     central: Any = solve_plant(plant, built.design.delta)
     return Feedback(
@@ -212,10 +216,11 @@ def _output_feedback(built: DesignModel) -> Feedback:
 
 
 def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
-    """Return the controller of a loop shaping, with x = [x_m; states of the weights; x̂].
+    """Return the controller of a loop-shaping design, with the states [x_m; weights; x̂].
 
     u = u_m - W1 F x̂, where x̂ observes the shaped plant from y_s = W2 (y - y_m). x_m, u_m and y_m
-    are those of the model that the commands drive. The observer receives the applied inputs.
+    are states, inputs and outputs of the model that follows the commands. The observer uses the
+    applied inputs.
     """
     design = built.design
     z = np.zeros
@@ -257,7 +262,8 @@ def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
     """Return the design model with the actuators of `following`, and A and B of its response to
-    commands."""
+    commands.
+    """
     design = built.design
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
     answer = design_model(model, built.model, replace(design, actuators=slow))
@@ -274,7 +280,11 @@ def _followed_model(
 
 
 def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
-    """Return the states, the commands and the command filter of the controller."""
+    """Return the names of the controller's states, the names of its commands, and its command
+    filter.
+
+    The filter is (bandwidth, damping), or () if there is none.
+    """
     if design.shaping is None:
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
         if not design.sensors:
@@ -294,9 +304,9 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
-    """Return the measured signals.
+    """Return the names of the signals that the controller measures.
 
-    They are the sensors, or all states with integrated outputs for their integrals.
+    They are the sensors, or without sensors all states, and the integrated outputs.
     """
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]

@@ -1,6 +1,6 @@
 """Design of a controller: inputs with actuators, integrated outputs, and weights.
 
-Designs are stored in files for any `Model`. Names of states and signals imply their unit.
+Designs are read from files and apply to any `Model`. Names of states and signals imply their unit.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class Actuator:
 
     order: 1 or 2
     bandwidth: ω, rad/s
-    damping: ζ, of order 2
-    effectiveness: λ, the share of the command that arrives
+    damping: ζ, used only for order 2
+    effectiveness: λ, steady-state ratio of position to command
 
-    Raises BadInputError when the order is another or a number is not positive.
+    Raises BadInputError if the order is neither 1 nor 2 or a number is not positive.
     """
 
     order: int = 1
@@ -60,7 +60,7 @@ class Actuator:
     effectiveness: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check that it is an actuator."""
+        """Raise BadInputError if a number is out of range."""
         if self.order not in (1, 2):
             raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
         for name in ("bandwidth", "damping", "effectiveness"):
@@ -68,7 +68,7 @@ class Actuator:
 
 
 class OutputWeight(NamedTuple):
-    """Weight gain (1 + corner/s) / (1 + lag s) of an output.
+    """Weight gain (1 + corner/s) / (1 + lag s) of an output, with the Laplace variable s.
 
     gain: 1/unit of the output
     corner: rad/s
@@ -81,13 +81,13 @@ class OutputWeight(NamedTuple):
 
 
 class Following(NamedTuple):
-    """Weights of the squared errors of followed commands in the cost.
+    """Settings of model following: weights of squared errors, command filter, actuators.
 
     outputs: commanded output -> weight of its error
     rates: input -> weight of its rate
     states: state -> weight
     filter: bandwidth (rad/s) and damping of the command filter
-    bandwidth: bandwidth of the actuators of order 1, rad/s
+    bandwidth: bandwidth of the first-order actuators of the model, rad/s
     """
 
     outputs: Mapping[str, float]
@@ -98,13 +98,13 @@ class Following(NamedTuple):
 
 
 class Shaping(NamedTuple):
-    """Settings of a loop shaping.
+    """Settings of a loop-shaping design.
 
     inputs: input -> gain
     outputs: measured output -> weight
-    breakpoints: values of the scheduling variable, increasing, angles in rad, between which the
-        controller is interpolated
-    following: how commands are followed
+    breakpoints: increasing values of the scheduling variable, angles in rad; the controller is
+      interpolated between them
+    following: settings of model following
     factor: γ / γ_min
     schedule: output -> factor on its gain at each breakpoint
     """
@@ -117,7 +117,7 @@ class Shaping(NamedTuple):
     schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
 
     def outputs_at(self, scheduling_value: float) -> dict[str, OutputWeight]:
-        """Return the weights with their gains at a value of the scheduling variable."""
+        """Return the output weights with their gains at a value of the scheduling variable."""
         factors = {
             name: float(np.interp(scheduling_value, self.breakpoints, row))
             for name, row in self.schedule.items()
@@ -130,25 +130,24 @@ class Shaping(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """Settings of a design: the linear model with `inputs`, their actuators, and e' = y for
-    `integrals`.
+    """Settings of a design for a linear model with actuators and integrals e' = y.
 
-    name: name of a shipped design or its file
-    inputs: by default all of the model
-    actuators: input -> actuator; an input without one acts at once
-    integrals: outputs
-    disturbances: place where a disturbance enters -> intensity, which scales the squared columns of
-        E. The places are "states", the rates of the linear states (the paper's), "commands", the
-        inputs, or a disturbance of the model.
-    state_weights, input_weights: diagonal of Q and R by name, in the names of `states` and
-        `inputs`; a state without a weight has 0
+    name: name of a shipped design, or of its file
+    inputs: inputs that the controller uses; by default all of the model
+    actuators: input -> actuator; an input that is not listed has no actuator dynamics
+    integrals: outputs that are integrated
+    disturbances: source -> intensity, which scales the squared columns of E. A source is "states"
+      (the rates of the linear states, as in the paper), "commands" (the inputs), or a disturbance
+      of the model.
+    state_weights, input_weights: diagonals of Q and R, by the names in `states` and `inputs`; a
+      state that is not listed has weight 0
     delta: delta of the game, inf for an LQR
     sensors: state or output -> intensity of its noise
-    shaping: settings of a controller by loop shaping, which has no game
-    variants: name of a model's equations -> the entries of the design for these equations
-    model: the model of the names
+    shaping: settings of a loop-shaping design, which has no game
+    variants: name of a model's equations -> the design for these equations
+    model: the model whose names are used
 
-    Raises BadInputError when a name is unknown or given twice.
+    Raises BadInputError if a name is unknown or given twice, or a number is out of range.
     """
 
     name: str
@@ -165,11 +164,11 @@ class Design:
     model: Model = field(kw_only=True, compare=False)
 
     def of(self, model: Model) -> Design:
-        """Return this design for a model, with the file's entries for equations of that name."""
+        """Return this design for a model, or its variant for the equations of that model."""
         return replace(self.variants.get(model.name, self), model=model)
 
     def __post_init__(self) -> None:
-        """Check the declaration before anything is built."""
+        """Raise BadInputError if a name or number is wrong or a required entry is missing."""
         object.__setattr__(self, "inputs", tuple(self.inputs or self.model.inputs))
         where = f"design {self.name}:"
         measurable = (*self.plant_states, *self.integral_states, *self.model.measurable)
@@ -190,12 +189,12 @@ class Design:
             self._check_shaping(where, self.shaping)
 
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
-        """Raise BadInputError for a loop shaping that is incomplete or inconsistent.
+        """Raise BadInputError if the loop-shaping settings are incomplete or inconsistent.
 
-        It may have an unknown name, lack an actuator or a rate weight of an input, or have tables
-        that do not fit its breakpoints.
+        Faults are an unknown name, an input without an actuator or rate weight, and a table that
+        does not match the breakpoints.
 
-        where: beginning of a message: "design NAME:"
+        where: beginning of the message, "design NAME:"
         """
         following = shaping.following
         measured = [*shaping.outputs]
@@ -221,14 +220,19 @@ class Design:
             raise BadInputError(f"{where} shaping.{variable}s must be a non-empty increasing list")
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
-        """Raise BadInputError for an input that a table lacks."""
+        """Raise BadInputError if a table has no entry for some input.
+
+        what: name of the entries, for the message
+        """
         for name in self.inputs:
             if name not in table:
                 raise BadInputError(f"{where} input {name} has no {what}; every input needs one")
 
     @property
     def plant_states(self) -> tuple[str, ...]:
-        """States of the linear model, then actuator positions, actuator rates."""
+        """Names of the states of the linear model, then of actuator positions, then of actuator
+        rates.
+        """
         moving = [name for name in self.inputs if name in self.actuators]
         second = [name for name in moving if self.actuators[name].order == 2]
         return (
@@ -239,17 +243,17 @@ class Design:
 
     @property
     def integral_states(self) -> tuple[str, ...]:
-        """Names of the integrals of outputs."""
+        """Names of the integrals."""
         return tuple(f"{name}_integral" for name in self.integrals)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states of the plant, then of the integrals."""
+        """Names of the plant states, then of the integrals."""
         return (*self.plant_states, *self.integral_states)
 
 
 def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) -> None:
-    """Raise BadInputError for a name that is not among the choices, or is given twice.
+    """Raise BadInputError if a name is not among the choices or occurs twice.
 
     unknown: beginning of the message, such as "design NAME: unknown sensor"
     """
@@ -261,7 +265,7 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
 
 
 def signal_unit(model: Model, name: str) -> str:
-    """Return the unit of a state of a controller, by its name, or "" for an unknown signal.
+    """Return the unit of a controller signal, derived from its name, or "" if it is unknown.
 
     Examples are ft/s for speed_estimate, and ft/s^2 s for the integral of an acceleration.
     """
@@ -309,30 +313,38 @@ _FILE = {
 
 @checks_arguments
 def load_design(name: str, model: Model) -> Design:
-    """Return a design by its name in `NAMED`, or from the user's file, for a model in its declared
-    units.
+    """Return a shipped design by its name in `NAMED`, or the design in a user's file.
+
+    The design uses the units that the model declares. A file contains:
 
     - inputs, integrals: lists of names
-    - disturbance: "states", "commands" or one of the model's disturbances, or the table
-      [disturbance] of several with their intensities
+    - disturbance: "states", "commands" or a disturbance of the model; or a table [disturbance] of
+      several of these with their intensities
     - delta: a number, inf for no disturbance
     - [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness
     - [weights.states], [weights.inputs]: name = weight
-    - [sensors]: output or state = its intensity
-    - or [shaping]: factor, dihedrals (deg; speeds where the model is scheduled over speed)
+    - [sensors]: output or state = intensity of its noise
+    - instead of a game, [shaping]: factor, dihedrals (deg; for a model scheduled over speed:
+      speeds)
     - [shaping.inputs], [shaping.outputs.NAME]: gain; gain, corner, lag
     - [shaping.schedule]: output = factors
     - [shaping.following]: filter, bandwidth, and by name outputs, states, rates
-    - [newton.TABLE]: entries that replace those above for these equations
+    - [newton.TABLE]: entries that replace those above for the equations `newton`
 
-    Raises a BadInputError that names the file, the entry and the fault.
+    Raises BadInputError with the file, the entry and the fault.
     """
     data = read_named("design", name, NAMED, "hfa_servo", {...: None})
     return design_of(name, data, native_of(model))
 
 
 def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
-    """Return the design of the entries of a file. Raises BadInputError as `load_design`."""
+    """Return the design that the entries of a file specify.
+
+    name: name of the design
+    data: the entries
+
+    Raises BadInputError with the entry and the fault.
+    """
     breakpoints = f"{model.schedule}s"
     form: dict[str, Any] = {**_FILE}
     form["shaping"] = {**_FILE["shaping"], f"{breakpoints}*": [NUMBER]}  # type: ignore[dict-item]
@@ -372,9 +384,11 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
 def _shaping_of(
     name: str, entries: Mapping[str, Any], breakpoints: str, model: Model
 ) -> Shaping | None:
-    """Return the settings in [shaping], or None without it.
+    """Return the settings in [shaping], or None if this table is missing.
 
-    breakpoints: key of the breakpoints
+    breakpoints: name of the entry with the breakpoints, such as dihedrals
+
+    Raises BadInputError if there are also entries of a game.
     """
     if "shaping" not in entries:
         return None
@@ -394,7 +408,7 @@ def _shaping_of(
 
 
 def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
-    """Return the settings of [actuators.INPUT]."""
+    """Return the actuators in [actuators.INPUT], by input."""
     actuators = {}
     for key, numbers in entries.get("actuators", {}).items():
         if numbers.get("order") in (1, 2):
@@ -405,8 +419,9 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of `whole` replaced by those of `changes`. Tables are merged entry by
-    entry.
+    """Return the entries of `whole`, replaced by those of `changes`.
+
+    Inner tables are merged in the same way.
     """
     merged = {**whole, **changes}
     for key, change in changes.items():

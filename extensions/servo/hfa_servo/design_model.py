@@ -1,4 +1,4 @@
-"""Design model: a linear model with actuators and integrals in one set of matrices."""
+"""Design model: matrices of a linear model that includes actuators and integrals."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ class DesignModel(Reported):
     """Design model z' = A z + B u + E w, y = C z + D u + noise, about an operating point of
     `model`.
 
+    z contains the states of the linear model, then actuator positions and rates, then integrals
+    (`states`). Units are those of the linear model. The unit of an integral is that of its output
+    times s.
+
     design: the design
-    model: the linear model of the aircraft
+    model: linear model of the aircraft
     A: (n, n)
     B: (n, m)
-    E: (n, k), the columns of each disturbance times the root of its intensity
-    C: (p, n), of the sensors
-    D: (p, m), of the sensors
-
-    z are the states of the linear model, then actuator positions and rates, then integrals
-    (`states`). Units are those of the linear model. An integral has its output's unit times s.
+    E: (n, k), columns of the disturbances, multiplied by the root of their intensity
+    C: (p, n), rows of the sensors
+    D: (p, m), rows of the sensors
     """
 
     design: Design
@@ -77,15 +78,15 @@ class DesignModel(Reported):
 
     @property
     def V(self) -> np.ndarray:
-        """Intensity of the sensors' noise, (p, p)."""
+        """Intensity of the sensor noise, (p, p)."""
         return np.diag([float(value) for value in self.design.sensors.values()]).reshape(
             2 * (len(self.sensors),)
         )
 
     def game(self) -> Game:
-        """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
+        """Return the game J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
 
-        Raises BadInputError when the design has no game, or when the inputs cannot hold an
+        Raises BadInputError if the design is a loop-shaping design, or if the inputs cannot hold an
         integrated output at an arbitrary value.
         """
         if self.design.shaping is not None:
@@ -105,9 +106,10 @@ class DesignModel(Reported):
         return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta, names=names)
 
     def _check_integrals(self) -> None:
-        """Raise BadInputError unless [A B; C D] of the integrated outputs has full row rank.
+        """Raise BadInputError unless [A B; C D], with the rows of the integrated outputs, has full
+        row rank.
 
-        Otherwise the plant has a zero at 0.
+        Without full rank, the plant has a transmission zero at 0.
         """
         names = self.design.integrals
         plant = len(self.states) - len(names)
@@ -124,14 +126,13 @@ class DesignModel(Reported):
 
 @checks_arguments
 def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
-    """Return the design model of x' = A x + B a + E w with actuators from commands to a.
+    """Return the design model of a linear model x' = A x + B a + E w, with actuators and integrals.
 
-    It includes e' and y = C x + D a + F w. y may also be a state of z.
+    Actuators lead from the commands to a. Measured and integrated outputs are y = C x + D a + F w,
+    or states of z.
 
-    linear: the linear model
-
-    Raises BadInputError for an unknown output, or when a sensor sees a disturbance itself, because
-    its noise must not depend on the disturbance.
+    Raises BadInputError if an output is unknown, or if a disturbance acts directly on a sensor,
+    because sensor noise must be independent of the disturbance.
     """
     design = design.of(model)
     n = len(linear.states)
@@ -176,7 +177,9 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
 
 
 def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> None:
-    """Write the rows of the actuator of an input into A, and into b, the column of its command."""
+    """Write the actuator of an input into the rows of A and of b, the column of B for this
+    input.
+    """
     actuator = design.actuators[name]
     position = design.states.index(f"{name}_position")
     stiffness = actuator.bandwidth**actuator.order
@@ -192,10 +195,11 @@ def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> No
 def _refuse_seen_disturbances(
     design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
 ) -> None:
-    """Raise BadInputError when a sensor sees a disturbance itself.
+    """Raise BadInputError if a disturbance acts directly on a sensor.
 
-    by_commands: (p, m), of the sensors by the commands
-    by_winds: (p, len(winds)), of the sensors by the disturbances of the model
+    winds: disturbances of the model
+    by_commands: (p, m), direct effect of the commands on the sensors
+    by_winds: (p, len(winds)), direct effect of the disturbances of the model on the sensors
     """
     columns = {"commands": by_commands}
     for column, name in enumerate(winds):
@@ -216,7 +220,7 @@ def watched_outputs(
 
     Rows of other names are zero.
 
-    winds: winds of `linearize`
+    winds: keywords of `linearize` for disturbances
     """
     parts = [model.part(name) for name in names]
     measurable = (model.part(name)[0] for name in names if name in model.measurable)
@@ -235,14 +239,17 @@ def watched_outputs(
 
 
 def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Return a matrix (rows, columns) with 1 where the names are equal, else 0."""
+    """Return the matrix (rows, columns) whose entries are 1 where the names are equal and 0
+    elsewhere.
+    """
     entries = [[float(row == column) for column in columns] for row in rows]
     return np.array(entries).reshape(len(rows), len(columns))
 
 
 def _full_rank(rows: np.ndarray) -> bool:
-    """Return whether the rows are independent by more than rounding, in any units of rows and
-    columns.
+    """Return whether the rows are linearly independent by more than rounding.
+
+    The result does not depend on the units of rows and columns.
     """
     scaled = rows.copy()
     for axis in (1, 0, 1, 0, 1):

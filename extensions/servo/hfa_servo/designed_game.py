@@ -1,4 +1,4 @@
-"""The game of a design, for the commands that take `--design`."""
+"""The game of a design, for commands with the option `--design`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def designed_game(request: PlantOptions, linear: LinearModel) -> NamedGame:
-    """Return the game of the request's design about a trim, with the weights that it changes."""
+    """Return the game of the option --design at a trim, with the weights that other options change.
+
+    Raises BadInputError for --units, because the weights of a design are in declared units.
+    """
     from hfa.options.games import NamedGame
 
     why = "cannot be combined with --design, whose weights are in the units of the declaration"

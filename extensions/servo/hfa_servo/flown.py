@@ -1,4 +1,4 @@
-"""`hfa fly` and `hfa export` with a controller from a file: the part "controllers"."""
+"""Controllers from files in `hfa fly` and `hfa export` (the command part "controllers")."""
 
 from hfa_servo.controller_c import (
     c_controller_texts as c_controller_texts,

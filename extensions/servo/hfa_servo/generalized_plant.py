@@ -1,10 +1,10 @@
-"""H-infinity control of a generalized plant, as for `hinfsyn`: state or output feedback, certified.
+"""H-infinity control of a generalized plant, as in `hinfsyn`: certified state or output feedback.
 
 x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u
 
 The controller must achieve ‖z‖ < δ ‖w‖ for every w. Each Riccati equation is that of a `Game`
-(`Side`), which is solved and certified like any other. Source: Zhou, Doyle and Glover, Robust and
-Optimal Control, Chapter 17; Glover and Doyle 1988.
+(`Side`), which is solved and certified like any other game. Source: Zhou, Doyle and Glover, Robust
+and Optimal Control, Chapter 17; Glover and Doyle 1988.
 """
 
 from __future__ import annotations
@@ -85,19 +85,19 @@ Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 class GeneralizedPlant(Reported):
     """Generalized plant x' = A x + B1 w + B2 u, z = C1 x + D11 w + D12 u, y = C2 x + D21 w + D22 u.
 
-    Without C2 exactly the states are measured (state feedback).
+    Without C2, all states are measured exactly (state feedback).
 
     A: (n, n)
     B1: (n, k)
     B2: (n, m)
     C1: (r, n)
     D12: (r, m)
-    C2: (p, n), without rows by default
+    C2: (p, n); by default p = 0
     D21: (p, k)
     D11: (r, k), by default 0
     D22: (p, m), by default 0
 
-    Raises BadInputError for a wrong shape, and unless D12 has rank m and D21 rank p.
+    Raises BadInputError if a shape is wrong, or unless D12 has rank m and D21 rank p.
     """
 
     A: np.ndarray
@@ -111,7 +111,7 @@ class GeneralizedPlant(Reported):
     D22: Any = None
 
     def __post_init__(self) -> None:
-        """Check everything once, so that no solver has to."""
+        """Raise BadInputError if a matrix is missing or has a wrong shape or rank."""
         matrices = {}
         for each in fields(self):
             matrix = getattr(self, each.name)
@@ -161,7 +161,7 @@ class GeneralizedPlant(Reported):
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """Control side and, with measurements, the filter side."""
+        """The control side and, with measurements, the filter side of the problem."""
         control = Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
         if not len(self.C2):
             return (control,)
@@ -169,7 +169,7 @@ class GeneralizedPlant(Reported):
 
     @property
     def floor(self) -> float:
-        """Lower bound of δ that follows from D11 alone."""
+        """Lower bound of δ due to D11: the gain of D11 that no controller can reduce."""
         if not len(self.C2):
             return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
         return max(side.feedthrough for side in self.sides)
@@ -178,13 +178,14 @@ class GeneralizedPlant(Reported):
     def measured(
         cls, game: Game, C: np.ndarray, V: np.ndarray, D: np.ndarray | None = None
     ) -> GeneralizedPlant:
-        """Return the game with the measurements y = C z + D u + n, where n is noise of intensity V.
+        """Return the plant of a game with measurements y = C z + D u + n.
 
-        The plant is that from w = (d, v) to z = (Q^½ x, R^½ u) with n = V^½ v. Its controller is
-        the LQG one at δ = inf.
+        n is noise of intensity V. The disturbance of the plant is w = (d, v), where d is the
+        disturbance of the game and n = V^½ v. Its cost is z = (Q^½ x, R^½ u). For δ = inf, the
+        controller is the LQG controller.
 
         C: (p, n)
-        D: (p, m) or 0
+        D: (p, m), or None for 0
         V: (p, p), positive definite
         """
         V = checked_matrix("V", V, LARGEST)
@@ -204,7 +205,7 @@ class GeneralizedPlant(Reported):
         )
 
     def transposed(self) -> GeneralizedPlant:
-        """Return the plant whose controller is the transpose of this one's."""
+        """Return the dual plant, whose controller is the transpose of this plant's controller."""
         return GeneralizedPlant(
             self.A.T,
             self.C1.T,
@@ -219,11 +220,11 @@ class GeneralizedPlant(Reported):
 
     @classmethod
     def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
-        """Return the partition of a state-space system as for `hinfsyn`.
+        """Return the generalized plant of a state-space system, partitioned as in `hinfsyn`.
 
         system: object with the matrices A, B, C and D
-        measurements: number of outputs y, the last ones of the system
-        inputs: number of inputs u, the last ones of the system
+        measurements: number of outputs y, which are the last outputs of the system
+        inputs: number of inputs u, which are the last inputs of the system
         """
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
         r = len(C) - measurements
@@ -231,7 +232,7 @@ class GeneralizedPlant(Reported):
         return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
 
     def in_axes(self, axes: Axes) -> GeneralizedPlant:
-        """Return the plant in other axes of its state."""
+        """Return the plant in other coordinates of its state."""
         return replace(
             self,
             A=axes.square(self.A),
@@ -243,20 +244,21 @@ class GeneralizedPlant(Reported):
 
     @cached_property
     def axes(self) -> Axes:
-        """Balanced axes that separate fast and slow states, used in all computations."""
+        """Balanced coordinates that separate fast and slow states, used in all computations."""
         axes = Axes.of(self.A)
         control = self.in_axes(axes).sides[0]
         return axes.scaled(NormalForm.of(control.game(math.inf)).units)
 
     @cached_property
     def apart(self) -> GeneralizedPlant:
-        """The plant in its `axes`."""
+        """The plant in the coordinates `axes`."""
         return self.in_axes(self.axes)
 
     def minimum_delta(self) -> DeltaMin:
-        """Return the smallest δ for which `solve_plant` has a controller, to `TOLERANCE` relative.
+        """Return the smallest δ for which `solve_plant` finds a controller.
 
-        It is found by bisection of log δ. Raises NoSolutionError when no δ suffices.
+        It is found by bisection of log δ to the relative accuracy `TOLERANCE`. Raises
+        NoSolutionError if no δ permits a controller.
         """
         check_modes(self)
         without = conditions(self, math.inf)
@@ -278,13 +280,13 @@ class GeneralizedPlant(Reported):
 def stored_plant(
     path: str | Path, found: dict[str, Any] | None = None
 ) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
-    """Return the generalized plant in a file, its delta or None, and notes.
+    """Return the generalized plant in a file, its delta or None, and notes on its entries.
 
-    The file has A, B1, B2, C1, D12 and optionally C2, D21, D11, D22 and delta.
+    The file contains A, B1, B2, C1, D12 and optionally C2, D21, D11, D22 and delta.
 
-    found: its entries that `read_arrays` has read already
+    found: entries of the file, if they have been read already
 
-    Raises a BadInputError that names the file.
+    Raises BadInputError with the file and the fault.
     """
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):
@@ -324,10 +326,10 @@ class OutputFeedback(Reported):
     Dk: (m, p)
     X: (n, n), stabilizing solution of the control equation
     Y: (n, n), stabilizing solution of the filter equation
-    delta: delta of the plant's game; the gain from w to z is below it
+    delta: upper bound of the gain from w to z
     coupling: ρ(X Y) / δ², below 1
-    checks: checks of the two equations' certificates, the coupling, the closed loop and the second
-        derivation
+    checks: checks of the certificates of both equations, of the coupling, of the closed loop and of
+      the second derivation
     """
 
     Ak: Matrix
@@ -343,13 +345,13 @@ class OutputFeedback(Reported):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateFeedback(Reported):
-    """Gain of a plant whose states are measured, with its certificate.
+    """Certified gain of a plant whose states are measured.
 
-    P: (n, n), the stabilizing solution
+    P: (n, n), stabilizing solution
     K: (m, n), gain, u = -K x
     disturbance_gain: L, (k, n), worst disturbance w = L x
-    delta: delta of the plant's game; the gain from w to z is below it
-    checks: checks of the certificate and the closed loop
+    delta: upper bound of the gain from w to z
+    checks: checks of the certificate and of the closed loop
     """
 
     P: Matrix
@@ -361,20 +363,23 @@ class StateFeedback(Reported):
 
 @checks_arguments
 def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """Return the central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K.
+    """Return the certified central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K.
 
-    Where nothing crosses and D11 = 0:
+    Without cross terms (D12'C1 = 0, B1 D21' = 0) and with D11 = 0:
 
-    A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y from the same equation of the transposed
-    plant, Ck = -R⁻¹B2'X, Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹, Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2, R =
-    D12'D12, V = D21 D21'
+      A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0
+      Y: the same equation for the transposed plant
+      Ck = -R⁻¹B2'X
+      Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹
+      Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2
+      R = D12'D12,  V = D21 D21'
 
-    A controller exists where δ is above the gain of D11 that no controller can reduce, X >= 0 and Y
-    >= 0 stabilize, and ρ(XY) < δ². Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans.
-    Automatic Control 34 (1989), 831-847, Theorem 3.
+    A controller exists if δ is above the gain of D11 that no controller can reduce, X >= 0 and Y >=
+    0 stabilize, and ρ(XY) < δ². Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans. Automatic
+    Control 34 (1989), 831-847, Theorem 3.
 
-    Raises NoSolutionError. Its message names the condition that fails with delta_min, the mode that
-    violates an assumption, or the check.
+    Raises NoSolutionError if there is no certified controller. The message names the failed
+    condition with delta_min, the mode that violates an assumption, or the failed check.
     """
     check_modes(plant)
     try:
@@ -384,9 +389,10 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """Return the solution with its checks.
+    """Return the certified solution for one δ.
 
-    Raises NoSolutionError, without advice, if no solution exists.
+    Raises NoSolutionError if no solution exists or a check fails. The message does not state
+    delta_min.
     """
     answer = conditions(plant, delta)
     if not answer.exists:
@@ -414,7 +420,10 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
 
 
 def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> StateFeedback:
-    """Return the gain of a solution X in the plant's axes, with the checks of its loop."""
+    """Return the gain for a solution X, with the checks of its closed loop.
+
+    X: (n, n), in the plant's `axes`
+    """
     axes = plant.axes
     apart = plant.apart
     L, F = apart.sides[0].policies(X, delta)
@@ -429,9 +438,12 @@ def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> Sta
 def _output_feedback(
     plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
 ) -> OutputFeedback:
-    """Return the central controller of X and Y in the plant's axes, with its checks.
+    """Return the central controller for solutions X and Y, with its checks.
 
-    The checks are of the coupling, of the loop and of a second derivation.
+    The checks are those of the coupling, of the closed loop and of a second derivation, from the
+    transposed plant.
+
+    X, Y: (n, n), in the plant's `axes`
     """
     axes = plant.axes
     apart = plant.apart
@@ -466,15 +478,15 @@ def _output_feedback(
 def central_controller(
     plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
 ) -> Controller:
-    """Return the central controller of any X and Y, without a certificate.
+    """Return the central controller for given X and Y, without a certificate.
 
     With F1, F2 of X, L1, L2 of Y, Z = (I - δ⁻² Y X)⁻¹ and D22 = 0:
 
-        Ck = F2 - Dk (C2 + D21 F1),  Bk = Z ((B2 + L1 D12) Dk - L2),
-        Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1)
+      Ck = F2 - Dk (C2 + D21 F1),  Bk = Z ((B2 + L1 D12) Dk - L2),
+      Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1)
 
-    Dk is the best against D11 alone. Raises NoSolutionError where the algebraic loop with D22 has
-    no solution.
+    Dk minimizes the gain due to D11. Raises NoSolutionError if the algebraic loop with D22 has no
+    solution.
     """
     control, filter_ = plant.sides
     F1, F2 = control.policies(X, delta)
@@ -496,13 +508,12 @@ def central_controller(
 
 
 def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
-    """Return the Dk that makes D11 + D12 Dk D21 smallest, and with it the controller central.
+    """Return the Dk that minimizes D11 + D12 Dk D21 and makes the controller central.
 
-    In orthonormal axes of z and w it is
+    In orthonormal coordinates of z and w, D11 has four blocks D11, D12, D21 and D22, the last of
+    which both u and y reach. There, Dk is
 
-        -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12
-
-    of the four blocks D11 D12 D21 D22 of D11. The last block is the one that both u and y reach.
+      -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12.
     """
     m = plant.D12.shape[1]
     p = len(plant.D21)
@@ -517,7 +528,7 @@ def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
 
 
 def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
-    """Return A, B, C, D from w to z of the plant with a controller, with the states [x; x̂]."""
+    """Return A, B, C, D from w to z of the closed loop, with the states [x; x̂]."""
     Ak, Bk, Ck, Dk = controller
     n = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D22)
     u = np.hstack([n @ Dk @ plant.C2, n @ Ck])  # u and y by the states, and by w
@@ -535,9 +546,9 @@ def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
 def loop_checks(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> tuple[Check, ...]:
-    """Return the checks that the closed loop is stable and has a gain below δ.
+    """Return the checks that the closed loop is stable and that its gain is below δ.
 
-    The gain is checked by the bounded-real lemma.
+    A, B, C, D are those of the closed loop. The gain is checked by the bounded-real lemma.
     """
     abscissa = spectrum(A).abscissa
     found = [
@@ -556,10 +567,10 @@ def loop_checks(
 
 
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
-    """Return the L2 gain from w to z under the H2-optimal controller, which is not below δ_min.
+    """Return the L2 gain from w to z with the H2-optimal controller.
 
-    The search for δ_min starts above it, because it has the units of δ, whatever these are. The
-    result is inf if rounding hides that controller.
+    It is at least δ_min and has its units, so that the search for δ_min starts above it. It is inf
+    if rounding hides the H2-optimal controller.
     """
     values = []
     for side in plant.sides:
@@ -578,8 +589,9 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
 def check_modes(plant: GeneralizedPlant) -> None:
     """Raise NoSolutionError unless both Riccati equations can have a stabilizing solution.
 
-    u must reach and y must observe every mode that is not stable. Neither the path from u to z nor
-    that from w to y may have a zero on the imaginary axis. The message names the mode or the zero.
+    Every mode that is not stable must be controllable by u and observable in y. Neither the path
+    from u to z nor that from w to y may have a zero on the imaginary axis. The message names the
+    mode or the zero.
     """
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
         found = obstacle(NormalForm.of(side.game(math.inf)), *sentences)
@@ -591,7 +603,9 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _barely_met(plant: GeneralizedPlant) -> str:
-    """Return the modes that are barely controllable or observable in words, or ""."""
+    """Return a text on modes that are barely controllable or observable, or "" if there are
+    none.
+    """
     verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
     sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
     found = [
@@ -602,9 +616,10 @@ def _barely_met(plant: GeneralizedPlant) -> str:
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
-    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| over the frequencies of K1.
+    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| on a grid of frequencies around the poles of
+    K1.
 
-    Where K1 is zero the result is |K2(jω)|.
+    At a frequency where K1 is zero, |K2(jω)| is used.
     """
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
@@ -619,9 +634,10 @@ _EQUATIONS = ("control Riccati equation", "filter Riccati equation")
 
 
 def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
-    """Return whether the conditions for a controller hold, and the first that does not.
+    """Return whether the conditions for a controller are satisfied, and if not, the first that
+    fails.
 
-    There are no certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
+    The conditions are evaluated without certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
     """
     if not delta > plant.floor * (1.0 + SHARP):
         surely = delta < plant.floor * (1.0 - SHARP)
@@ -654,11 +670,11 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
 def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
     """Return whether ρ(XY) < δ², given that X and Y exist.
 
-    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces the condition is [[X1'X2, X2'Y2/δ],
-    [Y2'X2/δ, Y1'Y2]] > 0. Its signs are visible where X or Y is too large. Where X or Y is singular
-    the matrix is never positive definite, and the question stays open. Source: Benner, Byers,
-    Mehrmann and Xu, A robust numerical method for the γ-iteration in H-infinity control, Linear
-    Algebra and its Applications 425 (2007).
+    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that [[X1'X2,
+    X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] is positive definite. Its signs are visible even if X or Y is too
+    large for double precision. If X or Y is singular, the matrix is never positive definite, and
+    the question remains open. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for
+    the γ-iteration in H-infinity control, Linear Algebra and its Applications 425 (2007).
     """
     assert control.subspace is not None
     assert filter_.subspace is not None
@@ -682,10 +698,10 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
 def _coupling_by_radius(
     forms: list[NormalForm], X: np.ndarray, Y: np.ndarray, delta: float
 ) -> Answer:
-    """Return whether ρ(XY) < δ² by more than the error of ρ.
+    """Return whether ρ(XY) < δ², or that the error of ρ hides it.
 
-    ρ(XY) = max a'X a over the a with a a' <= Y. To first order a change of X adds a'(dX)a at the
-    maximizing a. Likewise a change of Y adds b'(dY)b, with b = X a ρ^-½.
+    ρ(XY) = max a'X a over all a with a a' <= Y. To first order, a change dX of X adds a'(dX)a at
+    the maximizing a. A change dY of Y adds b'(dY)b, with b = X a ρ^-½.
     """
     radius, a = _radius(X, Y)
     if radius == 0.0:
@@ -704,7 +720,7 @@ def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: fl
     """Return whether the closed loop with the controller of X and Y is verified to have a gain
     below δ.
 
-    Then all conditions hold, independent of errors in X and Y.
+    If so, all conditions are satisfied, whatever the errors in X and Y.
     """
     try:
         controller = central_controller(plant, X, Y, delta)
@@ -714,7 +730,7 @@ def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: fl
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return ρ(XY), real and not negative for X, Y >= 0, and a with a a' <= Y and a'X a = ρ(XY).
+    """Return ρ(XY) for X, Y >= 0, and a vector a with a a' <= Y and a'X a = ρ(XY).
 
     The result does not depend on units.
     """
@@ -725,10 +741,10 @@ def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:
-    """Return F (n, n) with F F' = M for a positive semidefinite M, rows in the units of M.
+    """Return F (n, n) with F F' = M for a positive semidefinite M.
 
-    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales F row
-    by row, and no small entry vanishes in the rounding of a large one.
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales the
+    rows of F, and small entries of M are not lost in the rounding of large ones.
     """
     d = np.sqrt(np.diag(M).clip(0.0))
     safe = np.where(d > 0.0, d, 1.0)

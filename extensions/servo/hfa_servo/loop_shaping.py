@@ -1,10 +1,11 @@
 """H-infinity loop shaping (McFarlane and Glover) with model following, for one linear model.
 
-The plant G, with the actuators of the design, is shaped: G_s = W2 G W1, W1 of gains, W2 of k (1 +
-c/s)/(1 + τ s). With G_s = M⁻¹ N, M M* + N N* = I, the controller stabilizes all (M + Δ_M)⁻¹ (N +
-Δ_N), ‖[Δ_N Δ_M]‖∞ < 1/γ. The commands drive a model of the aircraft with its own optimal law, so
-that the loop acts only on the difference from the model. Sources: McFarlane and Glover, IEEE Trans.
-Automatic Control 37 (1992), 759-769; Francis, SIAM J. Control 15 (1977), 486-505.
+The plant G, which includes the actuators, is shaped: G_s = W2 G W1. W1 is diagonal and constant,
+and W2 is diagonal with entries k (1 + c/s)/(1 + τ s). With G_s = M⁻¹ N, M M* + N N* = I, the
+controller stabilizes all (M + Δ_M)⁻¹ (N + Δ_N), ‖[Δ_N Δ_M]‖∞ < 1/γ. The commands drive a model of
+the aircraft with its optimal control law. The loop acts only on the difference between aircraft
+and model. Sources: McFarlane and Glover, IEEE Trans. Automatic Control 37 (1992), 759-769;
+Francis, SIAM J. Control 15 (1977), 486-505.
 """
 
 from __future__ import annotations
@@ -24,9 +25,12 @@ ROUNDING = 1e-6
 
 
 class Robust(NamedTuple):
-    """Controller u = -F x̂, x̂' = A x̂ + B u + H (y - C x̂), with F (m, n) and H (n, p).
+    """Controller u = -F x̂, x̂' = A x̂ + B u + H (y - C x̂).
 
-    gamma_min is the smallest γ of any controller.
+    F: (m, n)
+    H: (n, p)
+    gamma_min: smallest γ of any controller
+    gamma: γ of this controller
     """
 
     F: np.ndarray
@@ -36,14 +40,14 @@ class Robust(NamedTuple):
 
 
 def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float = 1.1) -> Robust:
-    """Return the central controller of γ = factor γ_min, which stabilizes all plants near C (sI -
-    A)⁻¹ B.
+    """Return the central controller for γ = factor γ_min, robust to coprime-factor perturbations.
 
-    The distance is 1/γ. With A'X + XA - XBB'X + C'C = 0 and AZ + ZA' - ZC'CZ + BB' = 0:
+    It stabilizes all plants within the distance 1/γ of C (sI - A)⁻¹ B. With A'X + XA - XBB'X + C'C
+    = 0 and AZ + ZA' - ZC'CZ + BB' = 0:
 
-        γ_min² = 1 + ρ(XZ),  F = B'X,  H = γ² ((γ² - 1) I - ZX)⁻¹ Z C'
+      γ_min² = 1 + ρ(XZ),  F = B'X,  H = γ² ((γ² - 1) I - ZX)⁻¹ Z C'
 
-    Raises NoSolutionError when a mode that does not decay is not reached or not seen.
+    Raises NoSolutionError if a mode that does not decay is not controllable or not observable.
     """
     from scipy.linalg import solve_continuous_are
 
@@ -61,9 +65,9 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 
 
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
-    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and that the loop is stable.
+    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ.
 
-    It uses the closed loop alone. The norm is inf for an unstable loop.
+    The norm is computed from the closed loop. It is inf if the loop is unstable.
     """
     n, m = B.shape
     p = len(C)
@@ -81,7 +85,10 @@ def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> 
 
 
 class Weights(NamedTuple):
-    """Weights x' = A x + B y, y_s = C x + D y of all outputs side by side, and the names of x."""
+    """Output weights as one system x' = A x + B y, y_s = C x + D y.
+
+    states: names of x
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -91,9 +98,9 @@ class Weights(NamedTuple):
 
 
 def output_weights(outputs: Mapping[str, OutputWeight]) -> Weights:
-    """Return the weight k (1 + c/s) / (1 + τ s) of each output as a system.
+    """Return the weights k (1 + c/s) / (1 + τ s) of all outputs as one system.
 
-    v = y + c e with e' = y where c > 0, then τ x' = v - x where τ > 0.
+    For c > 0, v = y + c e with the state e' = y. For τ > 0, the state is τ x' = v - x.
     """
     names: list[str] = []
     for name, weight in outputs.items():
@@ -131,15 +138,15 @@ def following_model(
     """Return A and B of x_m' = A x_m + B w, the optimal response to commands of outputs.
 
     x_m = [x; u] is the response of x' = A x + B u to commands w = [r; r'; r_end] of the outputs
-    `regulated` x. u' = Γ w - K (x_m - Π w). Π and Γ hold the outputs on the commands permanently
-    (Francis). K is the LQR of the remaining distance of x_m.
+    `regulated` x. The control law is u' = Γ w - K (x_m - Π w). With Π and Γ, the outputs equal the
+    commands exactly (Francis). K is the LQR gain for the deviation x_m - Π w.
 
     regulated: (q, n)
     chosen: weights of the squared errors, command filter
     paid: (n,), weights of x
     rates: (m,), weights of u'
 
-    Raises NoSolutionError when the inputs cannot hold the outputs on every command.
+    Raises NoSolutionError if the inputs cannot track every command of the outputs.
     """
     from scipy.linalg import solve_continuous_are
 
@@ -161,7 +168,7 @@ def _held_for_ever(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0].
 
-    S is the matrix of the command filter, w' = S w. Raises NoSolutionError when they do not exist.
+    S is the matrix of the command filter, w' = S w. Raises NoSolutionError if Π and Γ do not exist.
     """
     q = len(outputs)
     size, m = steered.shape

@@ -1,4 +1,4 @@
-"""Outputs of the linear model that a controller measures in flight."""
+"""Outputs of the linear model that a controller measures during a flight."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from trim.point.operating_point import OperatingPoint
 
 
 class MeasuredOutputs:
-    """Outputs y - Y0 = C x + D a + F w + G a' of the linear model at a trim, by name.
+    """Measured outputs y - Y0 = C x + D a + F w + G a' of the linear model at a trim.
 
-    x, a and a' are the deviations of the states of the linear model, the deviations of the
-    positions of the actuators, and the rates of the actuators. INPUT_position and INPUT_rate are
-    outputs too. w is the updraft, for a model that has one. An accelerometer measures alpha through
-    the air.
+    x are the deviations of the states of the linear model, a those of the actuator positions, and
+    a' the actuator rates. w is the updraft, for a model with this disturbance. INPUT_position and
+    INPUT_rate are also outputs. An accelerometer depends on the angle of attack through the air.
     """
 
     def __init__(self, model: Model, point: OperatingPoint, names: tuple[str, ...]) -> None:
@@ -38,8 +37,8 @@ class MeasuredOutputs:
     def at(self, measurements: Measurements) -> ca.SX:
         """Return y - Y0, (k,).
 
-        Raises BadInputError where the outputs need actuators, or their rates, that the flight does
-        not have.
+        Raises BadInputError if the outputs depend on actuator positions or rates that the flight
+        does not have.
         """
         y = ca.mtimes(ca.DM(self.C), measurements.states)
         if measurements.updraft.numel():
@@ -49,8 +48,13 @@ class MeasuredOutputs:
 
 
 def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
-    """Return the contribution of actuator positions and rates to the outputs, or 0 without
-    entries."""
+    """Return matrix @ moved, or 0 if the matrix is zero.
+
+    moved: actuator positions or rates, empty if the flight has none
+    what: their name, for the message
+
+    Raises BadInputError if they are needed and the flight has none.
+    """
     if not matrix.any():
         return ca.SX(0)
     if not moved.numel():

@@ -1,9 +1,9 @@
-"""Axes of the state that separate the fast and the slow states of a plant.
+"""State coordinates that separate the fast and the slow states of a plant.
 
-In axes that mix them, rounding has the size of the fast states and hides the slow ones. A plant
-with poles from 1e-4 to 1e4 rad/s leaves no correct digits in either Riccati equation. The
-transformation and its inverse are computed with twice the digits and rounded once at the end, so
-that no digit of the given numbers is lost.
+In coordinates that mix them, rounding errors are proportional to the fast states and hide the slow
+ones. For a plant with poles from 1e-4 to 1e4 rad/s, neither Riccati equation would have a correct
+digit. The transformation and its inverse are computed in twice the digits and rounded once at the
+end, so no digit of the given numbers is lost.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from controller.riccati.normal_form import precise_inverse
 
 
 class Axes(NamedTuple):
-    """Coordinates y = D W'U⁻¹ x of a state x.
+    """Coordinates y = T x of a state x, with T = D W'U⁻¹.
 
-    units: the diagonal of U, (n,), powers of two
+    units: diagonal of U, (n,), powers of two
     W: (n, n), orthogonal except for rounding
-    inverse: (W')⁻¹, with twice the digits
-    scale: the diagonal of D, (n,), powers of two
+    inverse: (W')⁻¹, in twice the digits
+    scale: diagonal of D, (n,), powers of two
     """
 
     units: np.ndarray
@@ -33,7 +33,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def of(cls, A: np.ndarray) -> Self:
-        """Return the balanced axes of the Schur form of A, (n, n)."""
+        """Return the coordinates of the Schur form of the balanced matrix A, (n, n)."""
         from scipy.linalg import schur
 
         matrix, units = balanced(A)
@@ -41,19 +41,19 @@ class Axes(NamedTuple):
         return cls(units, W, precise_inverse(W), np.ones(len(W)))
 
     def scaled(self, units: np.ndarray) -> Self:
-        """Return the axes of the state z with y_i = u_i z_i.
+        """Return the coordinates z with y_i = u_i z_i.
 
         units: u, (n,), powers of two
         """
         return self._replace(scale=self.scale / units)
 
     def rows(self, M: np.ndarray) -> np.ndarray:
-        """Return T M, of a matrix with one row for each state, y = T x."""
+        """Return T M. M has one row for each state."""
         high, _ = product(exact(self.W.T), exact(M / self.units[:, None]))
         return np.asarray(high * self.scale[:, None])
 
     def columns(self, M: np.ndarray) -> np.ndarray:
-        """Return M T⁻¹, of a matrix with one column for each state."""
+        """Return M T⁻¹. M has one column for each state."""
         high, _ = product(exact(M * self.units), self.inverse)
         return np.asarray(high / self.scale)
 
@@ -80,13 +80,13 @@ class Axes(NamedTuple):
         return np.asarray(high * self.units[:, None] / self.units)
 
     def value_back(self, X: np.ndarray) -> np.ndarray:
-        """Return T'X T for a value y'X y, (n, n), symmetric."""
+        """Return T'X T, (n, n), symmetric, for a value y'X y."""
         inner = exact(X * np.outer(self.scale, self.scale))
         high, _ = product(product(exact(self.W), inner), exact(self.W.T))
         return _symmetric(high / np.outer(self.units, self.units))
 
     def dual_value_back(self, Y: np.ndarray) -> np.ndarray:
-        """Return T⁻¹ Y T⁻ᵀ for the value Y of the transposed plant, (n, n), symmetric."""
+        """Return T⁻¹ Y T⁻ᵀ, (n, n), symmetric, for the value Y of the transposed plant."""
         inner = exact(Y / np.outer(self.scale, self.scale))
         high, _ = product(product(self.inverse, inner), transposed(self.inverse))
         return _symmetric(high * np.outer(self.units, self.units))

@@ -1,4 +1,4 @@
-"""The report of `hfa solve` on a generalized plant."""
+"""Report of `hfa solve` for a generalized plant."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ _TAIL = "checks=solution.checks certificate closed_loop_eigenvalues"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PlantSolution(Result, Reported):
-    """The controller of a generalized plant, its delta compared with the smallest, and its loop.
+    """Controller of a generalized plant, with its delta, the smallest delta and the closed loop.
 
-    plant: the plant of the game.
+    plant: name of the plant.
     smallest: delta_min of the plant.
     solution: the controller.
     closed_loop_eigenvalues: 1/s.
-    warnings: limits of the result.
+    warnings: notes on the result.
     """
 
     schema = "hfa.plant-solution/1"
@@ -59,26 +59,26 @@ class PlantSolution(Result, Reported):
 
     @property
     def delta_margin(self) -> float:
-        """delta / delta_min."""
+        """Ratio delta / delta_min."""
         return self.smallest.margin(self.solution.delta)
 
     @property
     def certificate(self) -> Certificate:
-        """ok, checks."""
+        """Checks that certify the controller, and whether all pass."""
         return Certificate(self.solution.checks)
 
     @property
     def law(self) -> str:
-        """The control law from measurements to u."""
+        """Equation of the controller, as text."""
         raise NotImplementedError
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """The matrices of the law and the names of their rows and columns."""
+        """Name of each matrix of the controller -> names of its rows and columns."""
         raise NotImplementedError
 
     def report(self) -> Report:
-        """Return the law with its matrices, the loop and the checks."""
+        """Return the report: equation and matrices of the controller, closed loop and checks."""
         matrices = [
             matrix_table(name, rows, columns, getattr(self.solution, name))
             for name, (rows, columns) in self.matrices.items()
@@ -96,7 +96,7 @@ class PlantSolution(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """Return one row for each entry of each matrix."""
+        """Return a table with one row for each entry of each matrix."""
         rows = []
         for name, (row_names, column_names) in self.matrices.items():
             matrix = getattr(self.solution, name)
@@ -108,7 +108,7 @@ class PlantSolution(Result, Reported):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class OutputSolution(PlantSolution):
-    """The controller of a plant with sensors."""
+    """Controller of a plant with measurements y."""
 
     json_keys = (
         f"{_HEAD} Ak?=solution.Ak Bk?=solution.Bk Ck?=solution.Ck Dk?=solution.Dk X?=solution.X "
@@ -119,17 +119,19 @@ class OutputSolution(PlantSolution):
 
     @property
     def feedback(self) -> str:
-        """state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk y)."""
+        """Kind of feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk
+        y).
+        """
         return "output"
 
     @property
     def law(self) -> str:
-        """Control law u = Ck xk + Dk y."""
+        """Equation of the controller, as text."""
         return "Output feedback xk' = Ak xk + Bk y, u = Ck xk + Dk y"
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """Names of rows and columns of the controller's matrices."""
+        """Name of each matrix of the controller -> names of its rows and columns."""
         own = numbered("xk", len(self.solution.Ak))
         measured = numbered("y", self.solution.Bk.shape[1])
         inputs = numbered("u", len(self.solution.Ck))
@@ -143,7 +145,7 @@ class OutputSolution(PlantSolution):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StateSolution(PlantSolution):
-    """The gain of a plant whose states are measured."""
+    """Gain of a plant whose states are measured."""
 
     json_keys = (
         f"{_HEAD} {_TAIL} P?=solution.P K?=solution.K "
@@ -154,27 +156,32 @@ class StateSolution(PlantSolution):
 
     @property
     def feedback(self) -> str:
-        """state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk y)."""
+        """Kind of feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk
+        y).
+        """
         return "state"
 
     @property
     def law(self) -> str:
-        """Control law u = -K x."""
+        """Equation of the controller, as text."""
         return "State feedback u = -K x"
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """The value and the gain."""
+        """P and K -> names of their rows and columns."""
         states = numbered("x", len(self.solution.P))
         inputs = numbered("u", len(self.solution.K))
         return {"P": (states, states), "K": (inputs, states)}
 
 
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
-    """Return the report on the controller of a generalized plant, which the arrays of its file
-    give.
+    """Return the report on the controller of a generalized plant.
 
-    delta: bound of the gain in the notation of the file, or None for that of the file
+    file: file of the plant, for messages
+    arrays: content of the file
+    delta: bound of the gain, or None for that of the file
+
+    Raises NoSolutionError if there is no certified controller.
     """
     plant, stored_delta, notes = stored_plant(file, arrays)
     bound = stored_delta if delta is None else delta
@@ -184,13 +191,13 @@ def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Rep
 def solution_of_plant(
     plant: GeneralizedPlant, delta: float | None, origin: str, notes: Sequence[str] = ()
 ) -> PlantSolution:
-    """Return the controller of a generalized plant.
+    """Return the certified controller of a generalized plant.
 
     delta: bound of the gain; by default `USUAL_MARGIN` times the smallest
     origin: name of the plant
-    notes: notes of its reader
+    notes: notes on its file
 
-    Raises a NoSolutionError that names the assumption or the condition that fails.
+    Raises NoSolutionError with the assumption or the condition that fails.
     """
     smallest = plant.minimum_delta()
     if delta is None:

@@ -1,10 +1,10 @@
 """The control side of a generalized plant as a game.
 
-The filter side is the control side of the transposed plant. Completing the squares in u and then in
-w makes its Riccati equation that of a `Game`. [C D] is split into the part that u can cancel and
-the rest, whose feedthrough D becomes a change of A, E and C. Cancellation leaves rounding of the
-size of its terms, which is stored with the game. Source: Zhou, Doyle and Glover, Robust and Optimal
-Control, Theorem 17.1 and Section 17.2.
+The filter side is the control side of the transposed plant. Completing the squares in u and then
+in w converts its Riccati equation to that of a `Game`. [C D] is split into a part that u can
+cancel and a remainder, whose feedthrough D becomes a change of A, E and C. The cancellation causes
+rounding errors proportional to its terms, which are stored with the game. Source: Zhou, Doyle and
+Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2.
 """
 
 from __future__ import annotations
@@ -21,7 +21,12 @@ from hfa_discrete.feedthrough import without_feedthrough
 
 
 class Reduced(NamedTuple):
-    """Problem in v, u = v - N⁺ (C x + D w), where only v has a cost: N⁺, and A, E, C, D."""
+    """Problem with the input v, u = v - N⁺ (C x + D w), in which the cost of the input is v'N'N v
+    alone.
+
+    past: N⁺
+    A, E, C, D: matrices of the problem
+    """
 
     past: np.ndarray
     A: np.ndarray
@@ -31,9 +36,9 @@ class Reduced(NamedTuple):
 
 
 class Side(NamedTuple):
-    """One side x' = A x + E w + B u, z = C x + D w + N u of the problem.
+    """One side of the problem: x' = A x + E w + B u, z = C x + D w + N u.
 
-    It is the plant for the control, or its transpose for the filter.
+    It is the plant for the control side, and its transpose for the filter side.
     """
 
     A: np.ndarray
@@ -44,7 +49,7 @@ class Side(NamedTuple):
     N: np.ndarray
 
     def reduced(self) -> Reduced:
-        """Problem in which the input has its own cost alone."""
+        """The problem without cross terms between the cost of the input and that of x and w."""
         past, rest = self._split()
         into = self.B @ past
         left = rest @ self.C

@@ -44,7 +44,7 @@ def _bandwidths(text: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
-    """Request of `hfa design`: a new controller, or the file of one."""
+    """Options of `hfa design`."""
 
     file: Path | None = option(
         "design to compute (.toml), or controller to print (.npz)",
@@ -72,8 +72,11 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     )
 
     def breakpoints(self, design: Any) -> np.ndarray:
-        """Return the values of the scheduling variable with a controller, (N,), in the declared
-        units."""
+        """Return the values of the scheduling variable at which controllers are computed, (N,).
+
+        They are from --at, or else from the design, or else a default range. The unit is that
+        declared by the model.
+        """
         by = self.model.schedule
         if self.at is not None:
             typed = array_of(f"--{called_at(self.model)}", self.at, _MOST_POINTS)

@@ -1,1 +1,1 @@
-"""Calls of notebooks: responses of linear models, and words of other tools."""
+"""Convenience calls for notebooks: responses of linear models, and names used by other tools."""

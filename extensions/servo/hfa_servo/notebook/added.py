@@ -1,4 +1,4 @@
-"""Methods that are added to results: tables, files and pictures of other packages."""
+"""Methods added to results: conversion to tables, files and pictures of other packages."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
 
 def _to_json(value: Any) -> Callable[..., Any] | None:
-    """Return the method that returns a result as JSON or writes it to a file, or None for another
-    value."""
+    """Return the method `to_json` of a result, or None if the value is not a result.
+
+    The method returns JSON text, or writes it to a given file.
+    """
     if not isinstance(value, Reported):
         return None
 
@@ -42,8 +44,10 @@ def _to_json(value: Any) -> Callable[..., Any] | None:
 
 
 def _to_series(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns the values of an operating point by name, or None for another
-    value."""
+    """Return the method `to_series` of an operating point, or None for another value.
+
+    The method returns the values by name as a `pandas.Series`.
+    """
     if not isinstance(value, OperatingPoint):
         return None
 
@@ -56,8 +60,10 @@ def _to_series(value: Any) -> Callable[[], Any] | None:
 
 
 def _to_scipy(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns a linear model as SciPy's `StateSpace`, or None for another
-    value."""
+    """Return the method `to_scipy` of a linear model, or None for another value.
+
+    The method returns SciPy's `StateSpace`.
+    """
     if not isinstance(value, LinearModel):
         return None
 
@@ -70,10 +76,10 @@ def _to_scipy(value: Any) -> Callable[[], Any] | None:
 
 
 def _plot(value: Any) -> Callable[[], Any] | None:
-    """Return the method that draws the poles of a solution, the weights of a training run, or the
-    first picture of another result's report.
+    """Return the method `plot` of a result, or None if it has no picture.
 
-    Raises AttributeError where there is none.
+    The method draws the poles of a solution, the weights of a training run, or the first picture of
+    another result's report. Raises AttributeError for a Model.
     """
     if isinstance(value, Model):
         raise AttributeError("a Model has no picture; write model.trim().plot()")
@@ -86,7 +92,7 @@ def _plot(value: Any) -> Callable[[], Any] | None:
 
 
 def _draw_poles(solution: Solution) -> Axes:
-    """Draw the poles of A - B K in a pyplot figure, and return its Axes."""
+    """Draw the poles of A - B K in a new pyplot figure and return its Axes."""
     import control
     from matplotlib import pyplot
 
@@ -97,7 +103,7 @@ def _draw_poles(solution: Solution) -> Axes:
 
 
 def _draw_weights(run: TrainingRun) -> Axes:
-    """Draw the weights over time in a pyplot figure, and return its Axes."""
+    """Draw the weights over time in a new pyplot figure and return its Axes."""
     from matplotlib import pyplot
 
     axes: Axes = pyplot.figure(layout="constrained").subplots()
@@ -109,26 +115,29 @@ def _draw_weights(run: TrainingRun) -> Axes:
 
 
 def _replace(value: Any) -> Callable[..., Any] | None:
-    """Return the method that returns a game, model or condition with other fields, or None for
-    another value."""
+    """Return the method `replace` of a game, model or trim condition, or None for another value.
+
+    The method returns a copy with changed fields.
+    """
     has_fields = isinstance(value, (Game, Model, TrimCondition))
     return partial(replace, value) if has_fields else None
 
 
 def _history(value: Any) -> Any:
-    """Return the table of a training run over time."""
+    """Return the pandas table of a training run over time, or None for another value."""
     return value.to_pandas() if isinstance(value, TrainingRun) else None
 
 
 def _to_pandas(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns a table of named entries, such as modes, or None for another
-    value."""
+    """Return the method `to_pandas` of named entries, such as modes, or None for another value."""
     return partial(entries_frame, value) if isinstance(value, ByName) else None
 
 
 def _linearize(value: Any) -> Callable[..., LinearModel] | None:
-    """Return the method that returns a linear model itself, or with options the model that they
-    give at its point. The result is None for another value."""
+    """Return the method `linearize` of a linear model, or None for another value.
+
+    The method returns the linear model itself. With options, it linearizes again at the same point.
+    """
     if not isinstance(value, LinearModel):
         return None
 
@@ -139,18 +148,21 @@ def _linearize(value: Any) -> Callable[..., LinearModel] | None:
 
 
 def _root_locus(value: Any) -> Callable[[], Any] | None:
-    """Return the method that draws the root locus of a sweep, or None for another value."""
+    """Return the method `root_locus` of a sweep, or None for another value."""
     return value.plot if isinstance(value, Sweep) else None
 
 
 def _game_of(linear: LinearModel) -> Game:
-    """Return a game on a linear model whose weights do not matter."""
+    """Return a game with the matrices of a linear model and arbitrary weights."""
     n, m = linear.B.shape
     return Game(linear.A, linear.B, np.eye(n), np.eye(n), np.eye(m), np.inf)
 
 
 def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
-    """Return the method that closes the loop of a linear model: z' = (A - B K) z + B v."""
+    """Return the method `closed_loop` of a linear model, or None for another value.
+
+    The method returns z' = (A - B K) z + B v as a system of python-control.
+    """
     if not isinstance(value, LinearModel):
         return None
 
@@ -163,8 +175,11 @@ def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
 
 
 def _margins(value: Any) -> Callable[..., Any] | None:
-    """Return the method that returns the margins of a gain K at each input of a linear model, or
-    without a gain python-control's margins of a single loop."""
+    """Return the method `margins` of a linear model, or None for another value.
+
+    With a gain K, the method returns the margins of each input. Without a gain, it returns
+    python-control's margins of a single loop.
+    """
     if not isinstance(value, LinearModel):
         return None
 

@@ -1,7 +1,8 @@
-"""Arguments in other forms: words of other tools, another order, earlier links of a chain.
+"""Interpretation of call arguments given in other forms than a function declares.
 
-The chains are Model -> OperatingPoint -> LinearModel -> Game. A function that needs one of them
-also accepts an earlier one, from which it is made, and the keywords that make it.
+Accepted are keywords of other tools, another order, and an earlier member of the chain Model ->
+OperatingPoint -> LinearModel -> Game. A function that needs one of these classes also accepts an
+earlier one, and keywords, from which the needed object is made.
 """
 
 from __future__ import annotations
@@ -67,9 +68,11 @@ _ELSEWHERE = {"minimize": "optimize minimizes the cost; quickest_flight minimize
 
 
 def keywords(known: Sequence[str], named: dict[str, Any]) -> dict[str, Any]:
-    """Return the keywords of a call, with words of other tools replaced by arguments.
+    """Return the keywords of a call, with names used by other tools replaced by this project's
+    names.
 
-    known: arguments of the function
+    known: argument names of the function
+    named: keywords of the call
     """
     meant: dict[str, Any] = {}
     for word, value in named.items():
@@ -84,9 +87,10 @@ def call_meant(
 ) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
     """Return the arguments of a failed call in the form that the function accepts.
 
-    The result is None where no other form is known.
+    Returns None if no other form is known. Raises BadInputError for a keyword that belongs to
+    another call.
 
-    named: its keywords
+    named: keywords of the call
     """
     signature = inspect.signature(function)
     words = keywords([each for each in signature.parameters if each != "self"], named)
@@ -105,14 +109,16 @@ def call_meant(
 def _identities(
     arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> tuple[list[int], dict[str, int]]:
-    """Return the identities of the values of a call, which may be arrays."""
+    """Return the identities (`id`) of all arguments, which are comparable even for arrays."""
     return [*map(id, arguments)], {name: id(value) for name, value in named.items()}
 
 
 def _game_meant(
     arguments: tuple[Any, ...], words: dict[str, Any]
 ) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
-    """Return the arguments of Game(linear, Q, R, delta) as its fields, or None."""
+    """Return the arguments of Game(linear, Q, R, delta) as fields of Game, or None for another
+    call.
+    """
     linear = linear_of(arguments[1]) if len(arguments) > 1 else None
     if linear is None:
         return None
@@ -126,11 +132,12 @@ def _transfer_meant(
     named: dict[str, Any],
     words: dict[str, Any],
 ) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
-    """Return a call of a method whose first texts are its inputs and outputs, or None:
-    step("elevator", "pitch").
+    """Return a call such as step("elevator", "pitch") with the keywords inputs= and outputs=.
 
-    named: its keywords
-    words: its keywords, as the method knows them
+    Returns None if the call needs no change.
+
+    named: keywords of the call
+    words: these keywords with this project's names
     """
     names, others = leading_names(arguments[1:])
     if names and {"inputs", "outputs"} <= {*signature.parameters} - {*words}:
@@ -140,7 +147,7 @@ def _transfer_meant(
 
 
 def leading_names(arguments: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """Return the names with which arguments begin, at most two, and the other arguments.
+    """Return the leading arguments that are names, at most two, and the remaining arguments.
 
     A name is a text or a list of texts.
     """
@@ -154,7 +161,9 @@ def _is_names(value: Any) -> bool:
 
 
 def accepts(function: Callable[..., Any], value: Any) -> bool:
-    """Return whether the first argument of a function may be the value, or is made of it."""
+    """Return whether a function accepts the value as its first argument, or can make this argument
+    from the value.
+    """
     function = inspect.unwrap(function)
     first = next(iter(inspect.signature(function).parameters.values()), None)
     tests = argument_tests(function, 0)
@@ -167,18 +176,21 @@ def accepts(function: Callable[..., Any], value: Any) -> bool:
 
 
 def _classes(function: Callable[..., Any], parameter: inspect.Parameter) -> tuple[Any, ...]:
-    """Return the members of the annotation of an argument."""
+    """Return the classes in the annotation of an argument."""
     annotation = evaluated(parameter.annotation, function)
     return get_args(annotation) or (annotation,)
 
 
 def _link(classes: Sequence[Any]) -> Any:
-    """Return the link of a chain among classes, or None."""
+    """Return the first class of the chain (`_LINKS`) that is among `classes`, or None."""
     return next((each for each in _LINKS if each in classes), None)
 
 
 class _Reading:
-    """Arguments and words of a call in the form that the function accepts, as far as possible."""
+    """Conversion of the arguments and keywords of a call to the form that the function accepts.
+
+    Arguments without a known conversion remain unchanged.
+    """
 
     def __init__(
         self, function: Callable[..., Any], given: list[Any], words: dict[str, Any]
@@ -204,7 +216,10 @@ class _Reading:
         self.words = {**found, **words}
 
     def _read(self, name: str, parameter: inspect.Parameter, found: dict[str, Any]) -> None:
-        """Find the value of one argument: as given, of another place, or made of others."""
+        """Determine one argument: as given, given at another place, or made from other arguments.
+
+        found: results so far, to which the argument is added
+        """
         holds = self.tests.get(name)
         link = _link(_classes(self.function, parameter))
         if name in self.words:
@@ -233,7 +248,9 @@ class _Reading:
             self.is_complete &= made is not None
 
     def _has_others(self, name: str) -> bool:
-        """Return whether enough arguments remain for the later parameters that nothing makes."""
+        """Return whether enough arguments remain for later required parameters that cannot be
+        made.
+        """
         names = list(self.parameters)
         needed = [
             each
@@ -246,7 +263,11 @@ class _Reading:
         return len(self.rest) > len(needed)
 
     def _made(self, name: str, link: Any, value: Any, found: Mapping[str, Any]) -> Any:
-        """Return the link that a value makes, or None."""
+        """Return the argument `name`, made from a value, or None if the value cannot make it.
+
+        link: class of the chain that the argument needs, or None
+        found: arguments determined so far
+        """
         is_file = isinstance(value, (str, Path))
         model = found.get("model", self.words.get("model"))
         if link is Model and is_file:
@@ -273,8 +294,11 @@ class _Reading:
         return None
 
     def _game(self, value: Any, is_file: bool) -> Any:
-        """Return the game of a file, of a solution, or on a linear model with keywords Q, R,
-        delta."""
+        """Return the game of a file or of a solution, or the game on a linear model with the
+        keywords Q, R and delta.
+
+        Returns None if the value makes none of these.
+        """
         if isinstance(value, Solution):
             return value.game
         hfa = public()
@@ -293,7 +317,7 @@ class _Reading:
         return hfa.game(linear, **weights)
 
     def _critic(self, game: Game, value: Any) -> Critic | None:
-        """Return the critic of a file, a solution, a training run or a gain K, or None."""
+        """Return the critic made from a file, a solution, a training run or a gain K, or None."""
         if isinstance(value, (str, Path)):
             return read_critic(value, game)
         if isinstance(value, Solution):
@@ -304,37 +328,41 @@ class _Reading:
         return from_gain(game, value) if np.ndim(value) == 2 else None
 
     def _linear(self, value: Any) -> LinearModel | None:
-        """Return the linear model that a value makes, of a model that at its trim, or None."""
+        """Return the linear model made from a value, or None. A model is linearized at its trim."""
         return linear_of(self._trim(value) if isinstance(value, Model) else value)
 
     def _trim(self, model: Model) -> OperatingPoint:
-        """Return the trim of a model, at the values of keywords."""
+        """Return the trim of a model at the values given as keywords."""
         point: OperatingPoint = public().find_operating_point(
             model, **self._held(model, "hold", "free", "condition")
         )
         return point
 
     def _held(self, model: Model, *more: str) -> dict[str, Any]:
-        """Return the keywords that are values of a model or further ones, and remove them from the
-        words."""
+        """Return the keywords that are names of values of a model, or in `more`, and remove them
+        from the call.
+        """
         known = {*model.holdable, *model.rates, *model.parameters, *more}
         known -= {*self.parameters, *_OF_GAME}
         return {name: self.words.pop(name) for name in list(self.words) if name in known}
 
     def _weights(self) -> dict[str, Any]:
-        """Return the keywords that make a game, and remove them from the words."""
+        """Return the keywords that specify a game, and remove them from the call."""
         names = [name for name in _OF_GAME if name in self.words and name not in self.parameters]
         return {name: self.words.pop(name) for name in names}
 
     def _changed(self, game: Game) -> Game:
-        """Return a game with the Q, R, delta and E of the keywords: solve_game(game, delta=40)."""
+        """Return the game with Q, R, delta and E replaced by keywords, as in solve_game(game,
+        delta=40).
+        """
         weights = self._weights()
         return replace(game, **weights) if weights else game
 
     def _derived(self, link: Any, found: Mapping[str, Any]) -> Any:
-        """Return a missing model or operating point from the other arguments, or None.
+        """Return a missing model or operating point, derived from other arguments, or None.
 
-        The model is that of a point. The point is the model's trim, at the values of keywords.
+        A model is that of a given point. A point is the trim of the model at the values given as
+        keywords.
         """
         if link is Model:
             given = (*self.rest, *self.words.values())
@@ -350,8 +378,10 @@ class _Reading:
         return self._trim(model) if is_trim else None
 
     def _trims(self, found: Mapping[str, Any]) -> None:
-        """Make the points of the keywords that are values of the model: environment(model,
-        speed=[150, 176])."""
+        """Make the argument `points` from keywords that are values of the model.
+
+        An example is environment(model, speed=[150, 176]).
+        """
         model = found.get("model")
         if not isinstance(model, Model) or "points" not in self.parameters:
             return
@@ -366,8 +396,10 @@ class _Reading:
             ]
 
     def _read_critic(self, found: dict[str, Any]) -> None:
-        """Read the file of a critic with keywords of `hfa.read_critic`: verify(game, FILE,
-        activation="tanh")."""
+        """Read a critic given as a file, with keywords of `hfa.read_critic`.
+
+        An example is verify(game, FILE, activation="tanh").
+        """
         place = found if "critic" in found else self.words
         file = place.get("critic")
         known = inspect.signature(read_critic).parameters
@@ -377,8 +409,10 @@ class _Reading:
             place["critic"] = read_critic(file, found.get("game"), **settings)
 
     def _build(self, found: dict[str, Any]) -> None:
-        """Make an argument that is a dataclass of the keywords that are its fields:
-        fly(..., gust=gust) has the scenario of this gust."""
+        """Make a missing dataclass argument from keywords that are its fields.
+
+        An example is fly(..., gust=gust), which makes the scenario with this gust.
+        """
         unknown = {name for name in self.words if name not in self.parameters}
         if not unknown:
             return
@@ -396,8 +430,11 @@ class _Reading:
 
 
 def linear_of(value: Any) -> LinearModel | None:
-    """Return the linear model at an operating point, or of another package's continuous state
-    space, or None for another value."""
+    """Return the linear model of a value, or None.
+
+    The value may be an operating point, a linear model, or a continuous-time state-space system of
+    another package.
+    """
     if isinstance(value, OperatingPoint):
         return value.linearize()
     if isinstance(value, LinearModel):

@@ -1,4 +1,4 @@
-"""Attributes in the words of other tools, and functions of `hfa` as methods."""
+"""Attributes of results under the names of other tools, and functions of `hfa` as methods."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ _SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loo
 
 
 class _Number(float):
-    """A number that may be called: game.delta_min and game.delta_min()."""
+    """A number that can also be called, so that game.delta_min and game.delta_min() are equal."""
 
     def __call__(self) -> float:
         """Return the number."""
@@ -102,11 +102,13 @@ class _Number(float):
 
 
 def attribute(value: Any, name: str, *more: str) -> Any:
-    """Return the attribute of a result that `_SOURCES` find.
+    """Return an attribute of a result that the result's class does not define.
 
-    more: further attributes for the message
+    The functions in `_SOURCES` are tried in order.
 
-    Raises an AttributeError, which suggests the nearest attributes, where they find none.
+    more: further attribute names for the message
+
+    Raises AttributeError with the most similar attributes if none of them finds it.
     """
     for source in _SOURCES:
         found = source(value, name)
@@ -117,7 +119,7 @@ def attribute(value: Any, name: str, *more: str) -> Any:
 
 
 def _known(value: Any) -> list[str]:
-    """Return the attributes that messages suggest besides those of the class."""
+    """Return attribute names, in addition to those of the class, that messages may suggest."""
     if isinstance(value, LinearModel):
         return [*dir(value), *names_of_control()]
     if isinstance(value, ByName) and value:
@@ -126,44 +128,47 @@ def _known(value: Any) -> list[str]:
 
 
 def _added(value: Any, name: str) -> Any:
-    """Return an added method."""
+    """Return the added method (`ADDED`) with this name, or None."""
     return ADDED[name](value) if name in ADDED else None
 
 
 def _of_control(value: Any, name: str) -> Any:
-    """Return an attribute of python-control on a linear model."""
+    """Return the function of python-control with this name for a linear model, or None."""
     return of_control(value, name) if isinstance(value, LinearModel) else None
 
 
 def _of_same_meaning(value: Any, name: str) -> Any:
-    """Return the attribute that a word of another tool means."""
+    """Return the attribute for which another tool uses this name, or None."""
     same = ATTRIBUTES.get(name)
     return None if same is None else getattr(value, same, None)
 
 
 def _mode(value: Any, name: str) -> Any:
-    """Return the mode of a linear model with this name: linear.short_period."""
+    """Return the mode with this name, as in linear.short_period, or None."""
     modes = value.modes if isinstance(value, LinearModel) else ()
     return next((mode for mode in modes if mode.name.replace(" ", "_") == name), None)
 
 
 def _of_entries(value: Any, name: str) -> Any:
-    """Return the attribute of every entry of a tuple with names: modes.damping."""
+    """Return an array of this attribute of all named entries, as in modes.damping, or None."""
     is_attribute = isinstance(value, ByName) and value and hasattr(value[0], name)
     return np.array([getattr(entry, name) for entry in value]) if is_attribute else None
 
 
 def _by_key(value: Any, name: str) -> Any:
-    """Return the entry of a result's files with this key: point.delay_limit."""
+    """Return the value that the result's files store under this key, as in point.delay_limit, or
+    None.
+    """
     entries = declared_entries(type(value)) if isinstance(value, Result) else ()
     path = next((entry.path for entry in entries if entry.name == name), ())
     return reduce(lambda held, each: getattr(held, each, None), path, value) if path else None
 
 
 def _analysed(value: Any, name: str) -> Any:
-    """Return what `hfa.solve` adds to a solution, and the smallest delta of a game.
+    """Return an attribute that `hfa.solve` adds to a solution, the smallest delta of a game, or
+    None.
 
-    Raises AttributeError for the other attributes of a solution on a game.
+    Raises AttributeError if an attribute of a solution is requested from a game.
     """
     if isinstance(value, Game) and name in _SOLVED - {"delta_min"}:
         raise AttributeError(f"Game has no attribute {name!r}; write game.solve().{name}")
@@ -174,9 +179,10 @@ def _analysed(value: Any, name: str) -> Any:
 
 
 def _of_closed_loop(value: Any, name: str) -> None:
-    """Raise AttributeError for a function of python-control on a solution, whose loop it is.
+    """Raise AttributeError if a function of python-control is requested from a solution.
 
-    The input of this loop is the disturbance, so that `solution.step` would be ambiguous.
+    The input of the solution's closed loop is the disturbance, so `solution.step` would be
+    ambiguous.
     """
     if isinstance(value, Solution) and name in names_of_control():
         kind = type(value).__name__
@@ -187,7 +193,7 @@ def _of_closed_loop(value: Any, name: str) -> None:
 
 
 def _in_degrees(value: Any, name: str) -> Any:
-    """Return an angle in degrees: point.alpha_deg."""
+    """Return an angle in degrees, as in point.alpha_deg, or None."""
     angle = name.removesuffix("_deg")
     model = _declared(value, "model")
     if angle == name or angle not in getattr(model, "signals", ()):
@@ -196,7 +202,9 @@ def _in_degrees(value: Any, name: str) -> Any:
 
 
 def _of_table(value: Any, name: str) -> Any:
-    """Return a method of the table of a sweep or flight, or a method to_... of any table."""
+    """Return a method of the pandas table of a sweep or flight, a `to_...` method of the table of
+    any result, or None.
+    """
     if not isinstance(value, Reported) or find_spec("pandas") is None:
         return None
     import pandas
@@ -210,7 +218,7 @@ def _of_table(value: Any, name: str) -> Any:
 
 
 def _of_only_point(value: Any, name: str) -> Any:
-    """Return an attribute of the only point of an assessment."""
+    """Return an attribute of the point of an assessment with exactly one point, or None."""
     points = _declared(value, "points") if isinstance(value, Reported) else None
     if not isinstance(points, tuple) or len(points) != 1:
         return None
@@ -220,13 +228,15 @@ def _of_only_point(value: Any, name: str) -> Any:
 
 
 def _declared(value: Any, name: str) -> Any:
-    """Return a field or property of a value, or None, without a search for other meanings."""
+    """Return a field or property that the class of a value declares, or None."""
     is_declared = hasattr(type(value), name) or name in getattr(value, "__dict__", ())
     return getattr(value, name) if is_declared else None
 
 
 def _method(value: Any, name: str) -> Callable[..., Any] | None:
-    """Return a function of `hfa` with its first argument given, or None where it has another."""
+    """Return a function of `hfa` with the value as its first argument, or None if it does not
+    accept the value.
+    """
     function = getattr(public(), name, None) if name in dir(public()) else None
     if not inspect.isfunction(function):
         return None

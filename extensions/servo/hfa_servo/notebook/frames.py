@@ -1,4 +1,4 @@
-"""Tables of pandas and curves of results."""
+"""Results as pandas tables and as curves."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 def sweep_frame(swept: Sweep) -> pandas.DataFrame:
-    """Return one row for each point of a sweep.
+    """Return a pandas table with one row for each point of a sweep.
 
     The columns are the varied values, the states, the inputs, damping and frequency of each mode,
-    and the reason where there is no trim.
+    and the reason if there is no trim.
     """
     import pandas
 
@@ -35,13 +35,13 @@ def sweep_frame(swept: Sweep) -> pandas.DataFrame:
 
 
 def frame(value: Any) -> pandas.DataFrame:
-    """Return the table of a result; that of a sweep is indexed by the varied values."""
+    """Return the pandas table of a result. The table of a sweep is indexed by the varied values."""
     table: pandas.DataFrame = value.to_pandas()
     return table.set_index(list(value.variables)) if isinstance(value, Sweep) else table
 
 
 def entries_frame(entries: Any) -> pandas.DataFrame:
-    """Return one row for each entry of named entries, such as modes, indexed by name."""
+    """Return a pandas table with one row for each named entry, such as a mode, indexed by name."""
     import pandas
 
     rows = [
@@ -52,15 +52,18 @@ def entries_frame(entries: Any) -> pandas.DataFrame:
 
 
 def _values(entry: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the fields of an entry."""
+    """Yield name and value of each field of an entry."""
     yield from (entry._asdict() if hasattr(entry, "_asdict") else vars(entry)).items()
 
 
 def draw_curves(value: Any, *names: Any) -> np.ndarray:
-    """Draw named values of a flight over time, or of a sweep over its last variable, in a pyplot
-    figure, and return its Axes.
+    """Draw named values in a new pyplot figure and return its Axes.
 
-    names: texts, or one list of them
+    Values of a flight are drawn over time, and those of a sweep over its last variable.
+
+    names: texts, or one list of texts
+
+    Raises BadInputError if no names are given.
     """
     shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
     if not isinstance(shown, Sequence) or not shown:
@@ -92,12 +95,15 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
 
 
 def _label(name: str, unit: str) -> str:
-    """Return the label of an axis."""
+    """Return the label of an axis: the name and, unless it is 1, the unit."""
     return name if unit == "1" else f"{name}, {shown_unit(unit)}"
 
 
 def _lines(swept: Sweep) -> list[Any]:
-    """Return the points of each line along the last variable."""
+    """Return a slice of points for each line of a sweep along its last variable.
+
+    Raises BadInputError if the points do not form complete lines.
+    """
     size = swept.plan.sizes[-1]
     if len(swept) % size:
         raise BadInputError(

@@ -1,4 +1,4 @@
-"""Further functions of `hfa`: words of other tools, and methods of the first argument."""
+"""Further functions of `hfa`: names used by other tools, and methods of results as functions."""
 
 from __future__ import annotations
 
@@ -41,11 +41,14 @@ FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines
 
 
 def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
-    """Return the function that an unknown public name of `hfa` means, or None.
+    """Return the function for a name that `hfa` does not define, or None.
 
-    A method or property of results is a function: hfa.save(linear, FILE), hfa.modes(linear).
+    A method or property of results becomes a function, as in hfa.save(linear, FILE) and
+    hfa.modes(linear).
 
-    get: returns the object of a public name
+    get: function from a public name to its object
+
+    Raises AttributeError if the name is that of a command.
     """
     if name in FUNCTIONS:
         known: Callable[..., Any] = get(FUNCTIONS[name])
@@ -60,7 +63,7 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
         return None
 
     def of_result(*arguments: Any, **named: Any) -> Any:
-        """Return the value of the method of the first argument."""
+        """Return the property, or the value of the method, of the first argument."""
         result = arguments[0] if arguments else None
         if not isinstance(result, (Reported, Mode, ByName)):
             import control
@@ -77,9 +80,9 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
 
 
 def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
-    """Return whether a result has the attribute, or python-control a function of a system.
+    """Return whether a result has this attribute, or python-control a function with this name.
 
-    A name that differs from a public one by capitals alone is not one.
+    The result is False for a name that differs from a public one only in capitals.
     """
     import control
     from control import matlab
@@ -93,11 +96,12 @@ def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
 
 
 def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
-    """Return the proof of a critic, or without one that of a game's exact solution.
+    """Return the proof for a critic, or without a critic the proof for the exact solution of a
+    game.
 
-    game: the game, or what makes it
+    game: a game, or a value from which one is made
     critic: a critic, or a gain K
-    more, named: further arguments of `hfa.prove_critic` and `hfa.prove_solution`
+    more, named: further arguments of `hfa.prove_critic` or `hfa.prove_solution`
     """
     hfa = public()
     if critic is None:
@@ -106,7 +110,7 @@ def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
 
 
 def _with_units(linear: LinearModel, stored: Mapping[str, Any]) -> LinearModel:
-    """Return a linear model of deviations with the name and the units that its file states."""
+    """Return the linear model with the name and the units that its file states."""
     changes: dict[str, Any] = {}
     if "dynamics" in stored:
         changes["name"] = f"{linear.model.name} of {stored['dynamics']}"
@@ -122,12 +126,14 @@ def _with_units(linear: LinearModel, stored: Mapping[str, Any]) -> LinearModel:
 
 
 def load(path: str | Path, *more: Any, **named: Any) -> Any:
-    """Return what a file contains: an aircraft, a deployment, a linear model, a game or a critic.
+    """Load an aircraft, deployment, operating point, linear model, game or critic from a file.
 
-    path: .json, .npz or .mat as `save` writes it, a deployment file, or the text of an aircraft
-    more: the model of an operating point, or the game of a critic
+    path: file that `save` wrote (.json, .npz or .mat), a deployment file, an aircraft file, or the
+      text of an aircraft such as "examples/f16.py:F16"
+    more: the model for an operating point, or the game for a critic
+    named: keywords of the function that reads this kind of file
 
-    Raises BadInputError where the contents are of no known kind.
+    Raises BadInputError if the file cannot be read or its kind is not recognized.
     """
     hfa = public()
     text = str(path)

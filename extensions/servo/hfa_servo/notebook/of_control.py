@@ -14,15 +14,13 @@ from trim.linear.reduction import Names, chosen
 
 
 def of_control(model: LinearModel, name: str) -> Any:
-    """Return an attribute of python-control's StateSpace, or a function of python-control on the
-    model, or None for another name.
+    """Return the function or attribute of python-control with this name for a model, or None.
 
-    The function may also be one of python-control's MATLAB interface. Its call accepts inputs= and
-    outputs=, which select the transfer functions. Both may also be input= and output=, or the first
-    texts of the call. A function whose first arguments are matrices, such as ctrb(A, B), is
-    called with the model's matrices.
-
-    Raises BadInputError for an error of python-control.
+    It may belong to StateSpace, to python-control or to its MATLAB interface. A call of the
+    function accepts inputs= and outputs=, which select transfer functions. They may also be named
+    input= and output=, or be the first texts of the call. If the first arguments of the function
+    are matrices, as in ctrb(A, B), they are the matrices of the model. An error of python-control
+    becomes a BadInputError.
     """
     import control
     from control import matlab
@@ -62,8 +60,8 @@ def names_of_control() -> list[str]:
 
 
 def _leading_matrices(names: Iterable[str]) -> list[str]:
-    """Return the names A, B, C, D with which the arguments of a function begin: A and B for ctrb(A,
-    B).
+    """Return the leading argument names of a function that are A, B, C or D, such as A and B of
+    ctrb.
     """
     leading = []
     for name in names:

@@ -1,4 +1,4 @@
-"""The public names of `hfa`, for the functions of a notebook."""
+"""Access to the module `hfa` from the functions for notebooks."""
 
 from __future__ import annotations
 
@@ -7,5 +7,8 @@ from typing import Any
 
 
 def public() -> Any:
-    """Return the module `hfa`. An extension cannot import it when it is loaded itself."""
+    """Return the module `hfa`.
+
+    It is imported at the first call, because this extension may be loaded while `hfa` is imported.
+    """
     return import_module("hfa")

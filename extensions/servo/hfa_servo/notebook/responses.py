@@ -1,4 +1,4 @@
-"""Responses of a linear model, computed by python-control."""
+"""Time and frequency responses of a linear model, computed by python-control."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 def response(
     model: LinearModel, kind: str, time: float | ArrayLike | None, inputs: Names, outputs: Names
 ) -> control.TimeResponseData:
-    """Return the outputs after a unit "step" or "impulse" of each input, (outputs, inputs, N).
+    """Return the response of each output to each input, (outputs, inputs, N).
 
-    time: (N,), or the last time
+    kind: "step" or "impulse", of size 1
+    time: (N,), or the last time; None for python-control's default
     """
     import control
 
@@ -34,14 +35,14 @@ def response(
 def simulated(
     model: LinearModel, u: Any, time: Any, initial: Any, dt: float | None
 ) -> control.TimeResponseData:
-    """Return the outputs for given inputs, (outputs, N).
+    """Return the response of the outputs to given inputs, (outputs, N).
 
-    u: (m, N) or (N, m), or name of an input -> its number or its N values; others are 0
+    u: (m, N) or (N, m), or name of an input -> its number or its N values; other inputs are 0
     time: (N,), evenly spaced, or the last time; None for the times of a step response
-    initial: (n,), or name of a state -> its deviation at the start; others are 0
+    initial: (n,), or name of a state -> its initial deviation; other states are 0
     dt: sample time in place of an array of times, s, or None
 
-    Raises BadInputError when a name is unknown or the shapes do not agree.
+    Raises BadInputError if a name is unknown or shapes disagree.
     """
     import control
 
@@ -79,7 +80,9 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
 
     time: (N,), or the last time; None for the times of a step response
     dt: sample time, s, or None
-    count: number of samples, or None
+    count: number of given samples of u, or None
+
+    Raises BadInputError if there are fewer than two times.
     """
     import control
 
@@ -97,14 +100,21 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
 
 
 def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[np.ndarray]:
-    """Return the numbers of names in order, 0 for those that are not given."""
+    """Return the value of each of `names` in order, 0 if it is not in `named`.
+
+    kind: "input" or "state", for the message
+
+    Raises BadInputError if `named` contains an unknown name.
+    """
     for name in named:
         refuse_unknown(f"unknown {kind}", name, names)
     return [np.asarray(named.get(name, 0.0), dtype=float) for name in names]
 
 
 def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
-    """Draw the Bode plots of the named inputs and outputs in a pyplot figure; return its Axes."""
+    """Draw Bode plots of the named inputs and outputs in a new pyplot figure and return its
+    Axes.
+    """
     from matplotlib import pyplot
 
     from trim.linear.frequency import draw_bode
@@ -114,7 +124,7 @@ def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
 
 
 def draw_poles(model: LinearModel) -> Axes:
-    """Draw the poles and zeros in a pyplot figure, and return its Axes."""
+    """Draw the poles and zeros of a model in a new pyplot figure and return its Axes."""
     import control
     from matplotlib import pyplot
 
@@ -125,7 +135,10 @@ def draw_poles(model: LinearModel) -> Axes:
 
 
 def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model from one input to one output. Raises BadInputError for several of either."""
+    """Return the model with one input and one output.
+
+    Raises BadInputError if the selection contains several inputs or outputs.
+    """
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(
@@ -138,7 +151,10 @@ def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
 def transfer_function(
     model: LinearModel, inputs: Names, outputs: Names
 ) -> control.TransferFunction:
-    """Return python-control's transfer function from one input to one output."""
+    """Return python-control's transfer function from one input to one output.
+
+    Raises BadInputError if several inputs or outputs are selected.
+    """
     import control
 
     from trim.linear.frequency import transfers
@@ -148,9 +164,10 @@ def transfer_function(
 
 
 def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
-    """Draw the Nyquist plot from one input to one output in a pyplot figure, and return its Axes.
+    """Draw the Nyquist plot from one input to one output in a new pyplot figure and return its
+    Axes.
 
-    Raises BadInputError for several inputs or outputs.
+    Raises BadInputError if several inputs or outputs are selected.
     """
     import control
     from matplotlib import pyplot
