@@ -255,7 +255,7 @@ def test_disturbances_are_those_of_the_model() -> None:
 def test_a_delay_is_a_delay(delay: float) -> None:
     """x' = -x(t - D) with x(0) = 1 and no command before D has the solution of the method of steps.
 
-      x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!
+    x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!
     """
     tick = 0.005
     scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
