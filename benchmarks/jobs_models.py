@@ -107,7 +107,9 @@ def _games(quick: bool) -> list[Row]:
             solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
 
     timing = in_turn(ours, peer, units=count, peer_units=count / 5)
-    limit = certificate_limit([NormalForm.of_plants(A, B, game)])
+    algebra = certificate_limit([NormalForm.of_plants(A, B, game)])
+    cores = os.cpu_count() or 1  # the games are solved in threads
+    limit = Limit(algebra.seconds / cores, f"{algebra.what}, on {cores} cores")
     job = f"{count} game Riccati equations, certified"
     return [Row(job, "SciPy solve_continuous_are, no certificate", timing, 8.0, limit=limit)]
 
