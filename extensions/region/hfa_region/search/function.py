@@ -172,8 +172,10 @@ def _powers(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:
     result = np.ones((len(z), len(exponents)))
     for i in range(z.shape[1]):
         highest = int(exponents[:, i].max(initial=0))
-        table = z[:, i, None] ** np.arange(highest + 1)
-        result *= table[:, exponents[:, i]]
+        table = np.ones((highest + 1, len(z)))
+        for power in range(highest):
+            table[power + 1] = table[power] * z[:, i]
+        result *= table[exponents[:, i]].T
     return result
 
 
