@@ -107,7 +107,7 @@ def test_derived_entries_are_properties_and_those_of_parts() -> None:
     assert with_winds.to_dict() == expected | {"winds": [3.0, None]}
     schema = json_schema(Value)
     assert schema["required"] == [*expected]
-    assert schema["properties"]["twice"]["description"] == "The name, two times."
+    assert schema["properties"]["twice"]["description"] == "The name, repeated twice."
     assert schema["properties"]["roots"]["description"] == "(k,) complex, 1/s."
     validator = Draft202012Validator(schema)
     assert validator.is_valid(with_winds.to_dict())
