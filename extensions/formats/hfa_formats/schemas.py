@@ -80,7 +80,7 @@ def _annotation(kind: Any, name: str) -> Any:
             known = _imported_for_type_checkers(module, str(written)) | vars(module)
             holder = types.SimpleNamespace(__annotations__={name: written})
             return typing.get_type_hints(holder, known, include_extras=True)[name]
-    raise KeyError(f"{kind.__name__} has no entry {name}")
+    raise KeyError(f"{kind.__name__} has no entry {name}; add a field or property with this name")
 
 
 def _written_annotation(kind: type, name: str) -> Any:
@@ -168,7 +168,9 @@ def type_schema(hint: Any) -> dict[str, Any]:
         return {"type": "object", "additionalProperties": type_schema(arguments[1])}
     if origin is not None and issubclass(origin, Sequence):
         return {"type": "array", "items": type_schema(arguments[0])}
-    raise TypeError(f"{hint}: a result cannot have it; add it to hfa_support.reporting.results")
+    raise TypeError(
+        f"{hint}: results do not support this annotation; add it to hfa_support.reporting.results"
+    )
 
 
 def parts_of(kind: type[Result]) -> list[type[Result]]:

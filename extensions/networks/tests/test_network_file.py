@@ -106,7 +106,9 @@ def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
 def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> None:
     """A torch file is refused if the order of its layers contradicts the numbers in their names."""
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
-    with pytest.raises(BadInputError, match="'fc1' comes after 'fc2': the file does not give"):
+    with pytest.raises(
+        BadInputError, match="'fc1' comes after 'fc2', so the order of the layers is not clear"
+    ):
         from_network(game, path, activation="tanh")
 
 
@@ -322,7 +324,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     good = np.zeros((1, 6), "float32")
     wrong = {
         "has 10 inputs": {"weight": np.zeros((1, 10))},
-        "is float16; give weights as float32": {"weight": good.astype("float16")},
+        "has the type float16; save the weights as float32": {"weight": good.astype("float16")},
         "not finite": {"weight": good + np.nan},
         "'conv.weight' (3, 1, 1) is not a weight or bias": {
             "0.weight": good,
@@ -333,7 +335,7 @@ def test_wrong_state_dicts_are_refused() -> None:
             "1.weight": np.ones(4),
         },
         "has more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
-        "the layer before returns 1": {"0.weight": good, "1.weight": good},
+        "the layer before has 1 outputs": {"0.weight": good, "1.weight": good},
     }
     for said, tensors in wrong.items():
         assert said in refusal(torch_file("wrong.pt", tensors)), said
@@ -354,7 +356,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     with zipfile.ZipFile("script.pt", "w") as archive:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
             archive.writestr(name, b"")
-    assert "it is TorchScript, a program; save state_dict" in refusal("script.pt")
+    assert "the file is TorchScript, which is a program; save state_dict" in refusal("script.pt")
 
 
 def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
@@ -365,4 +367,4 @@ def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:
         archive.writestr("critic/data.pkl", content)
-    assert "its pickle has more objects than bytes" in refusal("memo.pt")
+    assert "it refers to more objects than it has bytes" in refusal("memo.pt")

@@ -189,8 +189,11 @@ def test_value_and_policy_of_one_file_are_named() -> None:
     assert judged.code == FAILED
     assert json.loads(judged.out)["network"]["output"] == "V and policy"
     assert "hfa assess" in judged.err  # a zip has no normalizer and no map
-    assert "of several networks name one, as network=" in hfa(*words[:-1]).err
-    assert "before = write one of V, gradient, policy, V+policy" in hfa(*words, "W=value_net").err
+    assert "select one of several networks, for example network=" in hfa(*words[:-1]).err
+    assert (
+        "the word before = must be one of V, gradient, policy, V+policy"
+        in hfa(*words, "W=value_net").err
+    )
 
 
 def test_v_and_a_policy_are_judged_together(game: Game) -> None:
@@ -279,7 +282,9 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
     ).err
-    assert "the network has 3 outputs; on this plant V has 1, gradient has 6, policy has 5" in said
+    assert (
+        "the network has 3 outputs, but on this plant V has 1, gradient has 6, policy has 5" in said
+    )
     plant = stored("plant.json", **GOPS["plant"])
     path = torch_file("policy.pt", {"weight": -np.ones((1, 3))})
     named = hfa("verify", "--model", plant, "--weights", path, "--network", "policy=")

@@ -87,7 +87,7 @@ def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
         (lambda u: u**2 + 1e-12 * ca.tanh(u), "is not quadratic in u"),
         (lambda u: u**2 + ca.fmax(u, 5.0), "is not quadratic in u"),
         (lambda u: u**2 / (1.0 + u), "is not quadratic in u"),
-        (lambda u: u, "has no smallest or largest value over u"),
+        (lambda u: u, "has no minimum or maximum over u"),
     ],
 )
 def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
@@ -111,8 +111,9 @@ def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
             f"{name}.2.weight": RNG.normal(size=(1, 8)),
         }
     path = torch_file("sac.pt", tensors)
-    assert 'name one, as network="actor" (it has actor, q1, q2)' in refusal(
-        path, activation="relu", inputs=5
+    assert (
+        'select one of several networks, for example network="actor" (the file contains actor, q1, q2)'
+        in refusal(path, activation="relu", inputs=5)
     )
     with pytest.raises(BadInputError, match=r"Q\(x, u\) is not quadratic in u; export the policy"):
         from_network(game, path, network="q1", activation="relu")
@@ -125,4 +126,4 @@ def test_inputs_of_other_widths_are_refused() -> None:
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
     message = refusal(path, inputs=5)
-    assert "its input 'u' has 4 numbers; a Q needs 6 states, then 5 inputs" in message
+    assert "input 'u' has 4 numbers; the inputs of a Q are 6 states, then 5 inputs" in message

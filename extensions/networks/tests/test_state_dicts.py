@@ -180,7 +180,9 @@ def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:
 def test_a_normalizer_of_another_size_is_refused() -> None:
     own = {f"n.{name}": np.ones(3) for name in ("_mean", "_var", "_std")} | {"n.count": np.ones(())}
     path = torch_file("a.pt", actor("actor.") | own)
-    assert "has 3 entries and the network" in refusal(path, activation="tanh", parts={"policy": ""})
+    assert "has 3 entries, but the network" in refusal(
+        path, activation="tanh", parts={"policy": ""}
+    )
 
 
 def test_another_policy_beside_named_one_is_left_alone() -> None:

@@ -70,7 +70,9 @@ def read_actor(
         raise BadInputError(f"policy.file is {shown(source)}; give the name of a file")
     path = folder / source
     if path.suffix.lower() not in SUFFIXES:
-        raise BadInputError(f"policy.file {path}: give a file ({', '.join(SUFFIXES)})")
+        raise BadInputError(
+            f"policy.file is {path}; give a file with one of the suffixes {', '.join(SUFFIXES)}"
+        )
     if path.suffix.lower() == ".zip" and is_stable_baselines(path):
         actor = _of_zip(path, entries, observations, history)
     else:
@@ -94,8 +96,8 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     for name, value in said.items():
         if name in entries and entries[name] != value:
             raise BadInputError(
-                f"policy.{name} is {shown(entries[name])}, but {path} contains {shown(value)}; "
-                "leave it out"
+                f"policy.{name} is {shown(entries[name])}, but {path} contains "
+                f"{shown(value)}; remove policy.{name}"
             )
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:
@@ -106,8 +108,8 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
         )
     if rest:
         raise BadInputError(
-            f"{path} expects {stored.observations} observations and the deployment file has"
-            f" {observations}; list those of its training, in their order"
+            f"{path} expects {stored.observations} observations, but the deployment file "
+            f"has {observations}; list the observations of the training in their order"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
     return Actor(
@@ -133,19 +135,23 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     if gain is not None:
         return Actor(gain_function(gain), f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
-        raise BadInputError(f"policy.activation: {path} contains it; leave it out")
+        raise BadInputError(
+            f"policy.activation is given, but {path} contains its activations; remove "
+            "policy.activation"
+        )
     parts = {"policy": str(entries.get("network", ""))}
     network = network_in(path, observations, entries.get("activation"), parts)
     if not network.functions:
         raise BadInputError(
-            f"{path} contains no policy with {observations} observations; list"
-            " those of its training"
+            f"{path} contains no policy with {observations} observations; list the "
+            "observations of its training"
         )
     name, function = next(iter(network.functions.items()))
     normalizer = network.normalizers.get(name)
     if normalizer is not None and entries.get("normalizer", NONE) != NONE:
         raise BadInputError(
-            f"policy.normalizer: {path} has its own ({shortened(normalizer.name)}); leave it out"
+            f"policy.normalizer is given, but {path} contains the normalizer "
+            f"{shortened(normalizer.name)}; remove policy.normalizer"
         )
     rows = network.rows.get(name)
     stored = network.squashes.get(name)
@@ -153,7 +159,8 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
         return Actor(function, network.chain, squash, rows=rows)
     if entries.get("squash") is False:
         raise BadInputError(
-            f"policy.squash is False and {path} has action_scale, after tanh; leave it out"
+            f"policy.squash is false, but {path} contains action_scale, which follows "
+            "tanh; remove policy.squash"
         )
     if not np.all(stored.scale > 0.0):
         raise BadInputError(f"{path}: every entry of action_scale must be positive")
@@ -176,14 +183,15 @@ def stored_gain(path: Path) -> np.ndarray | None:
             raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
         except ValueError as error:
             raise BadInputError(
-                f"it is not an .npz file of numbers ({error}); save it again"
+                f"the file is not an .npz file of numbers ({error}); save it again"
             ) from error
         if "K" not in arrays:
             return None
         gain = numbers_in("K", arrays["K"])
         if gain.ndim != 2 or not np.all(np.isfinite(gain)):
             raise BadInputError(
-                f"K has shape {gain.shape}; give finite numbers, actions x observations"
+                f"K has the shape {gain.shape}; give a matrix of finite numbers, actions x "
+                "observations"
             )
         return gain
 
@@ -202,13 +210,13 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     """
     takes = function.numel_in(0)
     gives = function.numel_out(0)
-    advice = "list those of its training, in their order"
     if takes != observations:
         raise BadInputError(
-            f"{what} expects {takes} observations and the deployment file has {observations};"
-            f" {advice}"
+            f"{what} expects {takes} observations, but the deployment file has "
+            f"{observations}; list the observations of the training in their order"
         )
     if gives != actions:
         raise BadInputError(
-            f"{what} returns {gives} actions and the deployment file has {actions}; {advice}"
+            f"{what} returns {gives} actions, but the deployment file has {actions}; list "
+            "the actions of the training in their order"
         )

@@ -116,7 +116,10 @@ class Assessment(Result, Reported):
                     where = "here"
                 sentences.append(f"{name} {need:g} ({NEEDS[name]}) is not met {where}")
         if "cost" in self.needs and self.deployed.deployment.cost is None:
-            raise BadInputError("--need cost needs the [cost] that the policy was trained for")
+            raise BadInputError(
+                "--need cost requires weights; add [cost] with the Q and R of the training "
+                "to the deployment file"
+            )
         return sentences
 
     @property

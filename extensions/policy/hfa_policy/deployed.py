@@ -79,7 +79,9 @@ class Deployed:
                 text = entry.get("map", f"{TRIM} + {ACTION}")
                 formula = read_formula(text, (ACTION, TRIM, *self.names))
                 if ACTION not in formula.names:
-                    raise BadInputError(f"it does not contain the action; write {ACTION} for it")
+                    raise BadInputError(
+                        f"the formula does not contain the action; write {ACTION} for the action"
+                    )
                 formulas.append(formula)
         return tuple(formulas)
 
@@ -99,7 +101,7 @@ class Deployed:
             refuse_unknown("cost.R names the input that no action moves,", name, self.commanded)
         for name in self.commanded:
             if name not in cost["R"]:
-                raise BadInputError(f"cost.R has no {name}; every action needs a weight")
+                raise BadInputError(f"cost.R has no weight for {name}; give one for each action")
 
     # Symbols.
 
@@ -157,7 +159,9 @@ class Deployed:
         """
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
-            raise BadInputError("policy.file returns no finite number at the trim; train it again")
+            raise BadInputError(
+                "the output of policy.file is not finite at the trim; train the policy again"
+            )
         return a
 
     # Functions.
@@ -332,7 +336,7 @@ def _refuse_undefined(
     for name, defined in zip(entries, is_defined.tolist(), strict=True):
         if not defined:
             raise BadInputError(
-                f"{table}.{name}: its formula has no value or no slope at the trim; write one that "
-                "is smooth there"
+                f"{table}.{name}: the formula has no value or no slope at the trim; write a "
+                "formula that is smooth there"
             )
     return values

@@ -133,7 +133,8 @@ class Deployment(Reported):
         """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
-                f"{path} is not a deployment file (.toml); name a policy by policy.file in one"
+                f"{path} is not a deployment file (.toml); name the policy as policy.file in "
+                "a deployment file"
             )
         try:
             entries = read_toml(path)
@@ -188,7 +189,8 @@ class Deployment(Reported):
             checked("policy.normalizer", normalizer, _NORMALIZER)
         elif normalizer is not None and not isinstance(normalizer, (str, Path)):
             raise BadInputError(
-                "policy.normalizer must be a file or a table of mean, variance, epsilon, clip"
+                "policy.normalizer is neither a file nor a table; give a file, or a table of "
+                "mean, variance, epsilon and clip"
             )
 
     def _check_observation(self) -> None:
@@ -201,7 +203,7 @@ class Deployment(Reported):
                     f'observation.{name}.about is {shown(about)}; give "trim" or a number'
                 )
             if entry.get("scale", 1.0) == 0.0:
-                raise BadInputError(f"observation.{name}.scale is 0; give the divisor")
+                raise BadInputError(f"observation.{name}.scale is 0; give a divisor other than 0")
 
     def _check_action(self) -> None:
         if not self.action:
@@ -216,9 +218,7 @@ class Deployment(Reported):
         if history != int(history):
             raise BadInputError(f"timing.history is {history:g}; give a whole number of samples")
         if self.delay > MOST_SAMPLES * self.dt:
-            raise BadInputError(
-                f"timing.delay is {self.delay:g} s; the maximum is {MOST_SAMPLES} dt"
-            )
+            raise BadInputError(f"timing.delay is {self.delay:g} s; give at most {MOST_SAMPLES} dt")
 
     @property
     def dt(self) -> float:
@@ -271,7 +271,7 @@ class Deployment(Reported):
                 return normalizer.of_frames(self.history)
             if normalizer is not None and normalizer.mean.size != self.width:
                 raise BadInputError(
-                    f"{normalizer.origin} normalizes {normalizer.mean.size} observations and the "
+                    f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
                     f"deployment file has {len(self.observation)}; give the normalizer of this "
                     "policy"
                 )
@@ -296,13 +296,13 @@ class Deployment(Reported):
             if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
                     f"{self.origin}: action.{name}.box is {shown(entry['box'])}, but the policy "
-                    f"contains {of_file.tolist()}; leave it out"
+                    f"contains {of_file.tolist()}; remove the box"
                 )
             low[index], high[index] = of_file
         squash = self.actor.squash if "file" in self.policy else False
         if squash and not np.all(np.isfinite(low) & np.isfinite(high)):
             raise BadInputError(
-                f"{self.origin}: a squashed action needs its box; give box = [lowest, highest]"
+                f"{self.origin}: a squashed action requires a box; give box = [lowest, highest]"
             )
         return low, high
 
@@ -335,10 +335,11 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
     in_arrays = path.suffix.lower() == ".npz"
     K = stored_gain(path) if in_arrays else _gain_of_critic(path, model)
     if K is None or K.shape != wanted:
-        given = "it has no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
+        given = "the file contains no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
         raise BadInputError(
-            f"{path}: {given}; give {wanted[0]} x {wanted[1]}, inputs {', '.join(model.inputs)} by "
-            f"states {', '.join(model.linear)}, or a deployment file"
+            f"{path}: {given}; give a K of {wanted[0]} x {wanted[1]} (inputs "
+            f"{', '.join(model.inputs)} by states {', '.join(model.linear)}), or a "
+            "deployment file"
         )
     return Deployment(
         policy={"file": path.name if in_arrays else gain_function(K)},
@@ -361,7 +362,7 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)
     critic = critic_in(path, plant)
     if critic.feedback is not None or not critic.linear:
-        raise BadInputError(f"{path}: it contains no gain K; write a deployment file")
+        raise BadInputError(f"{path}: the file contains no gain K; write a deployment file")
     return critic.K
 
 
@@ -373,7 +374,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):
-                raise BadInputError(f"{shown(name)} is not a name; write it in quotes")
+                raise BadInputError(f"the name {shown(name)} is not text; write it in quotes")
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]

@@ -122,7 +122,10 @@ def _deployment(
         for name, value in (("dt", dt), ("Q", Q), ("R", R)):
             if value is not None:
                 entry = "timing.dt" if name == "dt" else f"cost.{name}"
-                raise BadInputError(f"{name} is given twice; change {entry} of the deployment")
+                raise BadInputError(
+                    f"{name} is given together with a deployment; change {entry} of the "
+                    "deployment instead"
+                )
         return Deployment.of(given)
     usual = Deployment.usual(model) if dt is None else Deployment.usual(model, dt)
     if Q is None and R is None:

@@ -88,9 +88,11 @@ class Episodes:
         sample or not finite, or the aircraft does not support turbulence.
         """
         if not points:
-            raise BadInputError("there is no trim to start from; give at least one operating point")
+            raise BadInputError("no trim is given; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
-            raise BadInputError(f"an episode lasts {shown(seconds)} s; give at least one sample")
+            raise BadInputError(
+                f"the duration of an episode is {shown(seconds)} s; give at least one sample time"
+            )
         self.deployed = deployed
         self.points = tuple(points)
         self.low, self.high = _box_of(deployed)
@@ -389,8 +391,8 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
     for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
         if not (np.isfinite(lowest) and np.isfinite(highest)):
             raise BadInputError(
-                f"{deployed.deployment.origin}: action.{name} has no box, which an environment"
-                " needs; give box = [lowest, highest]"
+                f"{deployed.deployment.origin}: action.{name} has no box, which an "
+                "environment requires; give box = [lowest, highest]"
             )
     return low, high
 

@@ -105,24 +105,28 @@ def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) 
         refuse_unknown(f"the formula {shown(text)} calls", node.func.id, _FUNCTIONS)
         count, _ = _FUNCTIONS[node.func.id]
         if len(node.args) != count:
-            raise BadInputError(f"the formula {shown(text)}: {node.func.id} needs {count}")
+            raise BadInputError(
+                f"the formula {shown(text)}: {node.func.id} requires {count} arguments"
+            )
         parts = node.args
     else:
-        raise BadInputError(f"the formula {shown(text)} contains more than arithmetic; {_RULE}")
+        raise BadInputError(f"the formula {shown(text)} contains an unsupported operation; {_RULE}")
     for part in parts:
         _check(part, text, known, names)
 
 
 def _check_number(value: Any, text: str) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise BadInputError(f"the formula {shown(text)} has {shown(value)}; {_RULE}")
+        raise BadInputError(
+            f"the formula {shown(text)} contains {shown(value)}, which is not supported; {_RULE}"
+        )
     try:
         is_number = math.isfinite(value)
     except OverflowError:
         is_number = False
     if not is_number:
         raise BadInputError(
-            f"the formula {shown(text)} has a number that is not finite; correct it"
+            f"the formula {shown(text)} contains a number that is not finite; correct it"
         )
 
 

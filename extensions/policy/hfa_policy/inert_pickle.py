@@ -67,7 +67,10 @@ class _Kind:
     def __init__(self, kind: str, *_: Any) -> None:
         if not isinstance(kind, str) or kind not in _KINDS:
             named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
-            raise BadInputError(f"it has an array of {named}, which is not a numeric type")
+            raise BadInputError(
+                f"the data contain an array of {named}, which is not a numeric type; save "
+                "numbers only"
+            )
         self.kind = kind
         self.order = "="
 
@@ -131,14 +134,14 @@ class _Restricted(pickle.Unpickler):
             return {"OrderedDict": OrderedDict, "deque": deque}[name]
         if module.split(".")[0] in _KEPT_PACKAGES or module.startswith("numpy.random."):
             return _inert(module, name)
-        whose = " (a class or function of the user's own)" if "cloudpickle" in module else ""
+        whose = " (a class or function that you defined)" if "cloudpickle" in module else ""
         raise BadInputError(
-            f"it would call {shortened(f'{module}.{name}')}{whose}, which is refused; none of "
-            "its code was run"
+            f"reading the data would call {shortened(f'{module}.{name}')}{whose}, which "
+            "is refused; no code was run"
         )
 
     def persistent_load(self, pid: Any) -> Any:
-        raise BadInputError("it refers to data outside the file; save it again")
+        raise BadInputError("the pickle refers to data outside the file; save it again")
 
 
 def inert(content: bytes) -> Any:
@@ -156,4 +159,6 @@ def inert(content: bytes) -> Any:
         raise
     except Exception as error:  # a damaged pickle makes the reader raise nearly anything
         reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
-        raise BadInputError(f"it is not a pickle, or is damaged ({reason})") from error
+        raise BadInputError(
+            f"the data are not a pickle, or are damaged ({reason}); save them again"
+        ) from error

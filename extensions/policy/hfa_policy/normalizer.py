@@ -98,16 +98,21 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
         stored = inert(content)
         statistics = getattr(stored, "obs_rms", None)
         if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
-            raise BadInputError("it is not a VecNormalize; give a file of VecNormalize.save")
+            raise BadInputError(
+                "the file is not a VecNormalize; give a file written by VecNormalize.save"
+            )
         if getattr(stored, "norm_obs", True) is False:
             return None
         if isinstance(statistics, dict):
             raise BadInputError(
-                "it normalizes a dictionary of observations; give mean and variance in the "
-                "deployment file"
+                "the VecNormalize normalizes a dictionary of observations, which is not "
+                "supported; give mean and variance in the deployment file"
             )
         if statistics is None:
-            raise BadInputError("it has no obs_rms; give mean and variance in the deployment file")
+            raise BadInputError(
+                "the VecNormalize contains no obs_rms; give mean and variance in the "
+                "deployment file"
+            )
         attributes = vars(stored)
         seen = vars(statistics) if isinstance(statistics, Inert) else {}
         mean = numbers_in("its mean", seen.get("mean"))
@@ -129,7 +134,7 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
     """
     numbers = numbers_in(f"its {name}", attributes.get(name))
     if numbers.size != 1:
-        raise BadInputError(f"its {name} must be one number")
+        raise BadInputError(f"{name} of the VecNormalize must be one number")
     return float(numbers.item())
 
 

@@ -62,7 +62,7 @@ def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     """
     if samples < 1:
         raise BadInputError(
-            "samples is 0, so no flight has noise, gust or turbulence; give at least one"
+            "samples is 0, so there is no flight with noise, gust or turbulence; give at least 1"
         )
     on_model = scenario.on(model)
     if not _disturbed_by(on_model):

@@ -106,7 +106,9 @@ def read_zip(path: str | Path) -> Zip:
             with zipfile.ZipFile(regular_file(path)) as archive:
                 data = json.loads(_member(archive, "data"))
                 if not isinstance(data, dict):
-                    raise BadInputError("its data are not a dictionary; save the model again")
+                    raise BadInputError(
+                        "the file data in the zip is not a dictionary; save the model again"
+                    )
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
             raise BadInputError(
@@ -116,7 +118,8 @@ def read_zip(path: str | Path) -> Zip:
             raise
         except Exception as error:  # a damaged member makes the readers raise nearly anything
             raise BadInputError(
-                f"it is not a zip of Stable-Baselines3 ({error}); give one of model.save"
+                f"the file is not a zip of Stable-Baselines3 ({error}); give a file written "
+                "by model.save"
             ) from error
         return _described(data, tensors)
 
@@ -125,7 +128,7 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
     """Return a file in the zip, of limited size. Raises BadInputError if it is missing."""
     if name not in archive.namelist():
         raise BadInputError(
-            f"it contains no {name}; give a file written by Stable-Baselines3's model.save"
+            f"the zip contains no {name}; give a file written by Stable-Baselines3's model.save"
         )
     return unpacked(archive, name)
 
@@ -141,12 +144,12 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
     _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
-        raise BadInputError("its policy_kwargs are not a dictionary; save the model again")
+        raise BadInputError("policy_kwargs is not a dictionary; save the model again")
     for name in settings:
         if name not in _SETTINGS:
             raise BadInputError(
-                f"its policy_kwargs set {shown(name)}, which is not supported; export the "
-                "policy to ONNX"
+                f"policy_kwargs sets {shown(name)}, which is not supported; export the policy "
+                "to ONNX"
             )
     _refuse_other_class("features_extractor_class", settings, (_FLATTEN,))
     algorithm, part, usual = _algorithm(tensors)
@@ -182,13 +185,12 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
         found = _stored(data, entry)
     except BadInputError as error:  # names the class, or what would make it
         raise BadInputError(
-            f"{error}: its {entry} is not part of Stable-Baselines3; export the policy to ONNX"
+            f"{error}; {entry} is not a class of Stable-Baselines3; export the policy to ONNX"
         ) from error
     made_of = getattr(found, "made_of", None) or shown(found)
     if made_of not in known:
         raise BadInputError(
-            f"its {entry} is {shortened(made_of)}, which is not supported; export the policy to "
-            "ONNX"
+            f"{entry} is {shortened(made_of)}, which is not supported; export the policy to ONNX"
         )
 
 
@@ -200,15 +202,18 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
     """
     names = " ".join(tensors)
     if "features_extractor." in names:
-        raise BadInputError("it has a features extractor with weights; export the policy to ONNX")
+        raise BadInputError(
+            "the policy has a features extractor with weights, which is not supported; "
+            "export the policy to ONNX"
+        )
     if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
         raise BadInputError(
-            "its actor uses batch normalization, as in CrossQ, which is not supported in a zip; "
-            "export the policy to ONNX"
+            "the actor uses batch normalization, as in CrossQ, which is not supported in "
+            "a zip; export the policy to ONNX"
         )
     if "lstm" in names:
         raise BadInputError(
-            "it is recurrent, which is not supported; only feed-forward policies are"
+            "the policy is recurrent, which is not supported; give a feed-forward policy"
         )
     if "action_net.weight" in tensors:
         return "PPO or A2C", "policy_net+action_net", "tanh"
@@ -217,7 +222,7 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
     if "actor.mu." in names:
         return "TD3", "actor", "relu"
     raise BadInputError(
-        "its tensors are not those of an actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
+        "the zip contains no actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
     )
 
 
@@ -234,7 +239,9 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
             try:
                 content = base64.b64decode(entry[":serialized:"])
             except (TypeError, ValueError) as error:
-                raise BadInputError(f"it is not base64 ({error}); save the model again") from error
+                raise BadInputError(
+                    f"the entry is not base64 ({error}); save the model again"
+                ) from error
             return inert(content)
     return entry
 
@@ -249,7 +256,7 @@ def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
         return usual
     number = Number(0.0).of(entry)
     if number is None:
-        raise BadInputError(f"its {name} is {shown(entry)}; it must be {Number(0.0)}")
+        raise BadInputError(f"{name} is {shown(entry)}; it must be {Number(0.0)}")
     return number
 
 
@@ -260,7 +267,8 @@ def _activation(stored: Any, usual: str) -> str:
     name = made_of.rpartition(".")[2]
     if name not in _ACTIVATIONS:
         raise BadInputError(
-            f"its activation is {shortened(made_of)}; use one of {', '.join(_ACTIVATIONS)}"
+            f"the activation {shortened(made_of)} is not supported; use one of "
+            f"{', '.join(_ACTIVATIONS)}"
         )
     return _ACTIVATIONS[name]
 
@@ -277,11 +285,13 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
     low = getattr(space, "low", None)
     high = getattr(space, "high", None)
     if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
-        raise BadInputError(f"its {what} are a {shortened(kind)}; only a Box is supported")
+        raise BadInputError(f"the {what} are a {shortened(kind)}; only a Box is supported")
     if low.ndim != 1 or low.shape != high.shape:
-        raise BadInputError(f"its {what} have {low.ndim} axes; only a Box of one axis is supported")
+        raise BadInputError(
+            f"the {what} are a Box with {low.ndim} axes; only a Box with one axis is supported"
+        )
     if not np.all(low <= high):
-        raise BadInputError(f"its {what} are a Box; its low must not exceed its high")
+        raise BadInputError(f"the Box of the {what} has a low above its high; save the model again")
     return np.array(low, dtype=float), np.array(high, dtype=float)
 
 

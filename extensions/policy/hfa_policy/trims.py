@@ -28,15 +28,17 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
             continue
         if not is_finite(point) or not model.schedule:
             raise BadInputError(
-                f"points has {shown(point)}; give operating points, or values of the scheduling "
-                "variable"
+                f"points contains {shown(point)}; give operating points, or values of the "
+                "scheduling variable"
             )
         flown = model
         if model.schedule in model.parameters:
             flown = model.with_parameters(**{model.schedule: float(point)})
         found.append(find_operating_point(flown, usual_condition(flown).at(float(point))))
     if not found:
-        raise BadInputError("points is empty; give at least one, or None for the trim of the model")
+        raise BadInputError(
+            "points is empty; give at least one point, or None for the default trim of the model"
+        )
     return tuple(found)
 
 

@@ -86,7 +86,7 @@ def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
         return
     if name in model.inputs:
         raise BadInputError(
-            f"cannot vary {name}: it is an action of the deployment file; choose another"
+            f"cannot vary {name}: this input is an action of the deployment file; choose another"
         )
     if not model.parameters and not inputs:
         raise BadInputError(
@@ -137,7 +137,7 @@ def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
     for value in values:
         if not signal.min <= value <= signal.max:
             raise BadInputError(
-                f"{name} is {model.describe(name, value)}; it lies between "
+                f"{name} is {model.describe(name, value)}; give a value between "
                 f"{model.describe(name, signal.min)} and {model.describe(name, signal.max)}"
             )
 

@@ -85,7 +85,7 @@ def test_formula_not_smooth_at_trim_refused_by_name(table, name, entry):
     right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
     model = model_of(GTM)
     wrong = right.changed(**{table: {**getattr(right, table), name: entry}})
-    with pytest.raises(hfa.BadInputError, match=rf"^the deployment: {table}\.{name}: its formula"):
+    with pytest.raises(hfa.BadInputError, match=rf"^the deployment: {table}\.{name}: the formula"):
         assess(model, wrong, [45.0])
 
 
@@ -470,10 +470,10 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     [
         (
             {"elevator": (0.0, 1.0)},
-            "cannot vary elevator: it is an action of the deployment file",
+            "cannot vary elevator: this input is an action of the deployment file",
         ),
         ({"xcg": None}, r"vary\['xcg'\] is None; give \(lowest, highest\)"),
-        ({"throttle": (0.0, 9.0)}, "throttle is 2.25; it lies between 0 and 1"),
+        ({"throttle": (0.0, 9.0)}, "throttle is 2.25; give a value between 0 and 1"),
     ],
 )
 def test_a_wrong_change_is_refused_before_trims(vary, said):

@@ -74,7 +74,7 @@ def message_of(folder, text):
     [
         ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
         ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number of at least 0.0001, at most 10"),
-        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; the maximum is 100 dt"),
+        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 100 dt"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
         ('file = "ppo_gtm.zip"', "", "policy.file is missing"),
@@ -85,7 +85,7 @@ def message_of(folder, text):
         ("speed = {scale = 20.0}", "speed = {skale = 20.0}", "did you mean scale?"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("speed = {scale = 20.0}", "", "expects 4 observations and the deployment file has 3"),
+        ("speed = {scale = 20.0}", "", "expects 4 observations, but the deployment file has 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
         ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "but the policy contains"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
@@ -225,7 +225,7 @@ SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
 def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
     """A pickle that would need far more memory than its size is refused."""
     (folder / "bomb.pkl").write_bytes(content)
-    assert "bomb.pkl: it" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
+    assert "bomb.pkl: the" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
 
 
 @pytest.mark.parametrize(
@@ -293,7 +293,7 @@ def test_action_scale_of_state_dict_is_its_box(folder):
     act = card.on(aircraft("ppo_gtm")).act
     assert np.array(act(o)).ravel() == pytest.approx(expected, rel=1e-12)
     assert np.isnan(np.array(act([np.nan, 0.0, 0.0, 0.0]))).all()
-    with pytest.raises(BadInputError, match=r"squash is False and .* has action_scale"):
+    with pytest.raises(BadInputError, match=r"squash is false, but .* contains action_scale"):
         _ = gtm_card({"file": folder / "actor.npz", "squash": False}).actor
 
 

@@ -43,7 +43,7 @@ def test_points_are_what_assess_takes() -> None:
     environment(model, deployment, None).reset(seed=1)
     for wrong, said in (
         ([], "empty"),
-        (["45"], "points has"),
+        (["45"], "points contains"),
         (trims("ppo_hfa"), "was trimmed with"),
     ):
         with pytest.raises(BadInputError, match=said):
@@ -339,5 +339,7 @@ def test_weights_of_the_cost_are_those_of_a_game() -> None:
     assert rewards == [env.step(np.full(m, 0.1))[1]] * 3
     with pytest.raises(BadInputError, match="Q is not diagonal; give a weight for each of"):
         environment(model, Q=np.ones((n, n)))
-    with pytest.raises(BadInputError, match=r"R is given twice; change cost\.R"):
+    with pytest.raises(
+        BadInputError, match=r"R is given together with a deployment; change cost\.R"
+    ):
         environment(model, card("ppo_gtm"), R=R)

@@ -79,9 +79,9 @@ def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))
     model = aircraft("ppo_gtm")
-    with pytest.raises(BadInputError, match=r"action\.throttle: its formula has no value"):
+    with pytest.raises(BadInputError, match=r"action\.throttle: the formula has no value"):
         flown_card(path, model, trims("ppo_gtm")[0])
-    with pytest.raises(BadInputError, match=r"action\.throttle: its formula has no value"):
+    with pytest.raises(BadInputError, match=r"action\.throttle: the formula has no value"):
         Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
 
 
@@ -91,7 +91,7 @@ def test_sample_time_of_parts_of_microsecond_is_refused():
     odd = card(name).changed(timing={"dt": 0.0123456789})
     deployed = odd.on(aircraft(name))
     policy = DeployedPolicy("odd", deployed, trims(name)[0], held=np.zeros((1, 2)))
-    with pytest.raises(BadInputError, match="whole microseconds"):
+    with pytest.raises(BadInputError, match="whole number of microseconds"):
         sampled_scenario(policy, Scenario(), trims(name)[0])
 
 

@@ -58,7 +58,10 @@ def test_a_linear_plant_is_assessed(assessed, A):
     ("plant", "said"),
     [
         ({"A": np.eye(2)}, "there is no B"),
-        ({"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"}, "it is in discrete time"),
+        (
+            {"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"},
+            "the plant is in discrete time",
+        ),
         ({"A": np.full((2, 2), np.nan), "B": np.ones((2, 1))}, "A"),
     ],
 )
@@ -118,9 +121,12 @@ def test_a_gain_alone_is_assessed(folder, capsys):
         radii.append(point["spectral_radius"])
     assert radii[0] == radii[1] == radii[2]
     assert main(["assess", "P.npy", *SAMPLED, *words]) == 2
-    assert "P.npy: it contains no gain K; write a deployment file" in capsys.readouterr().err
+    assert "P.npy: the file contains no gain K; write a deployment file" in capsys.readouterr().err
     assert main(["assess", "plant.npz", *SAMPLED, *words]) == 2
-    assert "it has no K; give 1 x 2, inputs u1 by states x1, x2" in capsys.readouterr().err
+    assert (
+        "the file contains no K; give a K of 1 x 2 (inputs u1 by states x1, x2)"
+        in capsys.readouterr().err
+    )
     assert main(["assess", "K.npz", *words]) == 2
     assert "add --sample-time" in capsys.readouterr().err
     assert main(["assess", "card.toml", *SAMPLED, *words]) == 2

@@ -129,7 +129,9 @@ def read_block(
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)
     if not isinstance(text, str):
-        raise BadInputError(f"{name} is not text; put its numbers in quotes, digits as printed")
+        raise BadInputError(
+            f"{name} is not text; write the numbers in quotes, with the printed digits"
+        )
     factor = _FIRST_LINE.match(text)
     if factor is not None:
         text = text[factor.end() :]
@@ -138,7 +140,7 @@ def read_block(
     lines = [re.split(r"[\s,&]+", line.strip(" \t,&")) for line in re.split(r"[\n;\\]+", plain)]
     rows = [line for line in lines if line != [""]]
     if not rows:
-        raise BadInputError(f"{name} is empty; paste its numbers")
+        raise BadInputError(f"{name} is empty; give its numbers")
     if rows[0][0] == "diag":
         diagonal = [number for row in rows for number in row][1:]
         if len(diagonal) > _LONGEST_DIAGONAL:
@@ -153,8 +155,8 @@ def read_block(
     for index, row in enumerate(rows):
         if len(row) != len(rows[0]):
             raise BadInputError(
-                f"{name}, row {index + 1}, has {len(row)} numbers; row 1 has {len(rows[0])}:"
-                " make all rows equally long"
+                f"{name}, row {index + 1}, has {len(row)} numbers, but row 1 has "
+                f"{len(rows[0])}; make all rows equally long"
             )
     if exponent:
         rows = _multiplied(name, rows, exponent)
@@ -178,7 +180,8 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
         for word in row:
             if not re.fullmatch(r"[+-]?\d*\.?\d*", word):
                 raise BadInputError(
-                    f"{name}: {shown(word)} is not a decimal number, which scale needs"
+                    f"{name}: {shown(word)} is not a decimal number, as scale requires; write it "
+                    "without exponent or formula"
                 )
         multiplied.append(
             [f"0e{exponent - decimals}" if word == "0" else f"{word}e{exponent}" for word in row]

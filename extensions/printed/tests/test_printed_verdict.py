@@ -329,7 +329,7 @@ def test_formulas_of_parameters_and_a_common_factor():
     assert scaled.values.tolist() == [[12345.0, 0.0], [0.0, -20.0]]
     assert scaled.half_units == pytest.approx(0.5 * np.ones((2, 2)))
     assert scaled.roundings.tolist() == [[0.5, 0.0], [0.0, 0.5]]
-    with pytest.raises(BadInputError, match="P: '1/3' is not a decimal number, which scale needs"):
+    with pytest.raises(BadInputError, match="P: '1/3' is not a decimal number, as scale requires"):
         read_block("P", "1.0e+04 *\n 1/3")
 
 
@@ -366,9 +366,13 @@ def test_time_that_every_digit_fits_is_asked_for(verdict_of):
     [
         ("0.8223", "0.82x3", "A, row 2: '0.82x3' is not a number"),
         ('"0.3127; 1.4586"', '"0.3127"', "B, row 2: B is 1 x 1; with this plant it must be 2 x 1"),
-        ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers; row 1 has 2"),
+        ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers, but row 1 has 2"),
         ('R = "1"', 'R = "1"\nE = "1; 0"', "gamma is missing; a game needs both E and gamma"),
-        ('R = "1"', "R = 1.0", "R is not text; put its numbers in quotes, digits as printed"),
+        (
+            'R = "1"',
+            "R = 1.0",
+            "R is not text; write the numbers in quotes, with the printed digits",
+        ),
         ("0.8223", "0x82", "A, row 2: '0x82' is not a number"),
         ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is not a number"),
         ("0.8223", "m*g", "A, row 2: 'm' is unknown; use numbers, + - * / ** and sin"),

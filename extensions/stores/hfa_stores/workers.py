@@ -209,7 +209,9 @@ def _cluster(address: str) -> Iterator[Run]:
         with client:
             threads = sum(client.nthreads().values())
             if not threads:
-                raise BadInputError(f"the Dask scheduler at {address} has no workers; start some")
+                raise BadInputError(
+                    f"the Dask scheduler at {address} has no workers; start at least one"
+                )
             try:
                 pool = client.get_executor(pure=False, retries=_RETRIES)
                 yield partial(_run_in, pool, _AHEAD * threads)

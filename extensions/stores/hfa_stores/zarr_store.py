@@ -343,18 +343,19 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         )
     if begun != VERSION:
         raise BadInputError(
-            f"{path} was started by version {on_one_line(begun)} and this is {VERSION}: finish it "
-            "there, or start again"
+            f"{path} was started by version {on_one_line(begun)} and this is version "
+            f"{VERSION}; finish it with version {on_one_line(begun)}, or start again"
         )
     other = _first_difference(path, expected)
     if other:
         raise BadInputError(
-            f"{path} is damaged or has another origin: {other} differs from that of this "
-            f"{job.what}; start again"
+            f"{path} is damaged or has another origin: {other} differs from the store of "
+            f"this {job.what}; start again"
         )
     if not _same_labels(path, job.row, labels):
         raise BadInputError(
-            f"{path} is damaged: its names or units are not those of this {job.what}; start again"
+            f"{path} is damaged: its names or units differ from those of this {job.what}; "
+            "start again"
         )
 
 
@@ -397,7 +398,7 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
     try:
         stored = _metadata(path)
     except (OSError, ValueError, LookupError, TypeError, BadInputError):
-        return "what describes an array"
+        return "the metadata of an array"
     for name, content in expected.items():
         if stored.get(name) != content:
             return str(Path(name) / _METADATA)

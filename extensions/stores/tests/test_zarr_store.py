@@ -373,14 +373,16 @@ def test_nothing_in_store_of_another_format_is_run(
     with pytest.raises(BadInputError, match="is not a test store of this version"):
         fill_store(row_job(), theirs, resume=True)
     shutil.copy(path / "zarr.json", theirs)
-    with pytest.raises(BadInputError, match=r"\.zattrs' differs from that of this test"):
+    with pytest.raises(BadInputError, match=r"\.zattrs' differs from the store of this test"):
         fill_store(row_job(), theirs, resume=True)
     shutil.copytree(theirs / "square", path / "more")
-    with pytest.raises(BadInputError, match="'more' differs from that of this test"):
+    with pytest.raises(BadInputError, match="'more' differs from the store of this test"):
         fill_store(row_job(), path, resume=True)
     shutil.rmtree(path / "more")
     shutil.copy(theirs / "square" / ".zarray", path / "square")
-    with pytest.raises(BadInputError, match=r"'square/\.zarray' differs from that of this test"):
+    with pytest.raises(
+        BadInputError, match=r"'square/\.zarray' differs from the store of this test"
+    ):
         fill_store(row_job(), path, resume=True)
     assert not (tmp_path / "code-was-run").exists()
 
@@ -388,7 +390,7 @@ def test_nothing_in_store_of_another_format_is_run(
 def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
     (path / "square" / "c").rename(tmp_path / "elsewhere")
     (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(BadInputError, match="'square/c' differs from that of this test"):
+    with pytest.raises(BadInputError, match="'square/c' differs from the store of this test"):
         fill_store(row_job(), path, resume=True)
 
 

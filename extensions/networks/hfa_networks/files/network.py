@@ -67,7 +67,7 @@ def from_network(
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
-        raise BadInputError(f"scale needs {n} numbers other than 0, one for each state")
+        raise BadInputError(f"scale must be {n} numbers other than 0, one for each state")
     functions = basis("quadratic", n) if features is None else features
     if isinstance(source, ca.Function):
         stored = NetworkFile({network: source}, "a CasADi function", "float64")
@@ -110,7 +110,7 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     suffix = Path(path).suffix.lower()
     if suffix == ".onnx" and reading.activation is not None:
         raise BadInputError(
-            f"{path}: --set activation applies only to a state dict; an ONNX file contains it"
+            f"{path}: an ONNX file contains its activations; remove --set activation"
         )
     if suffix == ".zip":
         warnings.warn(
@@ -197,8 +197,8 @@ def _on_basis(
     assert layer is not None
     if len(layer.weight) != 1 or not set(parts) <= {"", "V"}:
         raise BadInputError(
-            f"a layer on the basis has {len(layer.weight)} outputs; only V, with 1 output, is "
-            "supported"
+            f"a single layer on the basis has {len(layer.weight)} outputs, but only V (1 "
+            "output) is supported; give a layer with 1 output"
         )
     weights = layer.weight[0]
     if isinstance(functions, Basis):
@@ -217,7 +217,8 @@ def _parts(network: str) -> dict[str, str]:
         output, equals, part = item.strip().rpartition("=")
         if equals and output not in OUTPUTS:
             raise BadInputError(
-                f"--network {shortened(item)!r}: before = write one of {', '.join(OUTPUTS)}"
+                f"--network {shortened(item)!r}: the word before = must be one of "
+                f"{', '.join(OUTPUTS)}"
             )
         parts[output] = part
     return parts
@@ -258,17 +259,21 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
             fitting = ["gradient"]  # V and a policy have as many where 1 + m = n: to be named
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
-            raise BadInputError(f"the network has {size} outputs; on this plant {meanings}")
+            raise BadInputError(
+                f"the network has {size} outputs, but on this plant {meanings}; give a "
+                "network with one of these sizes"
+            )
         if len(fitting) > 1:
             raise BadInputError(
-                f"{size} outputs may be {' or '.join(fitting)}; choose one, as "
+                f"{size} outputs may be {' or '.join(fitting)}; choose one, for example "
                 f'network="{fitting[0]}={part}"',
                 ("--network", f"{fitting[0]}={part}"),
             )
         kinds[name] = fitting[0]
     if len(kinds) > 1 and sorted(kinds.values()) != ["V", "policy"]:
         raise BadInputError(
-            f"its outputs {shortened(', '.join(sizes))} are {', '.join(kinds.values())}; name one, "
-            "or V and a policy, as in --network V=value,policy=actor"
+            f"the network's outputs {shortened(', '.join(sizes))} are "
+            f"{', '.join(kinds.values())}; select one output, or V and a policy, for "
+            "example --network V=value,policy=actor"
         )
     return kinds

@@ -143,7 +143,7 @@ def network_in(
         except Exception as error:  # a damaged file makes the readers raise nearly anything
             reason = shortened(str(error).partition("\n")[0])
             raise BadInputError(
-                f"it is damaged or not a network ({reason}); save it again"
+                f"the file is damaged or is not a network ({reason}); save the network again"
             ) from error
         first = next(iter(networks.values()))
         if len(first) == 1 and first[0].inputs == features:
@@ -188,14 +188,15 @@ def _refuse_unread(
     normalizer = found[name].normalizer
     if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
         raise BadInputError(
-            f"its {shortened(normalizer.name)} has {len(normalizer.mean)} entries and the "
-            f"network {layers[0].inputs} inputs; save the normalizer of this network"
+            f"normalizer {shortened(normalizer.name)} has {len(normalizer.mean)} entries, "
+            f"but the network has {layers[0].inputs} inputs; save the normalizer of this "
+            "network"
         )
     squash = found[name].squash
     if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
         raise BadInputError(
-            f"action_scale has {len(squash.scale)} entries and action_bias {len(squash.bias)}; "
-            f"each needs {layers[-1].outputs}, one per output"
+            f"action_scale has {len(squash.scale)} entries and action_bias has "
+            f"{len(squash.bias)}; each must have {layers[-1].outputs}, one per output"
         )
 
 
@@ -221,11 +222,11 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
             raise _no_chain(name, array, reason, tensors)
         layers.append(Layer(stem.removesuffix("."), array, bias))
     if not any(layer.is_linear for layer in layers):
-        raise BadInputError("it contains no linear layer; give a feed-forward network")
+        raise BadInputError("the file contains no linear layer; give a feed-forward network")
     layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
-            reason = f"takes {layer.inputs} numbers, but the layer before returns {before.outputs}"
+            reason = f"has {layer.inputs} inputs, but the layer before has {before.outputs} outputs"
             name = f"{layer.name}.weight".removeprefix(".")
             raise _no_chain(name, layer.weight, reason, tensors)
     return layers
@@ -244,11 +245,14 @@ def _no_chain(
     message = f"tensor {shortened(name)!r} {array.shape} {reason}"
     networks = roots(tensors)
     if len(networks) < 2:
-        return BadInputError(f"{message}; save it without that tensor, or export it to ONNX")
+        return BadInputError(
+            f"{message}; save the network without this tensor, or export it to ONNX"
+        )
     actors = [root for root in networks if re.search(r"actor|policy|(^|[._])(pi|mu)$", root)]
     chosen = (actors or networks)[0]
     return BadInputError(
-        f'{message}; of several networks name one, as network="{shortened(chosen)}" (it has '
+        f"{message}; select one of several networks, for example "
+        f'network="{shortened(chosen)}" (the file contains '
         f"{shortened(', '.join(networks), 200)})",
         ("--network", chosen),
     )
@@ -276,9 +280,9 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
         before = last.get(_kind(layer))
         if before is not None and _numbers(before) > _numbers(layer):
             raise BadInputError(
-                f"layer {shortened(layer.name)!r} comes after {shortened(before.name)!r}: the "
-                "file does not give their order; save them in that order, or export "
-                "to ONNX"
+                f"layer {shortened(layer.name)!r} comes after {shortened(before.name)!r}, so "
+                "the order of the layers is not clear; save them in the order of their "
+                "numbers, or export the network to ONNX"
             )
         last[_kind(layer)] = layer
     return layers
@@ -302,14 +306,16 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     names = ", ".join(shortened(layer.name) for layer in layers[:_MOST_KINDS])
     if len(by_kind) > _MOST_KINDS:
         raise BadInputError(
-            f"its layers ({names} ...) have {len(by_kind)} different names, which do not give "
-            "their order; number them, or name one network by --network"
+            f"the layers ({names} ...) have {len(by_kind)} different names, which do not "
+            "determine their order; number the layers, or select one network with "
+            "--network"
         )
     orders = list(islice(_orders(tuple(by_kind.values()), widths), 2))
     if len(orders) == 2:
         raise BadInputError(
-            f"its layers ({names}) fit together in more than one order, and this format does not "
-            "keep the order; number them in the order in which they run, or export to ONNX"
+            f"the layers ({names}) fit together in more than one order, and this format "
+            "does not store the order; number the layers in order of evaluation, or "
+            "export the network to ONNX"
         )
     return orders[0] if orders else as_numbered
 
@@ -372,8 +378,8 @@ def _activated(layers: list[Layer]) -> list[int]:
 
 def _unknown_place(norm: Layer) -> BadInputError:
     return BadInputError(
-        "the names of its layers do not decide whether the activation is before or after the "
-        f"LayerNorm {shortened(norm.name)!r}; export the network to ONNX"
+        "the names of the layers do not determine whether the activation is before "
+        f"or after the LayerNorm {shortened(norm.name)!r}; export the network to ONNX"
     )
 
 

@@ -101,8 +101,8 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
         return x.astype(int)
     if to not in (_FLOAT, _DOUBLE):
         raise BadInputError(
-            "a Cast converts to a type other than float, double and bool; export the network "
-            "without it"
+            "a Cast to another type than float, double and bool is not supported; export "
+            "the network without this Cast"
         )
     return x
 
@@ -129,11 +129,11 @@ def _shape(x: np.ndarray, start: int = 0, end: int | None = None) -> np.ndarray:
 def _einsum(*arrays: np.ndarray, equation: str) -> np.ndarray:
     letters = equation.partition("->")[0].replace(" ", "").split(",")
     if "." in equation or len(letters) != len(arrays):
-        raise BadInputError(f"its Einsum {shortened(equation)!r} is not supported; use MatMul")
+        raise BadInputError(f"Einsum {shortened(equation)!r} is not supported; use MatMul")
     lengths: dict[str, int] = {}
     for word, array in zip(letters, arrays, strict=True):
         lengths |= dict(zip(word, array.shape, strict=True))
-    _refuse_more(math.prod(lengths.values()), arrays)
+    _refuse_more("Einsum", math.prod(lengths.values()), arrays)
     return np.asarray(np.einsum(equation, *arrays))
 
 
@@ -181,15 +181,22 @@ def _batch_norm(
     x: np.ndarray, scale: Any, bias: Any, mean: Any, variance: Any, **how: float
 ) -> np.ndarray:
     if how.get("training_mode"):
-        raise BadInputError("its BatchNormalization is in training mode; export it after eval()")
+        raise BadInputError(
+            "BatchNormalization is in training mode; call eval() on the network before the export"
+        )
     if x.ndim != 2:
-        raise BadInputError(f"its BatchNormalization has {x.ndim} axes; only rows are supported")
+        raise BadInputError(
+            f"BatchNormalization acts on an array with {x.ndim} axes; only rows of states "
+            "are supported"
+        )
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
 
 
 def _dropout(x: np.ndarray, ratio: Any = None, training: Any = False, **_: Any) -> np.ndarray:
     if training:
-        raise BadInputError("its Dropout is in training mode; export it after eval()")
+        raise BadInputError(
+            "Dropout is in training mode; call eval() on the network before the export"
+        )
     return x
 
 
@@ -349,7 +356,7 @@ def graph_functions(
     opset = max(versions, default=0)
     if opset < OLDEST_OPSET:
         raise BadInputError(
-            f"it has the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later"
+            f"the graph uses the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later"
         )
     graph = model.graph
     arrays: dict[str, Any]
@@ -412,8 +419,9 @@ def _evaluate(
             constants += size
         if scalars > _MOST_SCALARS or constants > LARGEST_NETWORK:
             raise BadInputError(
-                f"it is too large: more than {_MOST_SCALARS} numbers that depend on the state, or"
-                f" more than {LARGEST_NETWORK} constants"
+                f"the graph is too large: more than {_MOST_SCALARS} numbers depend on the "
+                f"state, or there are more than {LARGEST_NETWORK} constants; give a smaller "
+                "network"
             )
         arrays |= dict(zip(node.output, results, strict=False))
         precision = min(precision, node_precision)  # float32 before float64
@@ -439,20 +447,22 @@ def _inputs_of(
             shapes[item.name] = [axis.dim_value for axis in axes]  # 0 where it is open
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
-            f"it has {len(shapes)} inputs and {len(graph.output)} outputs; a critic needs the "
-            "state alone, a Q the state and the input"
+            f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; it must "
+            "have an output, and the state as input, or for a Q the state and the input"
         )
     rows = {}
     for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
         if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
-            raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
+            raise BadInputError(
+                f"the graph's input has the shape {sizes}; it must be one row of states"
+            )
         columns = sizes[-1] or width
         if len(shapes) == 1:
             check_width(columns, states, inputs)
         elif columns != width:
             raise BadInputError(
-                f"its input {shortened(name)!r} has {columns} numbers; a Q needs {states} states, "
-                f"then {inputs} inputs"
+                f"input {shortened(name)!r} has {columns} numbers; the inputs of a Q are "
+                f"{states} states, then {inputs} inputs"
             )
         rows[name] = (1, columns)[-len(sizes) :]
     return rows
@@ -467,7 +477,10 @@ def check_width(width: int, states: int, inputs: int) -> None:
     if width == states:
         return
     if inputs == 0:
-        raise BadInputError(f"the network has {width} inputs, but {states} numbers are given")
+        raise BadInputError(
+            f"the network has {width} inputs, but {states} are given; list the inputs of "
+            "its training"
+        )
     if width != states + inputs:
         raise BadInputError(
             f"the network has {width} inputs; this plant needs {states} (its states) or, for a Q, "
@@ -502,7 +515,7 @@ def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
     beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
     if folder is None or not beside:
         raise BadInputError(
-            "its data are in another folder; export the weights in the same file (torch: "
+            "the data are in another folder; export the weights in the same file (torch: "
             "external_data=False)"
         )
     path = regular_file(folder / location)
@@ -530,7 +543,9 @@ def _evaluated(
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"
     if name not in operators:
-        raise BadInputError(f"operator {shortened(name)} is unknown; use {', '.join(operators)}")
+        raise BadInputError(
+            f"operator {shortened(name)} is not supported; use {', '.join(operators)}"
+        )
     attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
     attributes = {
         key: value.decode() if isinstance(value, bytes) else value
@@ -543,7 +558,7 @@ def _evaluated(
         attributes, precision = _constants(onnx, attributes)
     inputs = [arrays[item] if item else None for item in node.input]
     _refuse_unread(name, operators[name], inputs, attributes)
-    _refuse_more(_size_of(name, inputs, attributes), inputs)
+    _refuse_more(name, _size_of(name, inputs, attributes), inputs)
     outputs = operators[name](*inputs, **attributes)
     results = [np.asarray(part) for part in (outputs if isinstance(outputs, tuple) else [outputs])]
     for index, result in enumerate(results):
@@ -567,8 +582,8 @@ def _refuse_unread(
     except TypeError as error:
         how = ", ".join(attributes) or "none"
         raise BadInputError(
-            f"operator {name} with {len(inputs)} inputs and the attributes {shortened(how)} is not "
-            f"supported ({error})"
+            f"operator {name} with {len(inputs)} inputs and the attributes "
+            f"{shortened(how)} is not supported ({error}); export the network without it"
         ) from error
 
 
@@ -589,9 +604,10 @@ def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int
     return 0
 
 
-def _refuse_more(size: int, inputs: Any) -> None:
+def _refuse_more(name: str, size: int, inputs: Any) -> None:
     """Raise BadInputError if an operator's result would be too large, before memory is allocated.
 
+    name: name of the operator
     size: number of entries of the result
     inputs: arrays on which the operator acts
     """
@@ -599,7 +615,7 @@ def _refuse_more(size: int, inputs: Any) -> None:
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:
         raise BadInputError(
-            f"one of its operators returns {size:.3g} numbers; the maximum is {most}"
+            f"operator {name} needs {size:.3g} array elements; at most {most} are supported"
         )
 
 
@@ -616,8 +632,8 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
     for kind, output in outputs.items():
         if output and output not in names:
             raise BadInputError(
-                f"it has no output {shortened(output)!r}; its outputs are"
-                f" {shortened(', '.join(names))}"
+                f"the graph has no output {shortened(output)!r}; choose from "
+                f"{shortened(', '.join(names))}"
             )
         if output:
             found[kind] = output

@@ -10,8 +10,8 @@ import numpy as np
 from hfa_support.errors import BadInputError
 
 _ELSE = (
-    "export the policy u(x) that was trained with it and name that (of an actor in the same file: "
-    "--network policy=NAME)"
+    "export the policy u(x) that was trained with this Q and name it (for an actor in the same "
+    "file: --network policy=NAME)"
 )
 
 
@@ -28,10 +28,11 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     """
     if Q.numel_out(0) != 1:
         raise BadInputError(
-            f"a network of (x, u) returns {Q.numel_out(0)} numbers; a Q must return one"
+            f"a network with the inputs (x, u) has {Q.numel_out(0)} outputs; a Q function "
+            "must have one"
         )
     if _degree(Q.expand(), states) > 2.0:
-        raise BadInputError(f"its Q(x, u) is not quadratic in u; {_ELSE}")
+        raise BadInputError(f"Q(x, u) is not quadratic in u; {_ELSE}")
     x = ca.SX.sym("x", states)
     u = ca.SX.sym("u", Q.numel_in(0) - states)
     curvature, slope = ca.hessian(Q(ca.vertcat(x, u)), u)
@@ -41,7 +42,7 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     eigenvalues = np.linalg.eigvalsh(at_origin)
     sign = np.sign(eigenvalues[0])
     if sign == 0.0 or np.any(np.sign(eigenvalues) != sign):
-        raise BadInputError(f"its Q(x, u) has no smallest or largest value over u; {_ELSE}")
+        raise BadInputError(f"Q(x, u) has no minimum or maximum over u; {_ELSE}")
     root = ca.chol(sign * curvature)
     policy = -ca.solve(root, ca.solve(root.T, sign * slope))
     return ca.Function("policy", [x], [policy])

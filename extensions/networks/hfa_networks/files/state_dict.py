@@ -30,8 +30,8 @@ _WITH_SPREAD = ("", "model_state_dict", "actor_state_dict", "distribution", "act
 #: Words in the names of tensors that only training uses.
 _OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
 _ELSE = (
-    "save the state dict of the network alone, or export it to ONNX with everything that acts on"
-    " its inputs or outputs"
+    "save the state dict of the network alone, or export the network to ONNX with everything "
+    "that acts on its inputs or outputs"
 )
 
 
@@ -150,8 +150,8 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
             layers[name] = array
     if not layers:
         where = shortened(", ".join(roots(tensors)), 200)
-        advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
-        raise BadInputError(f"it contains no tensors called {shortened(part)!r}; {advice}")
+        advice = f"choose from {where}" if where else "it contains a single network; select no part"
+        raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
     of_critic = all(map(_is_of_critic, layers))
     others = {
         name: array
@@ -193,7 +193,8 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
         may_act = name in others or array.size in acting
         if may_act and not is_of_layers:
             raise BadInputError(
-                f"tensor {shortened(name)!r} {array.shape} is not understood; {_ELSE}"
+                f"tensor {shortened(name)!r} {array.shape} is not recognized and may act on "
+                f"the network's inputs or outputs; {_ELSE}"
             )
     for layers in chains.values():
         name, first = layers[0]
@@ -204,8 +205,8 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
         is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)
         if end == takes or entry == gives or is_parallel:
             raise BadInputError(
-                f"tensor {shortened(name)!r} {first.shape} belongs to no named part, and may "
-                f"act before or after the network; {_ELSE}"
+                f"tensor {shortened(name)!r} {first.shape} is not recognized and may be a "
+                f"layer that acts on the network's inputs or outputs; {_ELSE}"
             )
 
 
@@ -273,7 +274,8 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
             deviation, clip = divisor(group)
             if not np.all(deviation > 0.0):
                 raise BadInputError(
-                    f"its {shortened(stem)} has a variance <= 0; each must be positive"
+                    f"normalizer {shortened(stem)} has a variance <= 0; every variance must be "
+                    "positive"
                 )
             return Normalizer(stem, group[mean].ravel(), deviation.ravel(), clip)
     return None
@@ -294,7 +296,9 @@ def _normalizer_of(
     if of_critic:
         for stem in own:
             if _words(stem) & {"value", "values", "reward", "rewards"}:
-                raise BadInputError(f"its {shortened(stem)} scales the value; {_ELSE}")
+                raise BadInputError(
+                    f"{shortened(stem)} scales the value, which is not supported; {_ELSE}"
+                )
         own = own or dict(found)
     return _the_one("normalizer", own, layers)
 
@@ -314,5 +318,5 @@ def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | No
     own = [each for stem, each in found.items() if stem.partition(".")[0] in begins]
     if len(own) != 1:
         names = shortened(", ".join(found), 120)
-        raise BadInputError(f"it contains more than one {what} ({names}); {_ELSE}")
+        raise BadInputError(f"the file contains more than one {what} ({names}); {_ELSE}")
     return own[0]

@@ -25,7 +25,7 @@ from hfa_support.files import LARGEST
 LARGEST_NETWORK = 2**22
 #: Of a pickle; a tensor takes about fifty.
 _MOST_STEPS = 2**16
-_SHARED = "it is damaged: its parts refer to each other too often"
+_SHARED = "the pickle is damaged (its parts refer to each other too often); save it again"
 #: Of safetensors and of torch. Integers (counters of batches) are read, and refused where they
 #: would be weights.
 _TYPES = {
@@ -58,7 +58,7 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     if content[:2] != b"PK":
         raise BadInputError(
-            "it was not written by torch.save of torch 1.6 or later; save state_dict() again"
+            "the file was not written by torch.save of torch 1.6 or later; save state_dict() again"
         )
     return _torch_zip(content)
 
@@ -73,12 +73,19 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
         is_float = array.dtype.kind == "f"
         if not (array.dtype.kind in "ib" or (is_float and array.dtype.itemsize >= 4)):
             raise BadInputError(
-                f"tensor {shortened(name)!r} is {array.dtype}; give weights as float32 or float64"
+                f"tensor {shortened(name)!r} has the type {array.dtype}; save the weights as "
+                "float32 or float64"
             )
         if not np.all(np.isfinite(array)):
-            raise BadInputError(f"tensor {shortened(name)!r} has entries that are not finite")
+            raise BadInputError(
+                f"tensor {shortened(name)!r} contains entries that are not finite; save a "
+                "network with finite weights"
+            )
     if sum(array.size for array in tensors.values()) > LARGEST_NETWORK:
-        raise BadInputError(f"it has more than {LARGEST_NETWORK} entries, the maximum")
+        raise BadInputError(
+            f"the network has more than {LARGEST_NETWORK} entries, the maximum; give a "
+            "smaller network"
+        )
     is_single = any(array.dtype == np.float32 for array in tensors.values())
     doubles = {
         name: array.astype(float) if array.dtype.kind == "f" else array
@@ -107,7 +114,9 @@ def _safetensors(content: bytes) -> dict[str, np.ndarray]:
 
 def _dtype(kind: str) -> str:
     if kind not in _TYPES:
-        raise BadInputError(f"a tensor is {shortened(kind)}; save weights as float32 or float64")
+        raise BadInputError(
+            f"a tensor has the type {shortened(kind)}; save the weights as float32 or float64"
+        )
     return _TYPES[kind]
 
 
@@ -122,15 +131,22 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
         raise BadInputError(
-            "it is damaged: the shape of a tensor contains a number that is not whole"
+            "the file is damaged (the shape of a tensor contains a number that is not an "
+            "integer); save the network again"
         )
     if any(abs(number) > LARGEST for number in numbers):
-        raise BadInputError("it is damaged: a tensor is larger than the maximum file size")
+        raise BadInputError(
+            "the file is damaged (a tensor is larger than the maximum file size); save "
+            "the network again"
+        )
     steps = zip(size, stride, strict=True)
     last = offset + sum((count - 1) * step for count, step in steps)
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
     if math.prod(size) > storage.size or not is_inside:
-        raise BadInputError(f"it is damaged: a tensor of shape {size} is larger than its storage")
+        raise BadInputError(
+            f"the file is damaged (a tensor of shape {size} is larger than its storage); "
+            "save the network again"
+        )
     strides = [step * storage.itemsize for step in stride]
     return np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
 
@@ -151,9 +167,14 @@ def refuse_pickle_bomb(content: bytes) -> None:
     """
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
-            raise BadInputError("it is damaged: its pickle has more objects than bytes")
+            raise BadInputError(
+                "the pickle is damaged (it refers to more objects than it has bytes); save it again"
+            )
         if count > _MOST_STEPS:
-            raise BadInputError(f"its pickle has more than {_MOST_STEPS} steps; save weights alone")
+            raise BadInputError(
+                f"the pickle contains more than {_MOST_STEPS} instructions; save only the "
+                "network's weights"
+            )
     _refuse_shared_tuples(content)
 
 
@@ -240,16 +261,20 @@ class _Restricted(pickle.Unpickler):
             return _dtype(name)
         if (module, name) not in _ALLOWED:
             raise BadInputError(
-                f"it would create {shortened(f'{module}.{name}')}, which is refused; save "
-                "state_dict() alone"
+                f"reading the file would create {shortened(f'{module}.{name}')}, which is "
+                "refused; save state_dict() alone"
             )
         return _ALLOWED[module, name]
 
     def persistent_load(self, pid: Any) -> np.ndarray:
         if not (isinstance(pid, tuple) and len(pid) == 5 and isinstance(pid[2], str)):
-            raise BadInputError("it is damaged: a storage has no name")
+            raise BadInputError(
+                "the file is damaged (a storage has no name); save the network again"
+            )
         if not isinstance(pid[1], str):
-            raise BadInputError("it is damaged: a storage has no type of number")
+            raise BadInputError(
+                "the file is damaged (a storage has no number type); save the network again"
+            )
         return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
 
@@ -258,7 +283,10 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
     bytes.
     """
     if sum(member.file_size for member in archive.infolist()) > LARGEST:
-        raise BadInputError(f"it unpacks to more than {LARGEST >> 20} MiB")
+        raise BadInputError(
+            f"the file unpacks to more than {LARGEST >> 20} MiB, the maximum; save a "
+            "smaller network"
+        )
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
@@ -270,9 +298,15 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
     entry = archive.getinfo(name)
     is_encrypted = entry.flag_bits & 1
     if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise BadInputError(f"its {shortened(name)} has an unsupported compression; save it again")
+        raise BadInputError(
+            f"member {shortened(name)} of the file has an unsupported compression; save "
+            "the file again"
+        )
     if entry.file_size > LARGEST:
-        raise BadInputError(f"its {shortened(name)} unpacks to more than {LARGEST >> 20} MiB")
+        raise BadInputError(
+            f"member {shortened(name)} of the file unpacks to more than {LARGEST >> 20} "
+            "MiB, the maximum; save a smaller network"
+        )
     with archive.open(entry) as stream:
         return stream.read(entry.file_size)
 
@@ -290,7 +324,8 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
             return _torch_zip(unpacked(archive, "policy.pth"))
         if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in names):
             raise BadInputError(
-                "it is TorchScript, a program; save state_dict() instead, or export to ONNX"
+                "the file is TorchScript, which is a program; save state_dict() instead, or "
+                "export the network to ONNX"
             )
         members = {name.partition("/")[2]: unpacked(archive, name) for name in names}
     stored = _Restricted(members["data.pkl"], members).load()

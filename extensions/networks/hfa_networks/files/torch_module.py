@@ -16,7 +16,7 @@ from hfa_networks.files.onnx_graph import check_width
 from hfa_networks.files.tensors import checked_tensors
 from hfa_support.errors import BadInputError, shortened
 
-_ELSE = "export it to ONNX (torch.onnx.export), and give the file"
+_ELSE = "export the network to ONNX (torch.onnx.export) and give that file"
 #: Class of an activation in torch.nn -> its name in `ACTIVATIONS`, and the settings it must have.
 _ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "ELU": ("elu", {"alpha": 1.0}),
@@ -48,20 +48,20 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
             precisions.add(precision)
         elif not steps or steps[-1][1]:
             raise BadInputError(
-                f"the network has the activation {_class_of(part)} without a linear layer before "
-                f"it; {_ELSE}"
+                f"the network contains the activation {_class_of(part)} without a linear layer "
+                f"before it; {_ELSE}"
             )
         else:
             steps[-1] = (steps[-1][0], _activation(part))
     if not steps:
-        raise BadInputError("the network contains no linear layer")
+        raise BadInputError("the network contains no linear layer; give a feed-forward network")
     layers = [layer for layer, _ in steps]
     check_width(layers[0].inputs, states, inputs)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
             raise BadInputError(
-                f"layer {layer.name} accepts {layer.inputs} numbers, but the layer before returns "
-                f"{before.outputs}"
+                f"layer {layer.name} has {layer.inputs} inputs, but the layer before has "
+                f"{before.outputs} outputs; correct the network"
             )
     function, on_rows = composed(steps, None)
     widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
@@ -91,8 +91,8 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
         yield name, module
     elif kind != "Identity":
         raise BadInputError(
-            f"the network contains {shortened(kind)}; only a torch.nn.Sequential of Linear and "
-            f"{', '.join(_ACTIVATIONS)} is read: {_ELSE}"
+            f"the network contains {shortened(kind)}; only a torch.nn.Sequential of "
+            f"Linear and {', '.join(_ACTIVATIONS)} is supported; {_ELSE}"
         )
 
 
@@ -111,7 +111,7 @@ def _numbers(name: str, tensor: Any) -> np.ndarray:
         return np.asarray(tensor.detach().cpu().numpy())
     except (TypeError, RuntimeError) as error:  # numbers that NumPy does not have
         raise BadInputError(
-            f"layer {name} has {tensor.dtype} numbers; give float32 or float64"
+            f"layer {name} has weights of the type {tensor.dtype}; give float32 or float64"
         ) from error
 
 
@@ -125,6 +125,7 @@ def _activation(module: Any) -> str:
     for setting, value in usual.items():
         if getattr(module, setting) != value:
             raise BadInputError(
-                f"{kind} has {setting} {getattr(module, setting)}; only {value} is read: {_ELSE}"
+                f"{kind} has {setting} = {getattr(module, setting)}; only {value} is "
+                f"supported; {_ELSE}"
             )
     return name

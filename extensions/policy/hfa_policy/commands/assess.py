@@ -111,8 +111,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         names="--aircraft --model",
     )
     sample_time: float | None = option(
-        "sample time, s, of a gain K given in place of a deployment file (u = -K x, all linear "
-        "states, all inputs)",
+        "sample time, s, of a gain K that is given in place of a deployment file (u = -K x, with "
+        "all linear states and all inputs)",
         "S",
         number,
     )
@@ -137,7 +137,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     )
     need: Mapping[str, float] = option(
         "requirement: tolerated delay (s), disk margin, or linear cost (percent above the "
-        "optimum); else exit 1; repeatable",
+        "optimum); exit code 1 if it is not satisfied; repeatable",
         "delay|margin|cost=X",
         _need,
         named=True,
@@ -163,12 +163,14 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     )
     draws: int | None = draws_option()
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; compare the flights of --best with its lower bound on "
-        "the cost",
+        "certificate of `hfa prove cost`, whose lower bound is compared with the costs of the "
+        "flights of --best",
         "FILE",
         input_file(".json"),
     )
-    picture: Path | None = picture_option("spectral radius over delay, and outcomes of the flights")
+    picture: Path | None = picture_option(
+        "spectral radius versus delay, and outcomes of the flights"
+    )
 
     def points(self) -> list[OperatingPoint]:
         """Return the trims to assess."""
@@ -196,10 +198,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 
         gains = [card for card in self.cards if card.suffix.lower() != ".toml"]
         if gains and self.sample_time is None:
-            raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time, s")
+            raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time S")
         if self.sample_time is not None and not gains:
             raise BadInputError(
-                "--sample-time applies only to a file with a gain K; name one, or leave it out"
+                "--sample-time applies only to a file with a gain K; give such a file, or "
+                "remove --sample-time"
             )
         found = []
         for card in self.cards:
@@ -258,13 +261,15 @@ def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) ->
 
 @command(AssessRequest)
 def assess(request: AssessRequest) -> int:
-    """Assess a policy as it is deployed: sampled, held, with its normalizer and its delay.
+    """Assess a policy as it is deployed: sampled and held, with its normalizer and its delay.
 
-    The report lists for each trim the equilibrium, the exact sampled loop with 0, 1, 2 ... samples
-    of delay, margins at the plant's input, the linear cost compared with the optimum of Q and R,
-    and flights from a box of initial conditions, with and without a disturbance pulse. Exit code 0
-    when the policy holds at every trim and meets every --need. Exit code 1 when it does not, or
-    when its files prove a mistake of the deployment file."""
+    For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
+    0, 1, 2 ... samples of delay, and margins at the plant's input. It compares the linear cost with
+    the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
+    a disturbance pulse.
+
+    Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: it does
+    not, or its files prove a mistake of the deployment file."""
     from hfa_identify.draws.report import reported
     from hfa_policy.assess import judged
     from hfa_policy.assessment import Assessor
@@ -277,16 +282,18 @@ def assess(request: AssessRequest) -> int:
     for each in deployed:
         if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
             origin = each.deployment.origin
-            raise BadInputError(f"--need cost: {origin} has no [cost]; add the Q and R")
+            raise BadInputError(
+                f"--need cost: {origin} has no table [cost]; add [cost] with Q and R"
+            )
         if request.best and each.deployment.cost is None:
             origin = each.deployment.origin
-            raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
+            raise BadInputError(f"--best: {origin} has no table [cost]; add [cost] with Q and R")
     if request.bound is not None and not request.best:
-        raise BadInputError("--bound requires flights compared with the best ones; add --best K")
+        raise BadInputError("--bound requires a comparison with the best flights; add --best K")
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
     if request.bound is not None and len(points) > 1:
-        raise BadInputError("--bound requires a single trim; assess at one")
+        raise BadInputError("--bound requires a single trim; give one value")
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
@@ -301,7 +308,7 @@ def assess(request: AssessRequest) -> int:
         )
         results.append(replace(found, assumed=_assumed_trim(request, points)))
     if request.draws is not None and len(results) > 1:
-        raise BadInputError("--draws requires a single deployment file; name one")
+        raise BadInputError("--draws requires a single deployment file; give one")
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
@@ -310,7 +317,7 @@ def assess(request: AssessRequest) -> int:
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
     if request.picture is not None:
-        raise BadInputError("--picture requires a single deployment file; name one")
+        raise BadInputError("--picture requires a single deployment file; give one")
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]

@@ -27,7 +27,7 @@ class PrintedRequest(OutputOptions):
         required=True,
     )
     limit_cost: float | None = option(
-        "exit 0 if the cost is at most this percentage above the optimum",
+        "exit code 0 if the cost is at most this percentage above the optimum",
         "PERCENT",
         positive,
     )
@@ -39,9 +39,10 @@ class PrintedRequest(OutputOptions):
 
 @command(PrintedRequest)
 def printed(request: PrintedRequest) -> int:
-    """Check every digit of the printed answer of a paper, and name the wrong entry.
+    """Check every digit of a printed answer, and name the wrong entry.
 
-    Exit code 0 only when every digit is right, or when the cost is within --limit-cost."""
+    Exit code 0: every digit is right, or the cost is within --limit-cost. Exit code 1: an entry is
+    wrong, or the digits do not decide."""
     progress = ProgressLine("compare")
     progress(0, 1)
     verdict = replace(check_printed(request.file, progress), limit_cost=request.limit_cost)
