@@ -121,7 +121,7 @@ def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
     expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
     assert np.array_equal(critic.K, expected.K)
     assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
-    with pytest.raises(BadInputError, match="called 'policy'; it is one network"):
+    with pytest.raises(BadInputError, match="named 'policy'; for a single network"):
         from_network(game, "a.pt", network="policy", activation="tanh")
     Path("letters.json").write_text(
         json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
@@ -339,7 +339,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     }
     for said, tensors in wrong.items():
         assert said in refusal(torch_file("wrong.pt", tensors)), said
-    assert "is float16" in refusal(
+    assert "has the type float16" in refusal(
         safetensors_file("half.safetensors", {"weight": good.astype("float16")})
     )
     for name, content in (

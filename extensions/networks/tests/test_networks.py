@@ -171,7 +171,7 @@ def test_the_scale_of_the_inputs_counts(game: Game) -> None:
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert check_critic(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok
-    assert "needs 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
+    assert "must be 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
 
 
 def test_value_and_policy_of_one_file_are_named() -> None:

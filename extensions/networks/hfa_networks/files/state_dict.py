@@ -150,7 +150,7 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
             layers[name] = array
     if not layers:
         where = shortened(", ".join(roots(tensors)), 200)
-        advice = f"choose from {where}" if where else "it contains a single network; select no part"
+        advice = f"choose from {where}" if where else "for a single network, select no part"
         raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
     of_critic = all(map(_is_of_critic, layers))
     others = {
