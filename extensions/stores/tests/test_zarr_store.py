@@ -231,7 +231,9 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
     attributes = json.loads((path / "zarr.json").read_text())
     attributes["attributes"]["toolchain"] = "0.0.9"
     (path / "zarr.json").write_text(json.dumps(attributes))
-    with pytest.raises(BadInputError, match=r"was started by version 0\.0\.9 and this is version \d"):
+    with pytest.raises(
+        BadInputError, match=r"was started by version 0\.0\.9 and this is version \d"
+    ):
         fill_store(row_job(), path, resume=True)
     assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
 
