@@ -139,7 +139,7 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
 
 
 def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
-    """Return n/alpha and CAP where they exist.
+    """Return n/alpha and the control anticipation parameter CAP, each only if it exists.
 
     frequency: natural frequency of the short period, rad/s
     """
@@ -153,8 +153,11 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 
 
 def _n_per_alpha(linear: LinearModel) -> float | None:
-    """Return d(load factor)/d(alpha) in the steady state of the short period, 1/rad, or None
-    without it."""
+    """Return the steady change of load factor per change of alpha in the short period, 1/rad.
+
+    The result is None without a load factor, or if alpha and one other state do not form the short
+    period.
+    """
     model = linear.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)
     if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:

@@ -1,7 +1,7 @@
-"""Kinks of the equations: points at which a single derivative does not describe them.
+"""Kinks of the equations: points at which the slopes on both sides differ.
 
-A kink is a knot of a table, or the switching point of |x|, min, max, sign or a comparison. There A
-and B are the means of the slopes on both sides.
+A kink is the knot of a table, or the switching point of |x|, min, max, sign or a comparison. There,
+A and B are the means of the slopes on both sides.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from trim.linear.switches import near_switches
 
 
 class Smoothed(NamedTuple):
-    """A and B of N points, averaged at kinks.
+    """A and B at N points, with mean slopes at kinks.
 
     A: (N, n, n)
     B: (N, n, m)
-    notes: point -> a sentence for each entry of A or B at a kink or a jump
+    notes: index of a point -> a sentence for each entry of A or B at a kink or a jump
     """
 
     A: np.ndarray
@@ -32,7 +32,7 @@ class Smoothed(NamedTuple):
 def with_means_at_kinks(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
 ) -> Smoothed:
-    """Return A and B, with the mean of both slopes in each entry at a kink.
+    """Return A and B at N points, with the mean of both slopes in each entry at a kink.
 
     x: (N, n), states
     u: (N, m), inputs
@@ -40,9 +40,9 @@ def with_means_at_kinks(
     A: (N, n, n), derivatives of the rates with respect to the states
     B: (N, n, m), derivatives of the rates with respect to the inputs
 
-    An entry is at a kink where the slopes on both sides, by differences, are smooth and differ from
-    the derivative. Where the rate itself jumps the entry is unchanged and gets a note. Points
-    without a trim (nan) are skipped.
+    An entry is at a kink if the finite-difference slopes on each side are constant but differ from
+    the derivative. If the rate itself jumps, the entry is unchanged and gets a note. Points without
+    a trim (nan) are skipped.
     """
     near, columns = near_switches(model, x, u, p)
     if not near.size:
@@ -68,14 +68,13 @@ def linearization_at(
     outputs: Sequence[str] = (),
     disturbances: Sequence[str] = (),
 ) -> tuple[Linearization, tuple[str, ...]]:
-    """Return the derivatives of a model at a point, averaged at kinks, and a note for each such
-    entry.
+    """Return the derivatives of a model at a point, with mean slopes at kinks, and notes on them.
 
     x: (n,), state
     u: (m,), input
     outputs, disturbances: names
 
-    Raises FloatingPointError where a result is not finite.
+    Raises FloatingPointError if a result is not finite.
     """
     exact = model.at(x, u, outputs, disturbances)
     X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))

@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w; x = X - X0, u = U - U0 (Eq. 9).
 
-    A: (n, n), ∂f/∂X; unit of a row's rate per column's unit. Names index it:
+    A: (n, n), ∂f/∂X, in units of the row's rate per unit of the column; can be indexed by names:
         A["pitch_rate", "alpha"].
-    B: (n, m), ∂f/∂U, and by names.
-    C: (k, n), the identity where the outputs are the states.
-    D: (k, m).
-    states: names of the states, in order; x1, x2, ... unless given.
-    inputs: names of the inputs, in order; u1, u2, ... unless given.
-    point: the operating point, whose values are the offsets X0, U0; the origin unless given.
-    outputs: names y of the outputs, in order; the states by default.
-    E: (n, l), no columns without disturbances.
-    F: (k, l).
+    B: (n, m), ∂f/∂U, can be indexed by names.
+    C: (k, n), ∂y/∂X, the identity if the outputs are the states.
+    D: (k, m), ∂y/∂U.
+    states: names of the states, in order; by default x1, x2, ...
+    inputs: names of the inputs, in order; by default u1, u2, ...
+    point: operating point, whose values are the offsets X0, U0; by default the origin.
+    outputs: names y of the outputs, in order; by default the states.
+    E: (n, l), ∂f/∂w; without columns if there are no disturbances.
+    F: (k, l), ∂y/∂w.
     output_offsets: Y0, (k,).
-    disturbances: names of w, where the model has some.
-    kinks: notes on entries of A and B that are means of two slopes, or of rates that jump.
+    disturbances: names of the disturbances w.
+    kinks: notes on entries of A and B that are means of two slopes, and on rates that jump.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -80,7 +80,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     kinks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Complete the names and matrices that were not given, and index A and B by names."""
+        """Complete missing names and matrices, and make A and B indexable by names."""
         if self.point is None:
             completed = part(PARTS, "linear.matrices", "LinearModel(A, B)")
             vars(self).update(completed(self))
@@ -91,17 +91,17 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """The aircraft."""
+        """Model of the aircraft."""
         return self.point.model
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Names of the states. All results have this property."""
+        """Names of the states; the same as `states`."""
         return self.states
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs. All results have this property."""
+        """Names of the inputs; the same as `inputs`."""
         return self.inputs
 
     @property
@@ -116,15 +116,14 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Return the notes on the model: on the operating point, omitted dynamics of inputs, and
-        entries at a kink."""
+        """Notes on the operating point, on omitted input dynamics, and on entries at a kink."""
         signals = self.model.inputs
         moving = [signals[name].moving for name in self.inputs if signals[name].moving]
         return [*self.point.warnings, *moving, *self.kinks]
 
     @property
     def modes(self) -> ByName[Mode]:
-        """Modes of A, fastest first, indexed by number or name: modes["phugoid"]."""
+        """Modes of A, fastest first, which can be indexed by number or name: modes["phugoid"]."""
         from hfa_support.reporting.by_name import ByName
         from trim.linear.modes import modes_of
 
@@ -132,12 +131,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def state_offsets(self) -> Vector:
-        """X0 of the model's states, (n,)."""
+        """Offsets X0 of the states, (n,)."""
         return np.array([self.point.values[name] for name in self.states])
 
     @property
     def input_offsets(self) -> Vector:
-        """U0, (m,)."""
+        """Offsets U0 of the inputs, (m,)."""
         return np.array([self.point.values[name] for name in self.inputs])
 
     def select(
@@ -147,12 +146,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         *,
         residualize: Sequence[str] = (),
     ) -> LinearModel:
-        """Return the model of the named states and inputs; None keeps all.
+        """Return the model with the named states and inputs; None keeps all.
 
-        Omitted states and inputs stay at their offsets. States in `residualize` follow the others
-        without delay: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are unchanged.
-        Raises BadInputError when the model has no such name, a name is repeated, or A22 is
-        singular.
+        Omitted states and inputs are constant at their offsets. States in `residualize` follow the
+        other states without delay, x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are
+        unchanged. Raises BadInputError if the model does not have such a name, a name is repeated,
+        no state remains, or A22 is singular.
         """
         from trim.linear.reduction import reduced
 
@@ -162,7 +161,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return the model from named inputs to named outputs: linear["pitch_rate",
         "elevator_center"].
 
-        Raises BadInputError when the model has no such name, or a name is repeated.
+        The outputs are named first. Each is a name or a list of names. Raises BadInputError if the
+        model does not have such a name, or a name is repeated.
         """
         from trim.linear.reduction import chosen
 
@@ -172,11 +172,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         raise BadInputError("write linear[outputs, inputs], with names")
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Yield A, B, C and D: A, B, C, D = linear, and control.ss(*linear)."""
+        """Yield A, B, C and D, so that A, B, C, D = linear and control.ss(*linear) work."""
         return map(np.asarray, (self.A, self.B, self.C, self.D))
 
     def __call__(self, s: complex) -> Any:
-        """Return C (s I - A)⁻¹ B + D, (k, m) complex."""
+        """Return the transfer matrix C (s I - A)⁻¹ B + D at s, (k, m) complex."""
         return self.to_control()(s)
 
     @property
@@ -201,7 +201,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def is_controllable(self) -> bool:
-        """True if the inputs reach every mode, within rounding: [A - λ I, B] has rank n."""
+        """True if the inputs affect every mode, within rounding: [A - λ I, B] has rank n."""
         return not self.zeros(outputs=()).size
 
     @property
@@ -213,9 +213,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def zeros(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
         """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
 
-        By default all inputs and outputs are used. Without outputs, (), the result contains the
-        eigenvalues of the modes that no input reaches. Without inputs, (), it contains the
-        eigenvalues of the modes that no output shows.
+        By default all inputs and outputs are used. With outputs=(), the zeros are the eigenvalues
+        of the modes that no input affects. With inputs=(), they are the eigenvalues of the modes
+        that no output shows.
         """
         from trim.linear.frequency import zeros_of
         from trim.linear.reduction import chosen
@@ -228,7 +228,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     ) -> control.TimeResponseData:
         """Return the outputs after a unit step of each input, (outputs, inputs, N), as deviations.
 
-        time: (N,) or the last time, s; by default python-control chooses it
+        time: (N,), or the final time, s; by default chosen by python-control
         inputs, outputs: names; by default all
         """
         return _responses().response(self, "step", time, inputs, outputs)
@@ -237,8 +237,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def impulse(
         self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
-        """Return the outputs after a unit impulse of each input; the arguments are those of
-        `step`."""
+        """Return the outputs after a unit impulse of each input, (outputs, inputs, N), as
+        deviations.
+
+        The arguments are those of `step`.
+        """
         return _responses().response(self, "impulse", time, inputs, outputs)
 
     @checks_arguments
@@ -248,48 +251,45 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return the outputs over time, (outputs, N), as deviations from the operating point.
 
         u: (m, N) or (N, m), or input -> number or N values; by default 0
-        time: (N,) or the last time, s; by default python-control chooses it
-        initial: state -> deviation at the start, or (n,); by default 0
-        dt: sample time of u or of the result, s, in place of an array of times
+        time: (N,), or the final time, s; by default chosen by python-control
+        initial: state -> initial deviation, or all deviations (n,); by default 0
+        dt: sample time of u or of the result, s, instead of an array of times
         """
         return _responses().simulated(self, u, time, initial, dt)
 
     @checks_arguments
     def transfer_function(self, inputs: Any, outputs: Any) -> control.TransferFunction:
-        """Return python-control's transfer function from one input to one output, with
-        cancellation.
+        """Return the python-control transfer function from one input to one output.
 
-        Raises BadInputError for several inputs or outputs.
+        Common poles and zeros are canceled. Raises BadInputError for several inputs or outputs.
         """
         return _responses().transfer_function(self, inputs, outputs)
 
     @checks_arguments
     def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
-        """Draw the Bode plots of the named inputs and outputs in a pyplot figure, and return its
-        Axes.
+        """Draw the Bode plots of the named inputs and outputs with pyplot. Return the Axes.
 
-        Raises BadInputError where no input reaches an output.
+        Raises BadInputError if no input affects an output.
         """
         return _responses().bode(self, inputs, outputs)
 
     def plot(self) -> Axes:
-        """Draw the poles and zeros in a pyplot figure, and return its Axes."""
+        """Draw the poles and zeros with pyplot. Return the Axes."""
         return _responses().draw_poles(self)
 
     @checks_arguments
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
-        """Draw the Nyquist plot from one input to one output in a pyplot figure, and return its
-        Axes."""
+        """Draw the Nyquist plot from one input to one output with pyplot. Return the Axes."""
         return _responses().nyquist(self, inputs, outputs)
 
     def report(self) -> Report:
-        """Return the report of A, B, offsets and modes."""
+        """Return a report with A, B, the offsets and the modes."""
         from trim.linear.linear_report import linear_model_report
 
         return linear_model_report(self)
 
     def to_control(self) -> control.StateSpace:
-        """Return the model as python-control's `StateSpace`, with names."""
+        """Return the model as a python-control `StateSpace`, with the names of its signals."""
         from trim.linear.exchange import state_space
 
         return state_space(self)
@@ -299,5 +299,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _responses() -> Any:
-    """Return the module that computes responses."""
+    """Return the module with the responses, from the package that supplies it.
+
+    Raises BadInputError if this package is not installed.
+    """
     return part(PARTS, "notebook.responses", "a response of a linear model")

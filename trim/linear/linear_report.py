@@ -1,4 +1,4 @@
-"""Report of a linear model: its matrices with names and units, its offsets and modes."""
+"""Report of a linear model: matrices with names and units, offsets and modes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
 
 
 class Block(NamedTuple):
-    """Printed matrix A, B, C or D, with the names and units of its rows and columns."""
+    """Matrix A, B, C or D of a report, with the names and units of its rows and columns."""
 
     name: str
     rows: tuple[str, ...]
@@ -30,7 +30,10 @@ class Block(NamedTuple):
 
 
 def linear_model_report(model: LinearModel) -> Report:
-    """Return the report of A, B, offsets and modes; its data also contain E and F."""
+    """Return a report with A, B, the offsets and the modes; its data also contain E and F.
+
+    C and D are included if the outputs are not the states.
+    """
     point = model.point
     signals = point.model
     blocks = _blocks(model)
@@ -64,8 +67,8 @@ def linear_model_report(model: LinearModel) -> Report:
 
 
 def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """Return one row for each entry of a matrix and each offset: matrix, row, column, value,
-    unit."""
+    """Return a table (matrix, row, column, value, unit) with a row for each entry and each
+    offset."""
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         for i, row in enumerate(block.rows):
@@ -80,7 +83,7 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
 
 
 def units_in_words(model: LinearModel) -> str:
-    """Return the base units of the matrices and the exceptions: "rad, ft, s, but elevator in
+    """Return the units of the matrices and the exceptions as text: "rad, ft, s, but elevator in
     deg"."""
     units = model.model.units
     length = next(
@@ -105,12 +108,12 @@ def units_in_words(model: LinearModel) -> str:
 
 
 def _base_units(unit: str) -> set[str]:
-    """Return the base units in a unit: ft and s for ft/s^2."""
+    """Return the base units that a unit consists of: ft and s for ft/s^2."""
     return {*re.findall(r"[A-Za-z%]+", unit)}
 
 
 def matrices(model: LinearModel) -> tuple[Table, ...]:
-    """Return tables of A and B, and of C and D where the outputs are not the states."""
+    """Return tables of A and B, and of C and D if the outputs are not the states."""
     return tuple(
         matrix_table(block.name, block.rows, block.columns, block.values)
         for block in _blocks(model)
@@ -118,7 +121,7 @@ def matrices(model: LinearModel) -> tuple[Table, ...]:
 
 
 def _blocks(model: LinearModel) -> list[Block]:
-    """Return the matrices in the text and in the records."""
+    """Return the reported matrices: A and B, and C and D if the outputs are not the states."""
     signals = model.model
     of_states = (model.states, model.state_units)
     of_inputs = (model.inputs, model.input_units)

@@ -1,4 +1,4 @@
-"""A mode of a linear model."""
+"""Mode of a linear model."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from hfa_support.reporting.results import Result
 
 @dataclass(frozen=True)
 class Mode(Result):
-    """One real eigenvalue or one conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
+    """Mode with a real eigenvalue, or a conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
 
     Times are in the model's unit of time, s unless it declares another.
 
-    name: name by the states with the largest participation.
-    eigenvalue: 1/s, imaginary part >= 0, or 0 where it differs from 0 by rounding only.
-    damping: ζ = -Re λ / |λ|, 0 for λ = 0.
-    frequency: ω_n = |λ|, rad/s.
-    period: 2π / Im λ, s, inf when real.
-    time_to_half: -ln 2 / Re λ, s, inf unless stable.
-    time_to_double: ln 2 / Re λ, s, inf unless unstable.
-    stable: Re λ < 0.
-    participation: state -> share; they sum to 1.
+    name: name, from the states with the largest participation.
+    eigenvalue: λ, 1/s, with imaginary part >= 0; 0 if it differs from 0 by rounding only.
+    damping: damping ratio ζ = -Re λ / |λ|, 0 for λ = 0.
+    frequency: natural frequency ω_n = |λ|, rad/s.
+    period: 2π / Im λ, s, inf for a real eigenvalue.
+    time_to_half: -ln 2 / Re λ, s, inf if the mode is not stable.
+    time_to_double: ln 2 / Re λ, s, inf if the mode is not unstable.
+    stable: True if Re λ < 0.
+    participation: state -> participation; the sum is 1.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Mode(Result):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return the attribute that a word of another tool means: mode.zeta is mode.damping."""
+            """Return the attribute for a name that another tool uses: mode.zeta is mode.damping."""
             if name[0] == "_":
                 raise AttributeError(name)
             from hfa_support.unknown import attribute_of

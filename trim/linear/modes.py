@@ -1,4 +1,4 @@
-"""Modes of linear models: eigenvalues with names, damping, frequency and times."""
+"""Modes of linear models: names, eigenvalues, damping, frequency and times."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _ZERO = 10.0
 class Spectrum(NamedTuple):
     """Eigenvalues of a matrix (n, n), with bounds on their errors due to rounding.
 
-    values: (n,), with 0 in place of an eigenvalue, or a real part, that is within `errors`
+    values: (n,); an eigenvalue or a real part that is not larger than its error is replaced by 0
     errors: (n,), absolute
     right: (n, n), eigenvectors as columns
-    left: (n, n), the inverse of `right`
+    left: (n, n), inverse of `right`
     """
 
     values: np.ndarray
@@ -44,12 +44,14 @@ def modes_of(
     """Return the modes of x' = A x, fastest first; a conjugate pair is one mode.
 
     states: names of the rows of A
-    families: name of a mode -> the states that take part most
+    families: name of a mode -> the states that participate most
 
-    Participation of state k in mode i: |w_ki v_ki| / Σ_k |w_ki v_ki| with right and left
-    eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family
-    of states with the largest share, or after the state where that is in no family. When two
-    modes belong to one family, the faster is called "fast", the slower "slow".
+    The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
+    eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
+    states with the largest participation, or after the state if it is in no family. If two modes
+    have the same name, the faster one is called "fast" and the slower one "slow".
+
+    Raises BadInputError if A is not a square matrix of finite numbers with one row for each state.
 
     >>> import numpy as np
     >>> from trim import modes_of
@@ -93,7 +95,7 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
 
     The error of an eigenvalue is the rounding error of A times |v| |w|, with w'v = 1 (Wilkinson).
 
-    size: norm of the numbers that A was computed from, where it exceeds the norm of A
+    size: norm of the numbers from which A was computed; used if it exceeds the norm of A
     """
     values, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
@@ -106,7 +108,10 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
 
 
 def _told_apart(names: list[str]) -> list[str]:
-    """Return the names of modes, fastest first, made unique by "fast" and "slow" or by numbers."""
+    """Return unique names of modes: equal names get "fast" and "slow", or numbers.
+
+    names: names of the modes, fastest first
+    """
     different = []
     for index, name in enumerate(names):
         count = names.count(name)
@@ -137,7 +142,7 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
 
 
 def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
-    """Return the table of modes.
+    """Return a table of modes, one row each.
 
     time: unit of time of the model
     """
@@ -168,7 +173,7 @@ def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
 
 
 def _time_to(mode: Mode) -> str:
-    """Return the time to half or to double; "-" for an undamped mode."""
+    """Return the time to half or to double as text, or "-" if neither is finite."""
     if math.isfinite(mode.time_to_half):
         return f"{mode.time_to_half:.3f} (half)"
     if math.isfinite(mode.time_to_double):
@@ -177,23 +182,24 @@ def _time_to(mode: Mode) -> str:
 
 
 class Eigenvalues(NamedArray):
-    """Array that returns itself as a function: linear.eigenvalues()."""
+    """Array that can be called and then returns itself, so that linear.eigenvalues() also works."""
 
     def __call__(self) -> Eigenvalues:
-        """Return the array."""
+        """Return the array itself."""
         return self
 
 
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues (.., n) with each row sorted, fastest first.
+    """Return the eigenvalues (.., n) with each row sorted by decreasing magnitude.
 
-    Equally fast ones are ordered by increasing real part, then positive imaginary part first.
+    Eigenvalues of equal magnitude are sorted by increasing real part. Of a conjugate pair, the one
+    with the positive imaginary part is first.
     """
     order = order_fastest_first(eigenvalues)
     return np.take_along_axis(eigenvalues, order, axis=-1).astype(complex)
 
 
 def order_fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the indices that sort each row as `fastest_first` does."""
+    """Return the indices that sort each row of eigenvalues as in `fastest_first`."""
     speeds = np.round(np.abs(eigenvalues), 9)
     return np.lexsort((-eigenvalues.imag, eigenvalues.real, -speeds))

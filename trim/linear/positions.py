@@ -1,4 +1,4 @@
-"""Positions of names in a linear model."""
+"""Positions of named signals in a linear model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 
 def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
-    """Return the positions of one or several names among the known ones, or of all for None."""
+    """Return the positions of one or several names in the list `known`, or all positions for None.
+
+    what: kind of the names in messages: "state"
+
+    Raises BadInputError for an unknown name, and for a name given twice.
+    """
     chosen = known if names is None else names
     if isinstance(chosen, str):
         chosen = (chosen,)

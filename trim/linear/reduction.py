@@ -1,5 +1,7 @@
-"""Linear models with fewer states. Omitted states stay at the trim, or follow the others without
-delay."""
+"""Linear models with fewer states.
+
+Omitted states are constant, or follow the other states without delay.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,12 @@ _SINGULAR = 1e12
 
 
 class _Kept(NamedTuple):
-    """Positions of the kept states, of the states that follow without delay, and of the kept
-    outputs."""
+    """Positions of states and outputs in a reduced model.
+
+    rows: states that are kept
+    following: states that follow without delay
+    outputs: outputs that are kept
+    """
 
     rows: list[int]
     following: list[int]
@@ -34,7 +40,7 @@ Names = str | tuple[str, ...] | list[str] | None
 def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     """Return the model from the named inputs to the named outputs; None keeps all.
 
-    Raises BadInputError when the model has no such name, or a name is repeated.
+    Raises BadInputError if the model does not have such a name, or a name is repeated.
     """
     rows = positions("output", outputs, model.outputs)
     shown = replace(
@@ -54,7 +60,10 @@ def reduced(
     inputs: Sequence[str] | None,
     residualize: Sequence[str],
 ) -> LinearModel:
-    """Return the model of the named states and inputs (`LinearModel.select`)."""
+    """Return the model with the named states and inputs.
+
+    The arguments and errors are those of `LinearModel.select`.
+    """
     if states is None:
         states = tuple(name for name in model.states if name not in residualize)
     rows = positions("state", states, model.states)
@@ -94,8 +103,13 @@ def _reduced(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the kept rows and columns of a pair of matrices: A and C, B and D, or E and F.
 
-    They include the contribution of states that follow without delay. Raises BadInputError when the
-    rates of these do not determine them.
+    They include the effect of states that follow without delay.
+
+    of_rates: A, B or E
+    of_outputs: C, D or F
+    columns: columns that are kept
+
+    Raises BadInputError if the rates of the following states do not determine these states.
     """
     rows, following, outputs = kept
     rates = of_rates[:, columns]
@@ -120,8 +134,14 @@ def _reduced(
 def reduction_note(
     model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
 ) -> str:
-    """Return a note on the eigenvalues that change because states are omitted, or "" for all
-    states."""
+    """Return a note on the omitted states and the resulting change of eigenvalues.
+
+    The note is "" if all states are kept.
+
+    model: the reduced model
+    whole: the model with all states
+    residualized: states that follow without delay
+    """
     truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
     clauses = []
     for names, how in (

@@ -1,4 +1,4 @@
-"""Slopes of the rates on both sides of a point, and their means in A and B at a kink."""
+"""Slopes of the rates on both sides of a point, and their means as entries of A and B."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _FELT = 1e-2
 def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return the slopes of the rates between seven points along each column, (N, 6, n, columns).
 
-    The points are -3, ..., 3 steps away.
+    The points are -3, ..., 3 steps from z.
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters
-    columns: indices of the states and inputs that are moved
+    columns: indices of the states and inputs that are varied
     """
     n = len(model.states)
     count, size = z.shape
@@ -46,16 +46,20 @@ def exact_sides(
     p: parameters
     columns: indices of the states and inputs at a kink
 
-    Each is extrapolated to the point from exact derivatives two to three steps h away, clear of a
-    kink within a step: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h). The error is of the order of h³ J'''.
+    Each is extrapolated to the point from exact derivatives two to three steps h away, because a
+    kink may be up to one step from the point: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h). The error is of
+    the order of h³ J'''.
     """
     n = len(model.states)
     steps = np.array(steps_of(model))
     jacobian = _jacobian_of(model.layout)
 
     def extrapolated(column: int, step: float) -> np.ndarray:
-        """Return the derivatives with respect to a state or input, (n,), extrapolated from one
-        side."""
+        """Return the derivatives with respect to one state or input, (n,), extrapolated from one
+        side.
+
+        step: step away from the point; its sign selects the side
+        """
         slopes = []
         for count in (2.0, 2.5, 3.0):
             place = z.copy()
@@ -70,7 +74,8 @@ def exact_sides(
 
 @lru_cache(maxsize=16)
 def _jacobian_of(layout: Layout) -> ca.Function:
-    """Return the Function (x, u, p) -> derivatives of the rates in (x, u), (n, n + m)."""
+    """Return the CasADi Function (x, u, p) -> derivatives of the rates with respect to (x, u), (n,
+    n + m)."""
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
     derivatives = ca.jacobian(rates(x, u, p), ca.vertcat(x, u))
@@ -85,13 +90,14 @@ def correct(
     jacobian: np.ndarray,
     columns: np.ndarray,
 ) -> tuple[str, ...]:
-    """Replace the entries of a Jacobian at a kink by the means of both slopes, and return notes.
+    """Replace the entries of a Jacobian at a kink by the means of both slopes. Return notes on
+    them.
 
-    A note is a sentence on each such entry, and on each entry at which the rate jumps.
+    A note is a sentence on an entry at a kink, or on an entry at which the rate jumps.
 
     z: (n + m,), state and input
     p: parameters
-    slopes: (6, n, columns), of `slopes_around`, which distinguish a kink from a jump
+    slopes: (6, n, columns), from `slopes_around`; they distinguish a kink from a jump
     jacobian: (n, n + m), changed in place
     columns: indices of the states and inputs at a kink
     """

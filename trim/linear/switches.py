@@ -1,5 +1,7 @@
-"""Switches of the equations: knots of tables, and the points at which |x|, min, max, sign, a
-comparison or a rounding switches."""
+"""Switches of the equations: knots of tables, and points where |x|, min, max or sign switches.
+
+Comparisons and roundings also switch.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,15 @@ _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 def near_switches(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices of points near a switch, and of the states and inputs that reach one.
+    """Return the indices of points near a switch, and of the states and inputs that can reach one.
 
-    A point is near where a step reaches the switch. At most `_MOST` points are returned. Where the
-    equations call functions, whose content is not visible, all points, states and inputs are
-    returned.
+    A point is near a switch if a step reaches it. At most `_MOST` points are returned. If the
+    equations call functions, whose content is not visible, all finite points (at most `_MOST`),
+    states and inputs are returned.
+
+    x: (N, n), states
+    u: (N, m), inputs
+    p: (N, k), parameters
     """
     steps = steps_of(model)
     switches = _switches(model.layout, steps)
@@ -51,14 +57,14 @@ def near_switches(
 
 @lru_cache(maxsize=16)
 def steps_of(model: Model) -> tuple[float, ...]:
-    """Return the step of each state and input."""
+    """Return the finite-difference step of each state and input."""
     signals = (*model.states.values(), *model.inputs.values())
     return tuple(STEP * signal.nominal for signal in signals)
 
 
 @lru_cache(maxsize=16)
 def rates_of(layout: Layout) -> ca.Function:
-    """Return the Function (x, u, p) -> rates."""
+    """Return the CasADi Function (x, u, p) -> rates of the states."""
     vectors = layout.symbols("x", "u", "p")
     rates, _ = layout.expressions([components(vector) for vector in vectors], ())
     return ca.Function("rates", vectors, [rates])
@@ -76,8 +82,9 @@ def _calls_functions(layout: Layout) -> bool:
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     """Return the Function (x, u, p) -> |s| - 2 Σ m and m = |∂s/∂(x, u)| steps, row by row.
 
-    The s are the expressions at whose zeros |.|, sign, min, max, comparisons and roundings of the
-    equations switch. The result is None without any, and where the equations call functions.
+    At the zeros of the expressions s, an operation |.|, sign, min, max, comparison or rounding in
+    the equations switches. The result is None if the equations have no such operation, or if they
+    call functions.
     """
     if _calls_functions(layout):
         return None

@@ -1,4 +1,4 @@
-"""Transfer functions and transmission zeros of A, B, C, D."""
+"""Transfer functions and transmission zeros of a system A, B, C, D."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Transfer(Result):
-    """Transfer function gain Π(s - zero) / Π(s - pole), without pole-zero cancellations.
+    """Transfer function gain Π(s - zero) / Π(s - pole), after pole-zero cancellation.
 
-    output: its name.
-    input: its name.
-    unit: unit of the output over that of the input.
-    gain: 0 where the input does not reach the output.
-    static: the value at s = 0, null where a pole is there.
+    output: name of the output.
+    input: name of the input.
+    unit: unit of the output per unit of the input.
+    gain: leading coefficient; 0 if the input does not affect the output.
+    static: value at s = 0; null if there is a pole.
     zeros: (zeros,), 1/s.
     poles: (poles,), 1/s.
     """
@@ -55,6 +55,8 @@ def gain_and_roots(
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Return gain, static gain, zeros and poles of a system with one input and one output.
 
+    The static gain is inf for a pole at 0.
+
     modes: spectrum of A
     size: factor on both gains
     """
@@ -85,10 +87,10 @@ def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
 
 
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
-    """Return the invariant zeros with bounds on their errors due to rounding, and the normal rank.
+    """Return the invariant zeros with bounds on their rounding errors, and the normal rank.
 
-    The system is reduced to one with the same zeros whose D is square and invertible (A.
-    Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
+    The system is reduced to one with the same zeros and a square, invertible D (A. Emami-Naeini, P.
+    Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
     """
     size = float(np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]])))
     small = ROUNDING * size
@@ -102,11 +104,11 @@ def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
-    """Return a smaller system with the same zeros whose D has independent rows.
+    """Return a smaller system with the same zeros whose D has linearly independent rows.
 
     Combinations of states that y measures directly are removed.
 
-    small: singular values up to it count as rounding
+    small: singular values up to it count as 0
     """
     A, B, C, D = system
     while len(D):
@@ -133,9 +135,9 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
 
 
 def _without_common(zeros: Spectrum, poles: Spectrum) -> tuple[np.ndarray, np.ndarray]:
-    """Return the zeros and the poles that do not cancel, fastest first.
+    """Return the zeros and poles that remain after cancellation, fastest first.
 
-    A zero and a pole cancel where they agree within their errors.
+    A zero and a pole cancel if they agree within their errors.
     """
     kept_zeros = []
     kept_poles = order_fastest_first(poles.values).tolist()

@@ -1,1 +1,1 @@
-"""A single operating point: condition, solution and report."""
+"""Single operating points: condition, solution and report."""

@@ -22,22 +22,23 @@ _ROUNDING = 1e-12
 @checks_arguments
 @dataclass(frozen=True)
 class TrimCondition:
-    """Condition f(X, U) = rates, y(X, U) = values of a trim.
+    """Trim condition: equations f(X, U) = rates and y(X, U) = values, with free variables in
+    limits.
 
     Some of X, U and y are imposed; the other X and U are free within limits. All values are in the
     units of the model, angles in radians.
 
-    model: the aircraft
+    model: model of the aircraft
     imposed: variable or output -> value, or a table of values over the scheduling variable, which
         `at` evaluates
     rates: state -> imposed rate; by default zero for the steady states of the model. A rate that is
-        left out is not balanced.
-    limits: name -> (lowest, highest), in place of the model's limits
+        not listed is not balanced.
+    limits: name -> (lowest, highest), instead of the model's limits
     begin: variable -> initial value of the search
     name: name of a condition from a file
 
-    In `at` and `release` a rate is named after its state, with the suffix _dot. Raises
-    BadInputError when a name is unknown, or a value is not finite or outside its limits.
+    In `at` and `release`, the name of a rate is the name of its state with the suffix _dot. Raises
+    BadInputError if a name is unknown, or a value is not finite or outside its limits.
 
     >>> import hfa
     >>> from hfa import TrimCondition
@@ -56,7 +57,10 @@ class TrimCondition:
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        """Check all fields before a trim is solved."""
+        """Check all fields.
+
+        Raises BadInputError for an unknown name, a value that is not finite, and wrong limits.
+        """
         model = self.model
         if self.rates is None:
             object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
@@ -103,7 +107,8 @@ class TrimCondition:
 
     @property
     def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """States whose rates are imposed, and imposed outputs that are not variables."""
+        """Two tuples: states whose rates are imposed, and imposed outputs that are not
+        variables."""
         rates = tuple(name for name in self.model.states if name in self.rates)
         outputs = tuple(name for name in self.imposed if name not in self.model.variables)
         return rates, outputs
@@ -111,14 +116,14 @@ class TrimCondition:
     def at(
         self, scheduled: float | None = None, hold: Mapping[str, float] | None = None
     ) -> TrimCondition:
-        """Return the condition at a value of the scheduling variable, with numbers in place of
-        tables.
+        """Return the condition at a value of the scheduling variable, with tables replaced by
+        numbers.
 
-        scheduled: rad for an angle, or None for the condition's own value. Where the variable is
-            free the search begins at this value.
+        scheduled: value, rad for an angle, or None for the condition's own value. If the scheduling
+            variable is free, the search begins at this value.
         hold: name -> further imposed value
 
-        Raises BadInputError outside the breakpoints of a table, and where a value is outside its
+        Raises BadInputError outside the breakpoints of a table, and if a value is outside its
         limits.
         """
         by = self.model.schedule
@@ -136,9 +141,10 @@ class TrimCondition:
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
-        """Return the condition with the alternatives of these names set free.
+        """Return the condition without the imposed alternatives of these names.
 
-        Of each group of the model's `alternatives` only one name can be imposed.
+        Of each group in the model's `alternatives`, such as speed and mach, only one name can be
+        imposed.
         """
         if not self.model.extras.alternatives:
             return self
@@ -148,18 +154,17 @@ class TrimCondition:
         """Return the condition with the first of each group of alternatives imposed: speed for
         kcas.
 
-        Groups of the model's `alternatives` in which the others do not determine the first are
-        unchanged.
+        A group is unchanged if the imposed alternative does not determine the first one.
         """
         if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
-        """Return the imposed value of the variable `name` at one or many values of the scheduling
-        variable.
+        """Return the imposed value of the variable `name` for one or many scheduling values.
 
-        Raises BadInputError beyond the breakpoints of a table."""
+        Raises BadInputError outside the breakpoints of a table.
+        """
         table = self.imposed[name]
         if not isinstance(table, LinearTable):
             return np.full(np.shape(scheduled), table)
@@ -177,9 +182,10 @@ class TrimCondition:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Return the differences from the model's own trim: imposed, freed and limited variables.
+        """Return the differences from the trim that the model declares.
 
-        Tables are lists of [breakpoint, value] rows.
+        They are the entries "imposed", "free", "limits", "begin" and "rates", as far as they
+        differ. Tables are lists of [breakpoint, value] rows.
         """
         usual = self.model.trim
         imposed: dict[str, Any] = {}
@@ -204,9 +210,9 @@ class TrimCondition:
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """Return the differences in words: speed 60 ft/s, alpha free, throttle within 0 and 50.
+        """Return the differences as text: "speed 60 ft/s, alpha free, throttle within 0 and 50".
 
-        The text is empty for the model's own trim.
+        The text is "" for the trim that the model declares.
         """
         model = self.model
         changes = self.changes
@@ -226,16 +232,16 @@ class TrimCondition:
         return ", ".join(words)
 
     def limits_on(self, names: Sequence[str]) -> Limits:
-        """Return the limits of these variables, states and outputs."""
+        """Return the limits of these variables, states and outputs as `Limits`."""
         return Limits.of(self.model, names, self.limits)
 
     def limits_of(self, name: str) -> tuple[float, float]:
-        """Return the lowest and highest value of a variable, a state or an output."""
+        """Return the lowest and highest permitted value of a variable, a state or an output."""
         return self.limits.get(name, self.model.limits[name])
 
 
 def refuse_unfit(condition: TrimCondition, model: Model) -> None:
-    """Raise BadInputError when one of condition and model is in SI units and the other is not."""
+    """Raise BadInputError if only one of condition and model is in SI units."""
     if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
             "the condition is not in the units of the model; use the same model for both"
@@ -244,7 +250,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
 
 @lru_cache(maxsize=16)
 def usual_condition(model: Model) -> TrimCondition:
-    """Return the trim condition of a model's declaration."""
+    """Return the trim condition that a model declares."""
     return TrimCondition(model, model.trim)
 
 
@@ -256,12 +262,14 @@ def release(
     hold: Mapping[str, float | LinearTable] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
-    """Return a condition with some variables set free, others held, and further limits.
+    """Return a condition with some variables set free, others held, and limits changed.
 
-    free: variables to set free. The search for one begins at the value that was imposed. A rate
-        (speed_dot) set free is not balanced.
+    free: variables to set free. The search begins at their previously imposed values. A rate
+        (speed_dot) that is set free is not balanced.
     hold: name -> imposed value
     limits: name -> (lowest, highest)
+
+    Raises BadInputError for an unknown name, and for a name that is both set free and held.
     """
     hold = hold or {}
     for name in (*free, *hold):
@@ -287,11 +295,9 @@ def release(
 
 
 def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return imposed values with the first name of each group of alternatives in place of the
-    others.
+    """Return the imposed values, with the first of each group of alternatives instead of another.
 
-    Groups of the model's `alternatives` in which the others do not determine the first are
-    unchanged.
+    A group is unchanged if the imposed alternative does not determine the first one.
 
     imposed: name -> number or array
     """
@@ -310,9 +316,9 @@ def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[st
 def without_alternatives(
     model: Model, imposed: Mapping[str, Any], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return the values that stay imposed when these names are imposed too.
+    """Return the imposed values without the alternatives of these names.
 
-    Of each group of the model's `alternatives` one value is dropped for a new name.
+    names: names that will be imposed instead
     """
     released: set[str] = set()
     for group in model.extras.alternatives:
@@ -324,7 +330,7 @@ def without_alternatives(
 def _values_and_rates(
     model: Model, held: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split held values into those of variables and outputs, and those of rates, by state."""
+    """Split held values into two mappings: variable or output -> value, and state -> rate."""
     values: dict[str, Any] = {}
     rates: dict[str, Any] = {}
     for name, value in held.items():

@@ -1,4 +1,4 @@
-"""Trim conditions in files."""
+"""Reading of trim conditions from files."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ _FILE = {
 def read_condition(
     name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
 ) -> TrimCondition:
-    """Return the condition of a file, which changes the default condition.
+    """Return the condition in a file, which states changes of the default condition.
 
     name: path of the user's file, or name of a file in the package
     usual: the default condition
     shipped: name -> file in `trim.hfa`, for the conditions of the paper's aircraft
 
     The table [impose] has entries variable = value, or variable = [[breakpoint, value], ...]. An
-    angle is in degrees under its name with the suffix _deg (alpha_deg), and in rad without the
-    suffix. `free` is a list of variables. The table [limits] has entries variable = [lowest,
-    highest], also with _deg. Raises a BadInputError that names the file, the entry and the fault.
+    angle is in degrees if its name has the suffix _deg (alpha_deg), otherwise in rad. `free` is a
+    list of variables. The table [limits] has entries variable = [lowest, highest], also with _deg.
+
+    Raises BadInputError that names the file, the entry and the fault.
     """
     data = read_named("condition", name, shipped, "trim.hfa", _FILE)
     model = usual.model
@@ -61,9 +62,12 @@ def read_condition(
 
 
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """Return the variable of a key, and the factor from its unit to the declared one.
+    """Return the variable of a key, and the factor from the unit in the file to that of the model.
 
-    more: further allowed names
+    key: name in the file, possibly with the suffix _deg
+    more: further permitted names
+
+    Raises BadInputError for an unknown name, and for _deg with a variable that is not an angle.
     """
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
@@ -76,9 +80,12 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the values of a variable over the scheduling variable.
+    """Return the values of a variable as a table over the scheduling variable.
 
-    The scheduling variable is in degrees where it is an angle.
+    value: [scheduling value, value] rows; the scheduling value is in degrees if it is an angle
+    factor: factor from the unit in the file to that of the model
+
+    Raises BadInputError if the rows are not pairs of numbers.
     """
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):

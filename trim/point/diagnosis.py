@@ -1,4 +1,4 @@
-"""Diagnosis of a condition without a trim, loaded when a trim fails."""
+"""Diagnosis of a condition that has no trim."""
 
 from __future__ import annotations
 
@@ -21,10 +21,12 @@ _MINOR = 1e-3
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
-    """Return one line that states why the best unknowns found are not a trim.
+    """Return one line with the reason why the best unknowns found are not a trim.
 
-    It names the equations that do not balance within the limits and their excess, the binding
-    limits, and the values beyond the limits that balance would require.
+    It names the equations that do not balance and their residuals, the active limits, and the
+    values beyond the limits that balance would require.
+
+    found: unknowns, (k,), possibly beyond their limits
     """
     z = problem.clip(found)
     off = _imbalances(problem, z)
@@ -48,16 +50,19 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
-    """Return the message for a condition that balances only beyond the limits.
+    """Return one line on a condition that balances only beyond the limits.
 
-    balancing: free variable -> value in balance
+    balancing: free variable -> value for which the equations balance
     """
     problem = TrimProblem(model, condition)
     return failure(problem, problem.unknowns(balancing))
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return the equations that do not balance, the largest residual first, without minor ones."""
+    """Return a text for each equation that does not balance, "speed by 0.3 ft/s^2", largest first.
+
+    Equations with a much smaller residual than the largest are omitted.
+    """
     scaled = problem.at(z).residual
     point = problem.point(z, Status.FAILED)
     least = max(BALANCE, _MINOR * float(np.abs(scaled).max()))
@@ -71,7 +76,7 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return the free variables that act on no equation."""
+    """Return the free variables that affect no equation."""
     effects = np.abs(problem.at(z).jacobian).max(axis=0)
     names = [*problem.idle]
     for name, effect in zip(problem.free, effects.tolist(), strict=True):
@@ -81,10 +86,10 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return free variables whose effect on the equations equals a combination of others.
+    """Return a sentence for each free variable whose effect is a combination of others' effects.
 
-    They are reported where fewer directions than equations are left. Such a column of the Jacobian
-    is a linear combination of the columns before it.
+    Its column of the Jacobian is then a linear combination of the columns before it. The list is
+    empty if the Jacobian has full row rank.
     """
     jacobian = problem.at(z).jacobian
     sentences: list[str] = []
@@ -108,7 +113,11 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """Return the limits that bind at the unknowns z, and the values that balance would require."""
+    """Return a sentence for each active limit, with the value that balance would require.
+
+    z: unknowns within their limits, (k,)
+    wanted: unknowns for which the equations balance, or z if there are none
+    """
     limits = problem.system.limits
     describe = problem.model.describe
     values = z * problem.system.scales

@@ -1,4 +1,4 @@
-"""Newton's method with step halving."""
+"""Newton's method with halved steps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def halving(
     moving: np.ndarray | None = None,
     bounded: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of the settled points.
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
     Each step is halved until it is accepted. The arguments are those of `newton`.
     """
@@ -73,13 +73,13 @@ def halving(
 
 
 class _Search(NamedTuple):
-    """State of the search at N points.
+    """State of Newton's method at N points.
 
-    points: their indices
+    points: indices of the points
     size: |r| at the best unknowns, (N,)
-    jacobian: J there, (N, m, k)
-    step: Newton step from there, (N, k)
-    share: fraction of the step that is tried next, (N,)
+    jacobian: J at the best unknowns, (N, m, k)
+    step: Newton step from the best unknowns, (N, k)
+    share: fraction of the step to be tried next, (N,)
     """
 
     points: np.ndarray
@@ -89,7 +89,7 @@ class _Search(NamedTuple):
     share: np.ndarray
 
     def of(self, rows: np.ndarray) -> _Search:
-        """Return the search at some of the points.
+        """Return the state of the search at some of the points.
 
         rows: indices or mask
         """
@@ -101,11 +101,11 @@ def newton_step(
 ) -> np.ndarray:
     """Return the Newton steps d (N, k) with J d = -r.
 
-    The step has least norm where J is singular or not square, and is nan where J is not finite.
+    If J is singular or not square, the step has least norm. If J is not finite, the step is nan.
 
     jacobian: J, (N, m, k)
     residual: r, (N, m)
-    moving: indices of the unknowns that may move; by default all
+    moving: indices of the unknowns that may change; by default all
     """
     count, rows, unknowns = jacobian.shape
     if moving is not None:
@@ -126,7 +126,7 @@ def newton_step(
 
 
 def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return r and J of the equations that the unknowns can move."""
+    """Return r and J of the equations that the unknowns affect."""
     residual, jacobian = system.residuals(z, c)
     return residual[:, : system.moved], jacobian
 

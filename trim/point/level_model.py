@@ -1,4 +1,4 @@
-"""Linear model at a model's own trim, in one call."""
+"""Linear model at the trim that a model declares, in one call."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from trim.point.solve import find_operating_point
 
 @checks_arguments
 def level_model(model: Model, scheduled: float) -> LinearModel:
-    """Return the linear model at the model's own trim; for the HFA it is the paper's level flight.
+    """Return the linear model at the trim that the model declares.
 
-    model: the aircraft
-    scheduled: value of its scheduling variable; for the HFA the dihedral angle, rad
+    For the flexible aircraft it is the paper's level flight.
 
-    Raises TrimError when this trim does not exist.
+    model: model of the aircraft
+    scheduled: value of its scheduling variable; for the flexible aircraft the dihedral angle, rad
+
+    Raises TrimError if this trim does not exist.
 
     >>> import hfa
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states

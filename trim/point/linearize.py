@@ -27,14 +27,14 @@ def linearize(
 
     They are computed by algorithmic differentiation. At a kink an entry is the mean of two slopes.
 
-    model: the aircraft
+    model: model of the aircraft
     point: its operating point
-    full: whether all states are kept; by default only the model's linear states, for the HFA the
-        paper's six (Section 2.2)
-    outputs: names of outputs or of states, or None for the states of the model
-    disturbances: names, or None for the first one where `outputs` are given, else for none
+    full: whether all states are kept; by default only the model's linear states, for the flexible
+        aircraft the paper's six (Section 2.2)
+    outputs: names of outputs or states; by default the states of the linear model
+    disturbances: names; by default the first disturbance if `outputs` are given, otherwise none
 
-    Raises BadInputError when the point is of another model, or a name is unknown.
+    Raises BadInputError if the point belongs to another model, or a name is unknown.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))

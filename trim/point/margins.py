@@ -1,4 +1,4 @@
-"""Margins of the variables of a trim to their limits."""
+"""Margins between the variables of a trim and their limits."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from trim.point.problem import TrimProblem
 
 @dataclass(frozen=True)
 class Margin(Result):
-    """A variable between its limits, in its own unit.
+    """Variable of a trim with its limits, in its unit.
 
     name: name of the variable.
-    value: at the point.
-    role: "free", "held", "left" at the initial value of the search, or "follows" for another state
-        or output.
-    lowest: limit, infinite without one.
-    highest: limit, infinite without one.
-    unit: unit of all of them.
-    scale: the nominal size.
+    value: value at the trim.
+    role: "free", "held", "left" (at its initial value, because it is in no equation), or "follows"
+        (another state or output).
+    lowest: lower limit, infinite without one.
+    highest: upper limit, infinite without one.
+    unit: unit of all these numbers.
+    scale: nominal size of the variable.
     """
 
     json_keys = "value unit role lowest highest margin=distance nearer at_limit"
@@ -48,7 +48,7 @@ class Margin(Result):
 
     @property
     def nearer(self) -> str:
-        """Return the nearer limit, "lowest" or "highest", or "" without limits."""
+        """Name of the nearer limit, "lowest" or "highest", or "" without limits."""
         if math.isinf(self.distance):
             return ""
         return "lowest" if self.value - self.lowest <= self.highest - self.value else "highest"
@@ -60,7 +60,10 @@ class Margin(Result):
 
     @property
     def share(self) -> float:
-        """distance / (highest - lowest): 0 at a limit, 0.5 halfway, or 0 for an infinite range."""
+        """distance / (highest - lowest): 0 at a limit, 0.5 halfway.
+
+        It is 0 if the range is infinite and the distance is finite.
+        """
         return self.distance / (self.highest - self.lowest)
 
     @property
@@ -69,7 +72,8 @@ class Margin(Result):
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
     def row(self) -> tuple[str, ...]:
-        """Return name, value, unit, status, limits, margin and nearer limit; angles in degrees."""
+        """Return name, value, unit, role, limits, margin and nearer limit as text; angles in
+        degrees."""
         lowest, highest = (
             "" if math.isinf(limit) else shown_value(limit, self.unit)
             for limit in (self.lowest, self.highest)
@@ -81,9 +85,9 @@ class Margin(Result):
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
-    """Return name -> margin of every state, every relevant output, and every input, in this order.
+    """Return name -> margin of every state, every relevant output and every input, in this order.
 
-    An output is relevant where the trim imposes it or the model limits it.
+    An output is relevant if the trim imposes it, the model limits it, or it replaces a state.
     """
     model = point.model
     roles = _roles(condition, point)
@@ -108,7 +112,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
 
 
 def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
-    """Return variable -> role in the trim."""
+    """Return variable -> role in the trim: "held", "free" or "left"."""
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
     if set(condition.free) <= set(point.model.inputs):
@@ -120,8 +124,10 @@ def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
 def _limits_through(
     model: Model, point: OperatingPoint, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of an output y that follow from those of a state x: y = y0 + slope (x -
-    x0)."""
+    """Return the limits of an output y that follow from the limits of a state x.
+
+    y = y0 + slope (x - x0), with the values x0, y0 at the trim.
+    """
     x = getattr(point.states, state)
     step = model.states[state].nominal
     moved = point.states._replace(**{state: x + step})

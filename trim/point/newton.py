@@ -1,4 +1,4 @@
-"""Newton's method for r(z, c) = 0, at N points at once or at one."""
+"""Newton's method for r(z, c) = 0 at one or many points."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ def newton(
     moving: np.ndarray | None = None,
     bounded: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of the settled points.
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
-    A step J d = -r is halved until the norm of r falls, or that of J⁻¹ r, which does not depend on
-    the scales of the equations. A step from a residual of `NEARLY` or less is the last of its
-    point, which is then settled. Where J is singular or not square, d is the least-norm solution. A
-    point that does not settle keeps the best unknowns found.
+    A step J d = -r is halved until |r| decreases, or |J⁻¹ r|, which does not depend on the scales
+    of the equations. A step from a residual of at most `NEARLY` is the last one, and the point has
+    then converged. If J is singular or not square, d is the solution of least norm. A point that
+    does not converge keeps the best unknowns found.
 
     system: the equations r(z, c)
     z: (N, k), initial unknowns
     c: (N, ..), constants that differ between the points
-    moving: indices of the unknowns that may move; by default all
+    moving: indices of the unknowns that may change; by default all
     bounded: whether every trial is moved to the nearest point within the limits; angles without
         limits are then limited to 90 deg
     """

@@ -1,4 +1,4 @@
-"""Trimmed (or failed) flight conditions: state, input and the residual of each equation."""
+"""Operating points, trimmed or not: state, input and the residual of each equation."""
 
 from __future__ import annotations
 
@@ -33,7 +33,13 @@ BALANCE = 1e-10
 
 
 class Status(StrEnum):
-    """Status of a point: balanced within the limits, balanced beyond them, or not balanced."""
+    """Status of an operating point.
+
+    TRIMMED: the equations balance within the limits
+    BEYOND_LIMITS: they balance only beyond a limit
+    NO_TRIM: they do not balance
+    FAILED: nearest point of a failed search, stored in its error
+    """
 
     TRIMMED = "trimmed"
     BEYOND_LIMITS = "beyond limits"
@@ -43,19 +49,19 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(StatesAndInputs, Result, Reported):
-    """X0, U0, with the residual of each equation: dX/dt(X0, U0) - imposed rate, or y(X0, U0) -
-    imposed output.
+    """State X0 and input U0, with the residual of each equation.
+
+    A residual is dX/dt(X0, U0) - imposed rate, or y(X0, U0) - imposed output.
 
     states: X0, by name, in the units of the model.
     inputs: U0, by name.
-    residuals: residual of each balanced equation, by the name of its state or output, in its own
-        unit.
-    status: "trimmed", "beyond limits" or "no trim"; "failed" when it belongs to a `TrimError`,
+    residuals: state or output -> residual of its equation, in the unit of the equation.
+    status: "trimmed", "beyond limits" or "no trim"; "failed" if the point belongs to a `TrimError`,
         which states the reason.
     model: the model that was trimmed.
-    started: 0 when the search began at the usual point, else the number of the other initial point
-        (of `STARTS`).
-    problem: the solved problem, or None for a point that was read or computed otherwise.
+    started: 0 if the search began at the default initial point, otherwise the number of another
+        initial point (of `STARTS`).
+    problem: the solved problem, or None for a point that was loaded or computed otherwise.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft())
@@ -77,22 +83,22 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if it is trimmed, within the limits."""
+        """True if the point is trimmed within the limits."""
         return self.status == Status.TRIMMED
 
     @property
     def scaled_residuals(self) -> dict[str, float]:
-        """Equation -> residual divided by its scale."""
+        """Equation -> residual divided by the scale of the equation."""
         return {name: value / self.scale(name) for name, value in self.residuals.items()}
 
     @property
     def residual(self) -> float:
-        """Largest size of a scaled residual; a trim balances within 1e-10."""
+        """Largest magnitude of the scaled residuals. A trim balances within 1e-10."""
         return max(map(abs, self.scaled_residuals.values()), default=0.0)
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """Name -> value for all variables: states, outputs that replace states, and inputs."""
+        """Name -> value of all variables: states, inputs, and outputs that replace states."""
         replacing = self.model.outputs_at(
             self.states, self.inputs, list(self.model.replaced.values())
         )
@@ -101,7 +107,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def __getitem__(self, name: str) -> float:
         """Return the value of a state, an input or an output, in the units of the model.
 
-        Raises BadInputError when the model has no such name.
+        Raises BadInputError if the model does not have such a name.
         """
         model = self.model
         refuse_unknown("unknown variable", name, tuple(self))
@@ -114,7 +120,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return iter((*self.model.states, *self.model.inputs, *self.model.outputs))
 
     def keys(self) -> tuple[str, ...]:
-        """Return the names of the states, inputs and outputs, so that dict(point) has all
+        """Return the names of the states, inputs and outputs, so that dict(point) contains all
         values."""
         return tuple(self)
 
@@ -145,13 +151,13 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def dihedral_deg(self) -> float | None:
-        """The dihedral angle of the HFA, degrees, or None for other models."""
+        """Dihedral angle of the flexible aircraft, degrees, or None for other models."""
         model = self.model
         return in_degrees(self.values[model.schedule]) if model.extras.names_schedule else None
 
     @property
     def scheduled(self) -> dict[str, float] | None:
-        """Scheduling variable -> value, or None for models with a dihedral angle."""
+        """Scheduling variable -> value; empty without one, or None for the flexible aircraft."""
         if self.model.extras.names_schedule:
             return None
         name = self.model.schedule
@@ -159,7 +165,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def at_scheduled(self) -> str:
-        """Scheduling variable and its value, "at dihedral 15 deg", or "" without one."""
+        """Text with the scheduling variable and its value, "at dihedral 15 deg", or "" without
+        one."""
         name = self.model.schedule
         if name not in self.values:
             return ""
@@ -167,7 +174,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about a model at this point."""
+        """Warnings about the model, its units in degrees, and values beyond its range of
+        validity."""
         notes = [*self.model.extras.notes]
         declared = self.model.extras.native or self.model
         if any(signal.unit == "deg" for signal in declared.signals.values()):
@@ -178,8 +186,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def margins(self) -> dict[str, Margin]:
-        """Name -> distance of each state, input and limited output to its nearer limit, as a
-        `Margin`."""
+        """Name -> `Margin` of each state, input and limited output to its nearer limit."""
         from trim.point.condition import usual_condition
         from trim.point.margins import all_margins
 
@@ -188,11 +195,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def far_out(self) -> list[str]:
-        """Angles without limits that the search has moved beyond 90 deg, in words."""
+        """Text for each free angle without limits that exceeds 90 deg, "bank 154 deg"."""
         return [] if self.problem is None else self.problem.far_out(self.values)
 
     def refuse_other(self, model: Model) -> None:
-        """Raise BadInputError when the point was trimmed with another model, or other dynamics."""
+        """Raise BadInputError if the point was trimmed with a model of other units or other
+        dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
                 "the operating point is not in the units of the model; trim the model itself"
@@ -204,7 +212,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             )
 
     def scale(self, equation: str) -> float:
-        """Return the scale of an equation's residual, in its own unit."""
+        """Return the scale of an equation's residual, in the unit of the equation.
+
+        equation: name of a state or an output
+        """
         model = self.model
         return (
             model.rate_scale(equation)
@@ -213,7 +224,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         )
 
     def equation_unit(self, equation: str) -> str:
-        """Return the unit of an equation's residual: of a rate, or of an imposed output."""
+        """Return the unit of an equation's residual: that of a rate or of an imposed output.
+
+        equation: name of a state or an output
+        """
         return (
             self.model.rate_unit(equation)
             if equation in self.model.states
@@ -222,8 +236,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def title(self) -> str:
-        """Return the model, the verdict on the point, and the initial point of the search if
-        unusual."""
+        """Return one line with the model, the status, and remarks on the search.
+
+        It names an angle beyond 90 deg, and states if the search began at another initial point.
+        """
         words = [f"Trim, {self.model.title}: {self.status}"]
         if self.far_out:
             words.append(f"far out, {self.far_out[0]}")
@@ -232,9 +248,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return "; ".join(words)
 
     def report(self) -> Report:
-        """Return the report of `hfa trim`.
+        """Return the report that `hfa trim` prints.
 
-        The report of a point that no search found has its states and inputs alone.
+        For a point that was not found by a search, it contains only the states and inputs.
         """
         if self.problem is not None:
             from trim.point.trim_report import trim_report
@@ -247,27 +263,27 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def linearize(self, **options: Any) -> LinearModel:
         """Return the linear model at the point.
 
-        options: keywords of `hfa.linearize`
+        options: keyword arguments of `hfa.linearize`
         """
         from trim.point.linearize import linearize
 
         return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
-        """Draw every variable between its limits in a pyplot figure, and return its Axes."""
+        """Draw every variable between its limits with pyplot. Return the Axes."""
         from trim.point.point_figure import draw_point
 
         return draw_point(self)
 
     def save(self, path: Path) -> None:
-        """Write the point as JSON; `load` restores every bit."""
+        """Write the point as JSON. `load` restores every bit of the numbers."""
         write_text(path, json_text(self.to_dict()))
 
     @staticmethod
     def load(path: Path, model: Model) -> OperatingPoint:
-        """Return a saved point of a model, from its own file or from a saved trim or linear model.
+        """Return a saved point of a model, from its own file, a saved trim or a saved linear model.
 
-        Raises a BadInputError that names the fault.
+        Raises BadInputError that names the file and the fault.
         """
         from trim.point.saved_point import loaded_point
 
@@ -275,7 +291,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
-    """Return a sentence for every value beyond the range of validity of the model (`Extras.range`).
+    """Return a sentence for every value beyond the model's range of validity (`Extras.range`).
 
     values: name -> value; a missing name counts as within the range
     """

@@ -1,4 +1,4 @@
-"""Picture of a trim: every variable between its limits."""
+"""Figure of a trim with every variable between its limits."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ if TYPE_CHECKING:
 
 
 def draw_point(point: OperatingPoint) -> Axes:
-    """Draw each state and input in percent of its range, 0 % at the lowest limit, and return the
-    Axes.
+    """Draw each state and input in percent of its range with pyplot. Return the Axes.
 
-    The figure is a pyplot figure. Variables without two limits are omitted. Raises BadInputError
-    for a point that no search found, and for a model without limits.
+    The lowest limit is at 0 %, the highest at 100 %. Variables without two limits are omitted.
+    Raises BadInputError for a point that was not found by a search, and for a model without limits.
     """
     if point.problem is None:
         raise BadInputError(

@@ -1,4 +1,4 @@
-"""The problem of one trim: unknowns within limits, equations, and the start of the search."""
+"""Problem of one trim: unknowns within limits, equations, and initial values."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _FAR = 10.0
 
 
 class TrimProblem:
-    """Problem of one trim: a condition in numbers, its equations, and the start of the search.
+    """Problem of one trim: a condition with numbers, its equations, and the initial values.
 
-    asked: the given condition
+    asked: the condition as given
     system: the equations; the unknowns z are scaled
     c: (1, ..), constants of the system
-    free, idle: the unknowns, and the free variables that are in no equation
+    free, idle: names of the unknowns, and of free variables that are in no equation
     names: names of the equations: states for their rates, then outputs
-    count: number of equations that the unknowns can move, and number of unknowns
+    count: number of equations that the unknowns affect, and number of unknowns
 
-    Raises BadInputError where nothing is free and the point is no equilibrium, where no free
-    variable moves an equation, and for a condition of another model.
+    Raises BadInputError if nothing is free and the point is not an equilibrium, if no free variable
+    affects an equation, and for a condition of another model.
     """
 
     def __init__(
@@ -65,14 +65,14 @@ class TrimProblem:
             raise BadInputError(f"{idle} has no effect on the equations; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the arguments; compiled functions are made again."""
+        """Pickle only the arguments. Compiled functions are created again."""
         return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:
-        """Return the equations at the unknowns z (k,).
+        """Return the equations evaluated at the unknowns z (k,).
 
-        Raises FloatingPointError where they are not finite, BadInputError where the model refuses
-        the state.
+        Raises FloatingPointError if they are not finite, and BadInputError if the model refuses the
+        state.
         """
         key = z.tobytes()
         if self._last is not None and self._last[0] == key:
@@ -87,7 +87,10 @@ class TrimProblem:
         return evaluation
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
-        """Return the unknowns (k,) after Newton's method."""
+        """Return the unknowns (k,) after Newton's method from z, whether or not it converged.
+
+        moving: indices of the unknowns that may change; by default all
+        """
         ends, _ = newton(self.system, z[None], self.c, moving)
         return ends[0]
 
@@ -96,7 +99,7 @@ class TrimProblem:
         return np.minimum(np.maximum(z, self.system.lowest), self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:
-        """Return whether the equations balance within all limits."""
+        """Return whether the equations balance within all limits, also those of outputs."""
         if not self.balanced(z):
             return False
         system = self.system
@@ -104,9 +107,10 @@ class TrimProblem:
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
     def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return a solution (k,) with large angles reduced, and whether one remains beyond 90 deg.
+        """Return a solution (k,) with large angles reduced, and whether an angle still exceeds 90
+        deg.
 
-        Whole turns are subtracted where the result is a solution too.
+        Full revolutions are subtracted if the result is a solution, too.
         """
         if not self.system.far_out(z).any():
             return z, False
@@ -115,15 +119,15 @@ class TrimProblem:
         return ends, bool(self.system.far_out(ends).any())
 
     def far_out(self, values: Mapping[str, float]) -> list[str]:
-        """Return the free angles without limits beyond 90 deg, in words."""
+        """Return a text for each free angle without limits that exceeds 90 deg, "bank 154 deg"."""
         far = self.system.far_out(self.unknowns(values))
         names = [self.free[i] for i in np.flatnonzero(far)]
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
     def balanced(self, z: np.ndarray) -> bool:
-        """Return whether every residual is within `BALANCE`, regardless of the limits.
+        """Return whether every scaled residual is within `BALANCE`, regardless of the limits.
 
-        The result is False where the model has no values.
+        The result is False if the equations cannot be evaluated.
         """
         try:
             return bool(np.abs(self.at(z).residual).max() <= BALANCE)
@@ -131,22 +135,21 @@ class TrimProblem:
             return False
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scaled unknowns z (k,).
+        """Return the scaled unknowns z (k,) for the values of all variables.
 
-        values: name -> value of all variables
+        values: name -> value
         """
         return self.system.unknowns(values)
 
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield initial points for further searches, from `STARTS` evenly spread points within the
-        limits.
+        """Yield initial points for further searches: evenly spread points within the limits.
 
-        Only points at which the Jacobian differs from that at the guess are returned, because
-        equations with a constant Jacobian have one solution. There are none without unknowns, or
-        with more equations than unknowns.
+        Of `STARTS` points, only those are yielded at which the Jacobian differs from the one at the
+        guess, because equations with a constant Jacobian have one solution. There are none without
+        unknowns, or with more equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
-        ratio), without random numbers.
+        ratio), so that no random numbers are needed.
         """
         equations, unknowns = self.count
         if not unknowns or equations > unknowns:
@@ -168,7 +171,7 @@ class TrimProblem:
                 yield start
 
     def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Return the results of Newton's method from each start that are within the limits, (N,
+        """Return the results of Newton's method within the limits from each initial point, (N,
         k)."""
         c = np.repeat(self.c, len(starts), axis=0)
         begin = np.reshape(starts, (len(starts), len(self.free)))
@@ -177,7 +180,7 @@ class TrimProblem:
         return z
 
     def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
-        """Return the operating point at these unknowns."""
+        """Return the operating point at the unknowns z (k,)."""
         evaluation = self.at(z)
         amounts = (evaluation.residual * self.system.row_scales).tolist()
         residuals = dict(zip(self.names, amounts, strict=True))
@@ -194,9 +197,9 @@ class TrimProblem:
 
     @classmethod
     def of(cls, condition: TrimCondition, point: OperatingPoint) -> TrimProblem:
-        """Return the problem of a condition, searched from a point.
+        """Return the problem of a condition, with the values of a point as initial values.
 
-        The problem stored in the point is used where it has this condition.
+        The problem stored in the point is returned if it has this condition.
         """
         if point.problem is not None and point.problem.asked is condition:
             return point.problem

@@ -1,4 +1,4 @@
-"""Explanations of a missing trim in terms of the aircraft."""
+"""Explanations of a missing trim that a model provides."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from trim.point.solve import TrimError
 
 
 def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
-    """Return the error with the explanation of the model's `explain` before the equations.
+    """Return the error with the explanation by the model's `explain` before the failing equations.
 
     `explain` may solve the condition with other values held and names set free, by Newton's method
-    from the default start.
+    from the default initial point. The error is unchanged if the model has no explanation.
     """
     if model.extras.explain is None:
         return error

@@ -1,4 +1,4 @@
-"""Operating points in files."""
+"""Loading of operating points from files."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _FILE: dict[Any, Any] = {
 
 
 def loaded_point(path: Path, model: Model) -> OperatingPoint:
-    """Return a saved point of a model, from its own file or from a saved trim or linear model.
+    """Return a saved point of a model, from its own file, a saved trim or a saved linear model.
 
-    Raises a BadInputError that names the fault.
+    Raises BadInputError that names the file and the fault.
     """
     try:
         data = read_json(path)
@@ -68,7 +68,7 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
 
 
 def saved_report(point: OperatingPoint) -> Report:
-    """Return the report of the states and inputs of a point that no search found."""
+    """Return a report of the states and inputs of a point that was not found by a search."""
     records = point_records(point)
     rows = [
         (kind, name, *degrees(value, unit))

@@ -1,8 +1,8 @@
-"""Searches for a trim where Newton's method from the default start finds none.
+"""Searches for a trim, used if Newton's method fails from the default initial point.
 
-They begin at the least squares within the limits, follow a path from the model's own trim
-(continuation), or begin at other points. Where unknowns outnumber equations, the least control
-effort is sought.
+They begin at the least-squares solution within the limits, follow a path from the trim that the
+model declares (continuation), or begin at other points. If there are more unknowns than equations,
+they minimize the control effort.
 """
 
 from __future__ import annotations
@@ -33,10 +33,12 @@ _INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the start, unknowns) at the end of each search.
+    """Yield (number of the initial point, unknowns) at the end of each search, in this order:
 
-    Newton's method begins at the least squares within the limits, then follows the path from the
-    model's own trim. Then come the least squares themselves, and Newton's method from other points.
+    - Newton's method from the least-squares solution within the limits
+    - continuation from the trim that the model declares, if it succeeds
+    - the least-squares solution itself
+    - Newton's method from other initial points, with the numbers 1, 2, ...
     """
     problem.at(guess)  # where the equations have no value there, that is the answer
     nearest = _bounded_least_squares(problem, guess)
@@ -49,10 +51,12 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
 
 
 def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the start, unknowns) of trims of least effort.
+    """Yield (number of the initial point, unknowns) of trims of least effort, in this order:
 
-    They begin at the guess and at the least squares within the limits. Then come the least squares
-    themselves, and trims from other points.
+    - from the guess
+    - from the least-squares solution within the limits, if it is a trim
+    - the least-squares solution itself
+    - from other initial points, with the numbers 1, 2, ...
     """
     problem.at(guess)  # where the equations have no value there, that is the answer
     yield 0, _least_effort(problem, guess)
@@ -65,13 +69,15 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the solution at the end of a path from the model's own trim, or None.
+    """Return the solution at the end of a path from the trim that the model declares, or None.
 
-    The imposed values change from those of the model's own trim to the requested ones in steps that
-    Newton's method can follow. Each step begins on the line through the two previous solutions. The
-    result is None where the path ends, or does not exist.
+    The imposed values change from those of the declared trim, c0, to the requested ones, c1:
 
     c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
+
+    The steps of s are small enough for Newton's method. Each step begins on the line through the
+    two previous solutions. The result is None if the declared trim is not found, Newton's method
+    fails before s = 1, or nothing changes.
     """
     system = problem.system
     usual = usual_condition(problem.model)
@@ -110,7 +116,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the unknowns after Newton's method, with those at a limit fixed.
+    """Return the unknowns (k,) after Newton's method, in which unknowns at a limit are fixed.
 
     z: initial scaled unknowns; those beyond a limit are moved to it
     """
