@@ -1,4 +1,4 @@
-"""Checks: critics against the exact game solution, and linear models against the printed
+"""Checks of critics against the exact game solution, and of linear models against printed
 matrices."""
 
 from hfa_support.public_names import public_names

@@ -1,4 +1,4 @@
-"""Box of states over which critics of the paper's aircraft are compared."""
+"""Box of states in which critics of the paper's aircraft are compared."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def ordinary_box(
     inputs: tuple[str, ...] = INPUTS,
     state_units: tuple[str, ...] = (),
 ) -> Box | None:
-    """Return the box of usual deviations of the paper's aircraft, or None for another plant.
+    """Return the box of typical deviations of the paper's aircraft, or None for another plant.
 
-    States, inputs and units (English or SI, or () where unknown) must be those of the aircraft.
+    The states, inputs and units (English or SI, or () if unknown) must be those of the aircraft.
     """
     if (states, inputs) != (LINEAR_STATES, INPUTS):
         return None

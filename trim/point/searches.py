@@ -133,9 +133,9 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the unknowns of least |r|² within the limits, from a guess.
+    """Return the unknowns (k,) within the limits that minimize |r|², searched from a guess.
 
-    Unknowns whose two limits are equal stay there.
+    Unknowns with equal limits are constant.
     """
     from scipy.optimize import least_squares
 
@@ -178,9 +178,10 @@ _IPOPT: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
-    """Return the solver of min Σ z_i² over the inputs among the unknowns z.
+    """Return the IPOPT solver that minimizes the sum of z_i² of the free inputs.
 
-    Its constraints g are the residuals that the unknowns can move, and the watched outputs.
+    All unknowns z are decision variables. The constraints g are the residuals that the unknowns
+    affect, and the watched outputs.
     """
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
@@ -200,11 +201,11 @@ def _effort_program(structure: Structure) -> ca.Function:
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the unknowns of least effort Σ (u_i / scale_i)² over the free inputs, within the
-    limits.
+    """Return the unknowns within the limits with the least effort Σ (u_i / scale_i)² of the free
+    inputs.
 
-    The constrained minimum is found by IPOPT with exact derivatives; then Newton's method solves
-    the equations.
+    IPOPT finds the constrained minimum with exact derivatives. Newton's method then solves the
+    equations accurately.
     """
     system = problem.system
     balanced = np.zeros(system.moved)

@@ -1,4 +1,4 @@
-"""Search for an operating point: Newton's method from the default start, then the other
+"""Search for an operating point: Newton's method from the default initial point, then other
 searches."""
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from trim.point.problem import TrimProblem
 
 
 class TrimError(NoSolutionError):
-    """Error of a condition without a trim.
+    """Error of a condition that has no trim.
 
-    The message names the equations that do not balance, the binding limits, and the values beyond
-    them that balance would require. `attempt` is the best point within the limits.
+    The message names the equations that do not balance, the active limits, and the values beyond
+    the limits that balance would require. `attempt` is the best point found within the limits.
     """
 
     def __init__(self, message: str, attempt: OperatingPoint) -> None:
@@ -42,22 +42,23 @@ def find_operating_point(
 ) -> OperatingPoint:
     """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs.
 
-    Every residual is within `BALANCE` of its scale, and every variable within its limits. With as
-    many equations as unknowns it is found by Newton's method with step halving. With more unknowns
-    than equations it is the point of least control effort Σ (u / scale)², a local minimum near the
-    start. Where this gives no trim, the search begins at the least squares within the limits, then
-    follows a path from the model's own trim (continuation), then begins at `STARTS` other points
-    between the limits. `started` of the result is the number of that point.
+    Every residual is at most `BALANCE` times its scale, and every variable is within its limits. If
+    there are as many equations as unknowns, Newton's method with halved steps is used. If there are
+    more unknowns, the result has the least control effort Σ (u / scale)², a local minimum near the
+    initial point. If this gives no trim, the search begins at the least-squares solution within the
+    limits, then follows a path from the trim that the model declares (continuation), and then
+    begins at `STARTS` other points within the limits. `started` of the result is the number of this
+    point.
 
-    model: the aircraft
-    condition: imposed and free variables; by default the model's own trim
+    model: model of the aircraft
+    condition: imposed and free variables; by default the trim that the model declares
     start: neighboring point at which the search begins; by default the declared initial values
-    hold: variable, output or rate (speed_dot) -> imposed value, in the model's units
-    free: variables to set free; a rate (h_dot) set free is not balanced
-    held: further values of `hold`, by name: speed=100.0
+    hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model
+    free: variables to set free; a rate (h_dot) that is set free is not balanced
+    held: further values of `hold`, as keyword arguments: speed=100.0
 
-    Raises TrimError when the equations cannot be balanced within the limits. Raises BadInputError
-    when the condition is not well posed, or its numbers overflow in the equations of the model.
+    Raises TrimError if the equations cannot be balanced within the limits. Raises BadInputError if
+    the condition is not well posed, or numbers overflow in the equations of the model.
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
     >>> import hfa
@@ -84,9 +85,10 @@ def find_operating_point(
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """Return the first trim found from a guess. Raises TrimError without one.
+    """Return the first trim found from a guess.
 
-    Trims without unlimited angles beyond 90 deg are preferred.
+    A trim in which an angle without limits exceeds 90 deg is returned only if no other is found.
+    Raises TrimError if there is none.
     """
     if not problem.free:  # all is stated, and an equilibrium
         return problem.point(guess, Status.TRIMMED)
@@ -119,10 +121,10 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the start, unknowns) at the end of each search for a trim.
+    """Yield (number of the initial point, unknowns) at the end of each search for a trim.
 
-    The first search is Newton's method from the guess, unless unknowns outnumber equations. The
-    searches of `searches.py` follow.
+    The first search is Newton's method from the guess, unless there are more unknowns than
+    equations. The searches of `searches.py` follow.
     """
     equations, unknowns = problem.count
     if unknowns <= equations:

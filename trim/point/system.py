@@ -1,7 +1,7 @@
-"""The equations of a trim at many points.
+"""Equations of a trim at many points.
 
-Residuals r and their Jacobian J are functions of the unknowns z and of the constants c, which
-differ from point to point.
+The residuals r and their Jacobian J are functions of the unknowns z and of constants c, which
+differ between points.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Structure(NamedTuple):
 
     layout: equations and names of the model
     given: variables, outputs and rates whose values are set at each point; other imposed ones are 0
-    free: (variable, its scale) for all variables that are not imposed
-    rates: (state whose rate is imposed, scale of the rate)
-    outputs: (imposed output, its scale)
-    watched: (state or output, its scale) with limits, neither imposed nor unknown
+    free: (variable, scale) for all variables that are not imposed
+    rates: (state, scale of its rate) for all imposed rates
+    outputs: (output, scale) for all imposed outputs
+    watched: (state or output, scale) for those with limits that are neither imposed nor unknown
     """
 
     layout: Layout
@@ -60,19 +60,19 @@ class Equations:
 
     layout: equations and names of the model
     z: (k, 1), the unknowns divided by their scales
-    c: the values of `constants`, then the parameters
+    c: values of `constants`, followed by the parameters
     x, u, y: states, inputs and watched outputs
-    residual: (e, 1); the equations that the unknowns can move come first
-    jacobian: (m, k), derivatives of these
-    scales: (k,), one scaled unit of each unknown
-    row_scales: (e,), one scaled unit of each equation
-    moved: m, number of equations that the unknowns can move
+    residual: (e, 1); the equations that the unknowns affect come first
+    jacobian: (m, k), derivatives of these first equations
+    scales: (k,), scale of each unknown
+    row_scales: (e,), scale of each equation
+    moved: m, number of equations that the unknowns affect
     names: names of the e equations: states for their rates, and outputs
-    unknowns: the k free variables that move an equation
+    unknowns: the k free variables that affect an equation
     idle: free variables that are in no equation; their values are in c
     constants: names of the values in c
-    square: whether Newton's method can solve for z: m = k, and the zeros of J do not make rows or
-        columns dependent
+    square: True if Newton's method can solve for z: m = k, and the pattern of zeros in J does not
+        make it singular
     """
 
     layout: Layout
@@ -100,7 +100,7 @@ class Equations:
 
     @cached_property
     def point_rows(self) -> RowFunction:
-        """Function (z, c) -> x, u, watched outputs y, r, and the derivatives of r, in one
+        """Function (z, c) -> x, u, watched outputs y, r, and the derivatives of r, as one
         column."""
         unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unmoved)
@@ -109,7 +109,7 @@ class Equations:
 
     @cached_property
     def linear_rows(self) -> RowFunction:
-        """Function (z, c) -> x, u, y, A and B row by row, and r, in one column."""
+        """Function (z, c) -> x, u, y, A and B row by row, and r, as one column."""
         x, u = self.layout.symbols("x", "u")
         p = self.c[len(self.constants) :]
         f, _ = self.layout.expressions([components(x), components(u), components(p)], ())
@@ -123,10 +123,11 @@ class Equations:
 
 @lru_cache(maxsize=32)
 def step_rows(equations: Equations, steps: int) -> RowFunction:
-    """Return the Function (z, c) -> z after some full steps of Newton's method, and whether it
-    settled.
+    """Return the Function (z, c) -> z after full steps of Newton's method, and whether it
+    converged.
 
-    A point is settled where |r| fell at each step, to `NEARLY` before the last.
+    A point has converged if |r| decreased at each step and is at most `NEARLY` before the last
+    step.
 
     steps: number of steps
     """
@@ -146,7 +147,7 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
 
 
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
-    """Return the structure of a condition.
+    """Return the structure of the equations for a condition.
 
     varied: variables, outputs or rates whose values differ between the points
     """
@@ -168,9 +169,11 @@ def _structure(
     limited: tuple[str, ...],
     unlimited: tuple[str, ...],
 ) -> Structure:
-    """Return `structure_of` from names alone, cached for all conditions with these names.
+    """Return the structure that `structure_of` describes, from names only.
 
-    imposed, zero: imposed names, and those imposed as 0
+    It is cached for all conditions with these names.
+
+    imposed, zero: imposed names, and those of them imposed as 0
     rates, still: states whose rates are imposed, and those of them whose rate is 0
     limited, unlimited: names with limits other than the model's, and names without limits
     """
@@ -199,9 +202,9 @@ def _structure(
 
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> Equations:
-    """Return the expressions of a structure.
+    """Return the equations of a structure as CasADi expressions.
 
-    Raises BadInputError for a free variable that acts only in steps.
+    Raises BadInputError for a free variable that affects the equations only in steps.
     """
     layout = structure.layout
     names = [name for name, _ in structure.free]
@@ -267,8 +270,8 @@ class Evaluation(NamedTuple):
     x, u: states and inputs, by name
     y: watched outputs
     residual: (e,), in scaled units
-    jacobian: (e, k), derivatives with respect to the scaled unknowns
-    finite: whether all of these are finite
+    jacobian: (e, k), derivatives of the residuals with respect to the scaled unknowns
+    finite: True if all of them are finite
     """
 
     x: Any
@@ -282,18 +285,18 @@ class Evaluation(NamedTuple):
 class TrimSystem:
     """Equations of a condition at N points, each with its own constants.
 
-    model, condition: the aircraft, and the condition that gives the values common to all points
+    model, condition: model of the aircraft, and the condition with the values common to all points
     structure, equations: structure and functions of the equations
-    begin: initial values of the variables; idle variables stay there
-    scales: (k,), one scaled unit of each unknown
+    begin: initial values of the variables, which idle variables keep
+    scales: (k,), scale of each unknown
     start: (k,), initial scaled unknowns
     limits: limits of the unknowns, in the units of the model
     lowest, highest: (k,), limits of the unknowns in scaled units
-    usual: (k,), usual size of an angle without limits, in scaled units, or inf for others
+    usual: (k,), 90 deg for angles without limits, in scaled units, and inf for other unknowns
     watched: limits of the watched states and outputs
-    row_scales: (e,), one scaled unit of each equation
-    moved: number of equations that the unknowns can move, the first ones
-    is_quick: whether `quick_steps` saves time
+    row_scales: (e,), scale of each equation
+    moved: number of equations that the unknowns affect; they are the first
+    is_quick: True if `quick_steps` saves time
     steps: largest number of Newton steps
     """
 
@@ -307,7 +310,7 @@ class TrimSystem:
         """Build the equations.
 
         varied: variables, outputs, rates and parameters that differ between points
-        begin: initial values; by default those of the condition and the declaration
+        begin: initial values; by default those of the condition and of the model's declaration
         """
         if begin is None:
             begin = {**declared_start(model, condition.imposed), **condition.begin}
@@ -328,18 +331,21 @@ class TrimSystem:
 
     @property
     def only_inputs(self) -> bool:
-        """True if all unknowns are inputs. The equations are then nearly affine, with one
+        """True if all unknowns are inputs. The equations are then nearly affine and have one
         solution."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
 
     def far_out(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the unknowns z (..., k) that are angles without limits beyond 90
+        """Return the mask (..., k) of the unknowns z that are angles without limits and exceed 90
         deg."""
         return np.abs(z) > self.usual
 
     def wrapped(self, z: np.ndarray) -> np.ndarray:
-        """Return the unknowns z (..., k), with whole turns subtracted from angles that are far
-        out."""
+        """Return the unknowns z (..., k), with full revolutions subtracted from angles beyond 90
+        deg.
+
+        Only angles without limits are changed.
+        """
         turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
@@ -358,14 +364,15 @@ class TrimSystem:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unknowns (N, k) after a few full Newton steps, and two masks (N,).
 
-        The masks are of the points that settled and of those that did not.
+        The first mask marks the points that converged, the second mask those that did not.
         """
         after, flags = step_rows(self.equations, self.steps)(z, c)
         settled = flags[:, 0] == 1.0
         return after, settled, ~settled
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
-        """Return the equations at one point, with unknowns z (k,) and constants c (1, ..)."""
+        """Return the equations evaluated at one point, with unknowns z (k,) and constants c (1,
+        ..)."""
         (rows,) = self.equations.point_rows(z[None], c)
         flat = rows[0]
         states = len(self.model.states)
@@ -387,7 +394,7 @@ class TrimSystem:
         """Return the constants of the equations, one row for each of N points.
 
         count: N
-        columns: name of a variable, output, rate or parameter -> its values (N,). The others have
+        columns: name of a variable, output, rate or parameter -> its values (N,). All others have
             the values of the condition and the model.
         """
         columns = columns or {}
@@ -401,7 +408,7 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of a constant without a column, or its values (N,) from a table."""
+        """Return the value of a constant that has no column, or its values (N,) from a table."""
         if name in self.equations.idle:
             return self.begin[name]
         if name in self.model.rates:
@@ -414,16 +421,16 @@ class TrimSystem:
         return self.condition.values_at(name, columns.get(by, imposed.get(by, 0.0)))
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scaled unknowns (k,).
+        """Return the scaled unknowns (k,) for the values of all variables.
 
-        values: name -> value of all variables
+        values: name -> value
         """
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
 
 
 @lru_cache(maxsize=64)
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
-    """Return `lowest`, `highest` and `usual` of a `TrimSystem`."""
+    """Return `lowest`, `highest` and `usual` of a `TrimSystem`, (k,) each."""
     unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
     ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
@@ -431,7 +438,10 @@ def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
-    """Return the initial values of a search: declared ones, or those for the imposed values."""
+    """Return variable -> initial value of a search.
+
+    It is the declared value, or the value that the model computes from the imposed values.
+    """
     values = {name: model.signals[name].start for name in model.variables}
     if model.extras.begin is not None:
         held = {name: signal.start for name, signal in model.parameters.items()}

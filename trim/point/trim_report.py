@@ -1,4 +1,4 @@
-"""Report of a trim: variables between their limits, equations, and outputs of the model."""
+"""Report of a trim: variables with their limits, equations, and outputs of the model."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "ve
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimResult(Result):
-    """A trim: every variable with its limits, and each equation; angles in radians.
+    """Trim: every variable with its limits, and each equation; angles in radians.
 
     dihedral_deg: for the HFA, the dihedral angle, degrees.
     scheduled: for other models, the scheduling variable.
     dynamics: published or newton, or the name of another model.
     operating_point: X0, U0 and residuals.
-    scaled_residuals: residual of each balanced equation in its scale.
+    scaled_residuals: residual of each balanced equation divided by its scale.
     balance_limit: largest scaled residual of a trim.
     margins: distance of each unknown from its nearer limit.
     variables: name -> value, unit, role, limits, margin.
@@ -44,12 +44,13 @@ class TrimResult(Result):
     binding: limits that bind.
     equations: equation -> imposed rate, residual, tolerance, unit, verdict.
     rates_left: rate of each state that the trim does not balance.
-    search: equations, unknowns, whether of least effort, number of the start, idle variables, other
-        trims found.
-    status: trimmed or failed; a failed trim has the nearest point within the limits, and exit code
-        1.
+    search: numbers of equations and unknowns, whether effort was minimized, number of the initial
+        point, idle variables, other trims found.
+    status: trimmed or failed; a failed trim contains the nearest point within the limits, and the
+        exit code is 1.
     reason: why there is no trim.
-    warnings: limits of the result."""
+    warnings: limits of the result.
+    """
 
     schema = "hfa.trim/1"
     made_by = "hfa trim"
@@ -89,9 +90,10 @@ class Performance(Result):
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """Return the report of a trim.
 
-    It contains every variable between its limits, the binding limits, the verdict on each equation,
-    other trims found, the rates that are not balanced, and the outputs or the aircraft's own
-    description (`Extras.describe_trim`). Angles are in degrees in the text, in radians in the data.
+    It contains every variable with its limits, the nearest limits, the verdict on each equation,
+    other trims found, the rates that are not balanced, and the outputs or the model's own
+    description (`Extras.describe_trim`). Angles are in degrees in the text and in radians in the
+    data.
     """
     margins = all_margins(condition, point)
     # What the trim used up, or could.
@@ -157,7 +159,7 @@ def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
 
 
 def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """Return the nearest limit, its distance, and whether it binds."""
+    """Return a table row with a variable's nearer limit, its distance, and whether it binds."""
     verdict: str = "-"
     if margin.at_limit:
         verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")
@@ -172,7 +174,7 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Return equation -> imposed value, residual, and whether it balances, as JSON data."""
+    """Return equation -> imposed value, residual, tolerance, unit, and whether it balances."""
     imposed = {**condition.imposed, **condition.rates}
     equations = {}
     for name, residual in point.residuals.items():
@@ -188,9 +190,9 @@ def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dic
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return the table of equations, those that do not balance first.
+    """Return a table of the equations, in which those that do not balance are first.
 
-    The column of imposed rates is omitted where all are zero.
+    The column of imposed rates is omitted if all are zero.
     """
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
@@ -217,7 +219,8 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
     """Return further solutions of a condition with as many equations as unknowns.
 
     They are found by Newton's method from the declared initial values and from `STARTS` points
-    between the limits. An example is the back side of the power curve. More solutions may exist.
+    within the limits. An example is the back side of the power curve. More solutions may exist. The
+    list is empty if the numbers of equations and unknowns differ.
     """
     problem = TrimProblem.of(condition, point)
     trim = problem.unknowns(point.values)
@@ -235,7 +238,7 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
 
 
 def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
-    """Return the search for the point as data and as sentences; the usual case has no sentence."""
+    """Return data on the search for the point, and sentences on its unusual features."""
     problem = TrimProblem.of(condition, point)
     equations, unknowns = problem.count
     sentences = []
@@ -277,7 +280,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
 
 
 def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """Return a note where the Jacobian of a square system is singular at a solution, else "".
+    """Return a note if the Jacobian of a square system is singular at a solution, otherwise "".
 
     Such a solution is one of many.
     """
@@ -294,7 +297,8 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return a sentence on another trim of the condition, with the option that selects it."""
+    """Return a sentence on another trim of the condition, with the initial point that leads to
+    it."""
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
     names = [problem.free[i] for i in np.flatnonzero(apart)]

@@ -1,1 +1,1 @@
-"""Trims and linear models of many points: grids, lists and stores."""
+"""Trims and linear models at many points: grids, lists and stores."""

@@ -1,4 +1,4 @@
-"""Newton's method of `trim.point.newton` as compiled C code, for one point after the other."""
+"""Newton's method for a trim as compiled C code, one point after the other."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ void {symbol}_linear(long long count, const double *c, const double *z, double *
 class CompiledTrim:
     """Compiled loops over points: Newton's method, the equations and the linear models.
 
-    rows: numbers of equations, and of entries in a row of `Equations.linear_rows`
+    rows: number of equations, and number of entries in a row of `Equations.linear_rows`
     """
 
     def __init__(self, symbol: str, library: Path, rows: tuple[int, int]) -> None:
@@ -191,7 +191,8 @@ class CompiledTrim:
     def newton(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unknowns (N, k) after Newton's method, and two masks (N,).
 
-        The masks are of the points that settled and of those with a singular Jacobian.
+        The first mask marks the points that converged, the second mask those with a singular
+        Jacobian.
 
         z: (N, k), initial unknowns
         c: (N, ..), constants
@@ -202,7 +203,11 @@ class CompiledTrim:
         return ends, status == _SETTLED, status == _SINGULAR
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return r (N, e) and J (N, k, k)."""
+        """Return the residuals r (N, e) and their Jacobian J (N, k, k).
+
+        z: (N, k), unknowns
+        c: (N, ..), constants
+        """
         count, k = z.shape
         residual = np.empty((count, self._rows[0]))
         jacobian = np.empty((count, k, k))
@@ -210,16 +215,17 @@ class CompiledTrim:
         return residual, jacobian
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray]:
-        """Return (N, ..), for each point a row of `Equations.linear_rows`."""
+        """Return a tuple with one array (N, ..): for each point a row of
+        `Equations.linear_rows`."""
         flat = np.empty((len(z), self._rows[1]))
         _run(self._linear, c, z, flat)
         return (flat,)
 
 
 class CompiledSystem(SharedSystem):
-    """Trim system whose steps and linear models are machine code, where a compiler works.
+    """Trim system that uses machine code for Newton steps and linear models if a compiler works.
 
-    machine: the loops, or None without a compiler or a square system
+    machine: the compiled loops, or None without a compiler or without a square system
     """
 
     def __init__(self, *arguments: Any) -> None:
@@ -236,7 +242,8 @@ class CompiledSystem(SharedSystem):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unknowns (N, k) after Newton's method, and two masks (N,).
 
-        The masks are of the points that settled and of those with a singular Jacobian.
+        The first mask marks the points that converged, the second mask those that are to be solved
+        otherwise.
         """
         if self.machine is None:
             return super().quick_steps(z, c)
@@ -255,9 +262,9 @@ class CompiledSystem(SharedSystem):
 
 @lru_cache(maxsize=16)
 def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | None:
-    """Return the compiled loops over these functions of (z, c), or None without a working compiler.
+    """Return the compiled loops for these functions of (z, c), or None if no compiler works.
 
-    The system must be square. Where the result is None, a note is printed.
+    The system must be square. If the result is None, a note is printed.
     """
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}
@@ -292,6 +299,6 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
 
 
 def _run(loop: Any, *arrays: np.ndarray) -> None:
-    """Run a loop over the rows of these arrays."""
+    """Run a compiled loop over the rows of these arrays."""
     rows = [np.ascontiguousarray(array) for array in arrays]
     loop(ctypes.c_longlong(len(rows[0])), *(ctypes.c_void_p(row.ctypes.data) for row in rows))

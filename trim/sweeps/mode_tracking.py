@@ -1,4 +1,4 @@
-"""Tracking of modes through the points of a sweep, by the continuity of their eigenvectors."""
+"""Tracking of modes through the points of a sweep, by continuity of their eigenvectors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MEETING = 1e-9
 
 
 class _Modes(NamedTuple):
-    """Modes of one point or of many.
+    """Modes of one point or of many points.
 
     values: (.., n), eigenvalues
     right: (.., n, n), eigenvectors as columns
@@ -37,7 +37,7 @@ class _Modes(NamedTuple):
     left: np.ndarray
 
     def at(self, points: np.ndarray) -> _Modes:
-        """Return the modes of some points."""
+        """Return all modes of some points."""
         return _Modes(self.values[points], self.right[points], self.left[points])
 
     def some(self, point: int, modes: np.ndarray) -> _Modes:
@@ -49,27 +49,27 @@ class _Modes(NamedTuple):
 def track_modes(
     A: np.ndarray, states: tuple[str, ...], model: Model, neighbours: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the eigenvalues (N, n) of N matrices (N, n, n), each column following one mode.
+    """Return the eigenvalues (N, n) of N matrices (N, n, n), with one mode in each column.
 
     A: (N, n, n)
     states: names of the rows of each matrix, states of the model
-    model: the aircraft
+    model: model of the aircraft
     neighbours: (M, 2), pairs of adjacent points, or None for points along a path
 
-    Two neighbors are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) - 2
-    |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
-    projectors on the modes of either point along all other modes. The first term preserves the
-    shape of a mode where eigenvalues cross, in any units, even where two shapes are nearly
-    parallel. The second distinguishes the two members of a pair. From the first point on, the
-    pairings are followed along the tree of neighbors that are most alike. The first point is
-    ordered fastest first, positive imaginary part first.
+    The eigenvalues λ and μ of two neighbors are paired by the permutation that maximizes the sum of
+    min(|tr P_i Q_i|, 1) - 2 |λ_i - μ_i| / (|λ_i| + |μ_i|). Conjugate pairs are paired first, with
+    both members. P_i and Q_i are the projectors on a mode along all other modes. The first term
+    preserves the shape of a mode where eigenvalues cross, in any units, even if two shapes are
+    nearly parallel. The second term distinguishes the two members of a pair. From the first point
+    on, the pairings are followed along the tree of the most similar neighbors. The first point is
+    sorted as in `fastest_first`.
 
-    Between two points the columns of modes that cross can still be exchanged where their shapes are
-    nearly parallel or change much from point to point. This happens in 3 % of random crossings of
+    The columns of modes that cross between two points can still be interchanged if their shapes are
+    nearly parallel or change much from point to point. This occurs in 3 % of random crossings of
     shapes a few degrees apart, on 11 to 41 points. More points avoid it.
 
-    Eigenvalues that coincide at a point have no shapes of their own. After that point they are
-    paired with the last point at which they were distinct. Those that coincide at every point, such
+    Eigenvalues that coincide at a point have no individual shapes. After this point they are paired
+    with the last point at which they were distinct. Eigenvalues that coincide at every point, such
     as two integrators, need no order.
     """
     for name in states:
@@ -99,7 +99,10 @@ def track_modes(
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """Return the left eigenvectors (N, n, n). Modes that coincide share their common subspace."""
+    """Return the left eigenvectors (N, n, n). Modes that coincide share their common subspace.
+
+    right: (N, n, n), eigenvectors as columns
+    """
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
@@ -112,17 +115,18 @@ def _inverse(right: np.ndarray) -> np.ndarray:
 def _pair_over_meetings(
     point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
 ) -> None:
-    """Pair the modes that coincided at the previous point with the last point at which they were
+    """Pair modes that coincided at the previous point with the last point at which they were
     distinct.
 
-    They are distinguished by their shapes there, and by their eigenvalues less the mean of those
-    that coincided, which change sign.
+    They are distinguished by their shapes there, and by their eigenvalues minus the mean of the
+    coinciding ones, because this difference changes sign at a crossing.
 
     point: number of the point
-    origin: (N,), the point from which each is reached, or -1 for the first
-    order: (N, n), the eigenvalue of each mode at each point; the row of `point` is changed in place
+    origin: (N,), the point from which each point is reached, or -1 for the first
+    order: (N, n), index of each mode's eigenvalue at each point; the row of `point` is changed in
+        place
     modes: modes of all points
-    meeting: (N, n, n), which eigenvalues of a point coincide
+    meeting: (N, n, n), True for two eigenvalues of a point that coincide
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -150,7 +154,7 @@ def _pair_over_meetings(
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Return pairs of points that connect all N points, (M, 2).
 
-    They are the neighbors, and those pairs of the path that the neighbors do not connect.
+    They are the neighbors, and pairs along the path that connect their separate components.
 
     neighbours: (K, 2), pairs of points
     path: (N - 1, 2), the pairs (0, 1), (1, 2), ...
@@ -167,10 +171,11 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield the steps of the tree of most similar pairs, from the first point on.
+    """Yield (point, next point, pairing) along the tree of the most similar pairs, from the first
+    point.
 
-    A step has its two points, and for each eigenvalue of the first the number of its match at the
-    second, (n,).
+    The pairing (n,) contains, for each eigenvalue of the point, the index of its match at the next
+    point.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
@@ -192,13 +197,13 @@ def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np
 
 
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the matching of the eigenvalues of the two points of each pair, and its gain.
+    """Return the best pairing of the eigenvalues of each pair of points, and its gain.
 
     modes: modes of all points
     pairs: (M, 2), pairs of points
 
-    The matching (M, n) has for every eigenvalue of the first point the number of the one at the
-    second. The gain (M,) is the sum that the matching maximizes.
+    The pairing (M, n) contains, for each eigenvalue of the first point, the index of its match at
+    the second point. The gain (M,) is the sum that the pairing maximizes.
     """
     matches = np.empty((len(pairs), modes.values.shape[1]), dtype=int)
     sums = np.empty(len(pairs))
@@ -217,7 +222,8 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
-    """Return the gain of matching eigenvalue i of a point with j of another, (.., n, n).
+    """Return the gain of pairing eigenvalue i of one point with eigenvalue j of another, (.., n,
+    n).
 
     It is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|).
     """
@@ -228,11 +234,10 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return the permutation (n,) of largest gain that keeps the members of conjugate pairs
-    together.
+    """Return the permutation (n,) with the largest gain that keeps conjugate pairs together.
 
-    Where a pair meets two real eigenvalues both matchings have one gain; the member with positive
-    imaginary part then matches the lower one.
+    If a pair becomes two real eigenvalues, both pairings have the same gain. The member with
+    positive imaginary part then matches the lower real eigenvalue.
 
     gain: (n, n)
     values, others: (n,), eigenvalues of both points

@@ -1,7 +1,8 @@
 """Trims and linear models of many points.
 
-Newton's method solves all points at once. Unsolved points begin again at solved neighbors, and
-then use `find_operating_point`. A point without a trim keeps its status and the reason.
+Newton's method solves all points together. It is repeated from solved neighbors for the remaining
+points. `find_operating_point` then solves those that still remain. A point without a trim keeps its
+status and the reason.
 """
 
 from __future__ import annotations
@@ -51,15 +52,16 @@ _ROUNDS = 100
 
 
 class Points(NamedTuple):
-    """N points of n states and m inputs, in the units of the model.
+    """N points with n states and m inputs, in the units of the model.
 
     status: (N,), index into `STATUS`
     states: (N, n); beyond limits, the values that balance would require
-    inputs: (N, m), with the values beyond limits as for `states`
-    A: (N, n, n), nan where not trimmed
-    B: (N, n, m), nan where not trimmed
-    failures: number of a point without a trim -> reason of `find_operating_point`
-    one_by_one: (N,), whether the point needed `find_operating_point`, a thousand times slower
+    inputs: (N, m); beyond limits, the values that balance would require
+    A: (N, n, n), nan if not trimmed
+    B: (N, n, m), nan if not trimmed
+    failures: number of a point without a trim -> reason from `find_operating_point`
+    one_by_one: (N,), True if the point needed `find_operating_point`, which is a thousand times
+        slower
     """
 
     status: np.ndarray
@@ -82,20 +84,23 @@ def trim_points(
     compile_code: bool | None = None,
     progress: Progress | None = None,
 ) -> Points:
-    """Trim and linearize every row of `values`. A row without a trim keeps its status.
+    """Return the trims and linear models for all rows of `values`.
 
-    model: the aircraft
-    variables: one for each column of values: variables or rates imposed in place of the condition's
-        values, or parameters
+    model: model of the aircraft
+    variables: one name for each column of values: variables or rates, imposed instead of the
+        condition's values, or parameters
     values: (N, number of variables)
-    condition: by default the model's own trim
-    start: initial point of the search at each point
+    condition: by default the trim that the model declares
+    start: initial point of the search for each row
     compile_code: whether machine code is used; by default from `COMPILE_FROM` points on
-    progress: called with (settled points, all points)
+    progress: called with (finished points, all points)
 
     Newton's method needs as many equations as unknowns; otherwise the points are solved one by one.
-    The status is BEYOND_LIMITS only if all unknowns are inputs. With free states a second solution
-    may exist within the limits.
+    The status of a row without a trim is NO_TRIM. It is BEYOND_LIMITS if a solution beyond the
+    limits is known and all unknowns are inputs: with free states, a second solution may exist
+    within the limits.
+
+    Raises BadInputError for values of a wrong shape, and for an unknown name.
     """
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
@@ -127,7 +132,7 @@ def _resolved(
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
     """Return variables, values and condition with the first alternatives imposed: speed for kcas.
 
-    The alternatives are groups of names, of which a trim imposes one.
+    Alternatives are groups of names, of which a trim imposes one.
     """
     if not condition.model.extras.alternatives:
         return variables, values, condition
@@ -146,7 +151,7 @@ def _resolved(
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
-    """Return the model with the parameters of one point."""
+    """Return the model with the parameters of one row of values."""
     values = zip(variables, row.tolist(), strict=True)
     return model.with_parameters(
         **{name: value for name, value in values if name in model.parameters}
@@ -156,7 +161,10 @@ def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model
 def condition_at(
     condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray
 ) -> TrimCondition:
-    """Return the condition of one point. Raises BadInputError for a value outside its limits."""
+    """Return the condition with the values of one row.
+
+    Raises BadInputError for a value outside its limits.
+    """
     imposable = (*condition.model.holdable, *condition.model.rates)
     hold = {
         name: value
@@ -180,9 +188,9 @@ _last_system: tuple[tuple[Any, ...], SharedSystem] | None = None
 
 
 def _system(*request: Any) -> SharedSystem:
-    """Return the trim system of (model, condition, variables, start, compile_code).
+    """Return the trim system for the request (model, condition, variables, start, compile_code).
 
-    The last system is reused for identical objects, for example in many calls with one point each.
+    The last system is reused for identical objects, such as in many calls with one point each.
     """
     global _last_system
     last = _last_system
@@ -201,7 +209,10 @@ def _system(*request: Any) -> SharedSystem:
 def _settled_together(
     system: SharedSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> Points:
-    """Return the points that Newton's method settles; the status of others is NO_TRIM."""
+    """Return all points, solved together by Newton's method.
+
+    The status of points for which it does not converge is NO_TRIM, and `one_by_one` marks them.
+    """
     model = system.model
     n = len(model.states)
     m = len(model.inputs)
@@ -231,7 +242,10 @@ def _settled_together(
 
 
 def _true_rows(mask: np.ndarray) -> np.ndarray:
-    """Return which rows of a mask (N, k) are true throughout, (N,). It is fast where all are."""
+    """Return the mask (N,) of the rows of a mask (N, k) in which all entries are True.
+
+    It is fast if all rows are.
+    """
     return np.full(len(mask), True) if mask.all() else np.asarray(mask.all(axis=1))
 
 
@@ -243,10 +257,11 @@ def _starts(
     """Return the initial unknowns of each point, (N, k).
 
     They are a Taylor polynomial about the solution at the center of the point's cell: quadratic for
-    a single variable, linear for several. The cells are those of the model, so that no row depends
-    on its neighbors. Their searches begin at the model's initial point. Terms that change by more
-    than `_STEEPEST` over a cell may lead to another solution and count as 0. If all unknowns are
-    inputs there is one solution: the searches then begin as those of single trims, with equal bits.
+    a single variable, linear for several. The cells are fixed for a model, so that no row depends
+    on its neighbors. The searches for the centers begin at the model's initial point. Terms that
+    change by more than `_STEEPEST` over a cell are omitted, because they may lead to another
+    solution. If all unknowns are inputs, there is one solution, and the searches begin at the same
+    point as single trims, with bit-identical results.
     """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
@@ -284,7 +299,7 @@ def _starts(
 
 
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the initial unknowns from the model's `begin` for these values, (N, k)."""
+    """Return the initial unknowns that the model computes for these values, (N, k)."""
     starts = np.tile(system.start, (len(values), 1))
     if system.model.extras.begin is None:
         return starts
@@ -304,9 +319,13 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
 ) -> None:
-    """Repeat Newton's method for unsettled points, from the solutions of settled neighbors.
+    """Repeat Newton's method for unsolved points, from the solutions of solved neighbors.
 
-    This is repeated until no further point settles. z and settled are changed in place.
+    It is repeated until no further point converges. z and settled are changed in place.
+
+    z: (N, k), unknowns
+    c: (N, ..), constants
+    settled: (N,), mask of the solved points
     """
     from scipy.spatial import cKDTree
 
@@ -339,7 +358,7 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Solve point i by `find_operating_point`, and store its arrays or the reason in `failures`."""
+    """Solve point i by `find_operating_point`. Store its result, or the reason in `failures`."""
     try:
         model = model_at(system.model, variables, row)
         point = find_operating_point(model, condition_at(system.condition, variables, row), start)

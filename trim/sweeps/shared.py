@@ -1,4 +1,4 @@
-"""Precomputation of terms of the equations that depend on the constants of a point alone."""
+"""Precomputation of terms in the equations that depend only on the constants of a point."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from trim.point.system import Equations, RowsOf, TrimSystem
 
 
 class SharedSystem(TrimSystem):
-    """Trim system whose constants are followed by the terms that depend on them alone.
+    """Trim system whose constants are followed by the terms that depend only on them.
 
-    Points that a few quick steps settle do not use these terms.
+    These terms are not used for small systems, which `quick_steps` solves.
     """
 
     @cached_property
@@ -46,7 +46,7 @@ class SharedSystem(TrimSystem):
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """Return the constants of `TrimSystem.constants`, followed by the shared terms."""
+        """Return the constants of `TrimSystem.constants`, followed by the precomputed terms."""
         c = super().constants(count, columns)
         if not self.is_quick:
             (c,) = self._shared[0](c)
@@ -60,7 +60,7 @@ def _shared_rows(equations: Equations) -> tuple[RowFunction, ...]:
 
 
 def without_shared(*functions: ca.Function) -> list[ca.Function]:
-    """Return the Function c -> (c, g), then each of the given functions in z and (c, g).
+    """Return the Function c -> (c, g), followed by each given function in terms of z and (c, g).
 
     g are the terms of the functions of (z, c) that do not depend on z.
     """

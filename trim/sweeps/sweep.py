@@ -1,4 +1,4 @@
-"""Trims and linear models over many points: computation of their arrays, and sweeps in memory."""
+"""Sweeps: trims and linear models at many points, in memory."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def run_points(
     compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Return the arrays of a sweep by name, for the points of one task. Workers run this function.
+    """Return name -> array of a sweep's results, for the points of one task.
 
-    Two entries are dictionaries by number of a point: `failures`, why it has no trim, and `kinked`,
-    its notes on kinks.
+    Worker processes run this function. Two entries are dictionaries by the number of a point:
+    `failures` contains the reason why it has no trim, and `kinked` its notes on kinks.
     """
     points = trim_points(
         model,
@@ -117,14 +117,14 @@ def run_points(
 
 
 def trimmed_words(trimmed: int, count: int) -> str:
-    """Return the verdict on a sweep: `trimmed` of `count` points."""
+    """Return the verdict on a sweep as text: "trimmed at 5 of 6 points"."""
     if not trimmed:
         return f"no trim at any of {count:,} points" if count > 1 else "no trim"
     return f"trimmed at {trimmed:,} of {count:,} points"
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
-    """Return a note where many points were trimmed one by one."""
+    """Return a list with one note if many points were trimmed one by one, otherwise []."""
     if one_by_one < _MANY_SLOW:
         return []
     return [
@@ -134,10 +134,10 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
 
 
 class SweptMode(NamedTuple):
-    """A mode at N points.
+    """Mode at N points.
 
-    name: at the first trimmed point.
-    eigenvalue: (N, 1), of a pair (N, 2), 1/s; nan without a trim.
+    name: name of the mode at the first trimmed point.
+    eigenvalue: (N, 1), or (N, 2) for a pair, 1/s; nan without a trim.
     """
 
     name: str
@@ -145,29 +145,31 @@ class SweptMode(NamedTuple):
 
     @property
     def frequency(self) -> np.ndarray:
-        """Return ω_n = |λ|, rad/s, in the shape of `eigenvalue`."""
+        """Natural frequency ω_n = |λ|, rad/s, in the shape of `eigenvalue`."""
         return np.abs(self.eigenvalue)
 
     @property
     def damping(self) -> np.ndarray:
-        """Return ζ = -Re λ / |λ|, in the shape of `eigenvalue`, or nan for λ = 0."""
+        """Damping ratio ζ = -Re λ / |λ|, in the shape of `eigenvalue`, or nan for λ = 0."""
         with np.errstate(invalid="ignore"):
             return np.asarray(-self.eigenvalue.real / self.frequency)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(StatesAndInputs, ByValue, Result, Reported):
-    """N points in the order of the grid, the last variable running fastest; units of the model.
+    """N points in the order of the grid, in which the last variable varies fastest; units of the
+    model.
 
     plan: the swept variables and values.
-    values: (N, variables), all combinations of its values.
-    reasons: (N,), "" where trimmed, else why not.
-    states: (N, n), X0, all states of the model; nan where the trim failed, as in all arrays below.
+    values: (N, variables), the swept values at each point.
+    reasons: (N,), "" if trimmed, otherwise the reason why not.
+    states: (N, n), X0, all states of the model; nan if not trimmed, as in all arrays below.
     inputs: (N, m), U0.
-    A: (N, k, k), of the k linear states of the model.
+    A: (N, k, k), for the k linear states of the model.
     B: (N, k, m).
-    eigenvalues: (N, k), 1/s, a column following one mode through the sweep.
-    mode_names: (k,), name of each column at the first trimmed point, or empty where none is.
+    eigenvalues: (N, k), 1/s; each column contains one mode.
+    mode_names: (k,), name of each column's mode at the first trimmed point, or empty if none is
+        trimmed.
     kinks: number of a point -> notes on entries of A and B at a kink.
     one_by_one: number of points that were trimmed one by one.
     """
@@ -195,12 +197,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """The aircraft."""
+        """Model of the aircraft."""
         return self.plan.model
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the varied variables, in order."""
+        """Names of the swept variables, in order."""
         return self.plan.variables
 
     @property
@@ -215,7 +217,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def modes(self) -> ByName[SweptMode]:
-        """Modes over the points, indexed by number or name: modes["phugoid"].damping."""
+        """Modes at all points, which can be indexed by number or name: modes["phugoid"].damping."""
         names = np.array(self.mode_names)
         return ByName(
             SweptMode(name, self.eigenvalues[:, names == name])
@@ -224,13 +226,16 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def slow(self) -> np.ndarray:
-        """Mask of the eigenvalues that are below a share of the fastest at every point, (k,)."""
+        """Mask of the slow eigenvalues, (k,).
+
+        Their largest magnitude in the sweep is less than `_SLOW` times that of the fastest.
+        """
         size = np.nanmax(np.abs(self.eigenvalues), axis=0)
         return np.asarray(size < _SLOW * size.max())
 
     @property
     def warnings(self) -> list[str]:
-        """Return the notes on the sweep: values beyond a range, kinks, points that took long."""
+        """Notes on values beyond a range, on kinks, and on points that were trimmed one by one."""
         warnings = [*self.plan.warnings, *slow_note(self.one_by_one, len(self.reasons))]
         if self.kinks:
             first, notes = next(iter(self.kinks.items()))
@@ -245,12 +250,14 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
     def plot(self, *names: Any) -> np.ndarray:
-        """Draw the root locus over the last variable in a pyplot figure, and return its Axes.
+        """Draw the root locus over the last variable with pyplot. Return the Axes.
 
-        Each mode has one color, slow modes are enlarged, and both ends are marked. Raises
-        BadInputError when no point has a trim.
+        Each mode has one color, slow modes are enlarged in a second panel, and both ends are
+        marked.
 
-        names: values that are drawn in place of the root locus: plot("alpha", "elevator")
+        names: values that are drawn instead of the root locus: plot("alpha", "elevator")
+
+        Raises BadInputError if no point has a trim.
         """
         if names:
             drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
@@ -258,7 +265,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
-        """Draw the root locus on an empty figure, and return the figure."""
+        """Draw the root locus on an empty figure. Return the figure.
+
+        Raises BadInputError if no point has a trim.
+        """
         if not self.mode_names:
             raise BadInputError(
                 "no point of the sweep has a trim; sweep other values to draw a root locus"
@@ -286,10 +296,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
-        """Draw columns of eigenvalues, one line for each mode, and mark the ends of some.
+        """Draw columns of eigenvalues, one line each, and mark the ends of some lines.
 
-        columns: (k,), mask of the drawn columns
-        ends: (k,), mask of the columns with marked ends
+        columns: (k,), mask of the columns to draw
+        ends: (k,), mask of the columns whose ends are marked
         """
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
@@ -321,8 +331,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw the direction of the sweep and values of its variable along the lines of the upper
-        half."""
+        """Draw the direction of the sweep, and values of its variable, along lines of the root
+        locus.
+
+        Only lines in the upper half-plane are marked.
+        """
         names = list(dict.fromkeys(self.mode_names))
         width, height = axes.dataLim.size
         trimmed = np.flatnonzero(self.trimmed)
@@ -370,12 +383,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 )
 
     def report(self) -> Report:
-        """Return the report: for each point its values and the eigenvalues of each mode, or the
-        reason.
+        """Return a report with the values and eigenvalues of each point, or the reason without a
+        trim.
 
-        A long sweep is reported by its first and last lines. A conjugate pair has one column, which
-        contains both eigenvalues where the pair splits. Where the modes of two columns meet in a
-        conjugate pair, each column has one of its members.
+        For a long sweep the first and last lines are printed. A conjugate pair has one column,
+        which contains both eigenvalues if the pair becomes real. If the modes of two columns become
+        a conjugate pair, each column contains one of its members.
         """
         count = len(self.reasons)
         failed = np.flatnonzero(~self.trimmed).tolist()
@@ -397,7 +410,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _table(self) -> Table:
-        """Return the varied values and the eigenvalues of each mode, one row for each point."""
+        """Return a table of the swept values and the eigenvalues of each mode, one row for each
+        point."""
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
@@ -419,14 +433,14 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return Table(header, [*head, between, *tail])
 
     def _varied(self, i: int) -> tuple[str, ...]:
-        """Return the varied values of a point in words."""
+        """Return the swept values of point i as text."""
         return tuple(map(shown_value, self.values[i], self.plan.units))
 
     def records(self) -> Table:
-        """Return one row for each point.
+        """Return a table with one row for each point.
 
-        It has the varied values, status, reason, operating point, eigenvalues, and entries of A and
-        B.
+        A row contains the swept values, status, reason, operating point, eigenvalues, and the
+        entries of A and B.
         """
         model = self.model
         varied = zip(self.variables, self.plan.units, strict=True)
@@ -463,27 +477,30 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return len(self.reasons)
 
     def __getitem__(self, index: Any) -> Any:
-        """Return the linear model of a point, sweep[0], or the values of a name, sweep["alpha"],
-        (N,).
+        """Return the linear model of a point, sweep[0], or the values of a name (N,),
+        sweep["alpha"].
 
-        A name is a swept variable, a state or an input. Raises a NoSolutionError with the reason
-        where the point has no trim.
+        A name is a swept variable, a state or an input. Raises NoSolutionError, with the reason,
+        for a point without a trim.
         """
         from trim.sweeps.sweep_points import column, linear_model_at
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
     def to_pandas(self) -> Any:
-        """Return one row for each point as a `pandas.DataFrame`: the varied values, states, inputs,
-        and damping and frequency of each mode, with their names."""
+        """Return a `pandas.DataFrame` with one named row for each point.
+
+        The columns are the swept values, states, inputs, and damping and frequency of each mode.
+        """
         return part(PARTS, "notebook.frame", "to_pandas")(self)
 
     def at(self, **values: float) -> LinearModel:
         """Return the linear model at one value of each swept variable: sweep.at(speed=46.0).
 
-        Between the points of the grid the model is trimmed again.
+        The model is trimmed at these values, which need not be in the grid.
 
-        Raises NoSolutionError where no trim exists."""
+        Raises BadInputError if a value is missing, and NoSolutionError if there is no trim.
+        """
         if {*values} != {*self.variables}:
             raise BadInputError(f"give one value of each: {', '.join(self.variables)}")
         axes = {name: [value] for name, value in values.items()}
@@ -492,8 +509,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """Return the eigenvalues of a mode as text: a pair once, a single member of it with its
-    sign."""
+    """Return the eigenvalues of a mode as text.
+
+    A conjugate pair is printed once with ±, a single member of a pair with its sign.
+    """
     words = []
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues
@@ -520,22 +539,20 @@ def sweep(
 ) -> Sweep:
     """Trim and linearize at every combination of the given values.
 
-    With `listed` the values are columns, and every row is one point. The sweep is a `SweepPlan` run
-    in memory.
+    With `listed`, the values are columns of a table, and every row is one point.
 
-    model: the aircraft
-    grid: trim variable or parameter of the model -> imposed values, in its units
-    condition: condition of the other variables; by default the model's own trim. The grid overrides
-        it.
+    model: model of the aircraft
+    grid: trim variable or parameter of the model -> imposed values, in the units of the model
+    condition: condition of all other variables; by default the trim that the model declares. The
+        grid overrides it.
     start: initial point of the search at each point
-    listed: whether the values of the grid are columns, one row for each point
-    at: values of the scheduling variable, in the grid
+    listed: whether the values of the grid are columns, with one row for each point
+    at: values of the scheduling variable, added to the grid
     progress: called with (finished points, all points)
-    columns: further variables of the grid, by name: speed=[60.0, 70.0]
+    columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]
 
-    A point without a trim becomes a row with its reason. Raises BadInputError when a name is
-    unknown, a value is outside its limits, or the grid is empty or has more than `MOST_POINTS`
-    points.
+    A point without a trim is a row with its reason. Raises BadInputError if a name is unknown, a
+    value is outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
 
     >>> import hfa
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
@@ -548,7 +565,10 @@ def sweep(
 
 
 def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
-    """Return the sweep of a plan, in memory."""
+    """Return the sweep of a plan, in memory.
+
+    Raises BadInputError for more than `MOST_POINTS` points.
+    """
     if plan.count > MOST_POINTS:
         raise BadInputError(
             f"the sweep has {plan.count:,} points; at most {MOST_POINTS:,} fit in memory; use"
@@ -584,7 +604,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return for each point why it has no trim, or "" where it has one.
+    """Return the reason why each point has no trim, or "" if it has one.
 
     rows: result of `run_points`
     """
@@ -600,7 +620,7 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
-    """Return the name of the mode for each eigenvalue (k,) of A."""
+    """Return the name of the mode of each eigenvalue (k,) of A."""
     modes = modes_of(A, model.linear, model.modes)
     names = []
     for value in eigenvalues:
@@ -613,7 +633,10 @@ def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     """Return pairs of trimmed points that are adjacent along a line of the grid, (M, 2).
 
-    The indices count the trimmed points alone.
+    The points are numbered among the trimmed ones. Points without a trim between them are skipped.
+
+    sizes: number of values of each variable
+    trimmed: mask of the trimmed points
     """
     numbers = np.cumsum(trimmed) - 1
     index = np.arange(trimmed.size).reshape(sizes)

@@ -1,4 +1,4 @@
-"""Points of a sweep: variables, their values, and parts of the table of points."""
+"""Points of a sweep: variables and their values."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_POINTS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Steps:
-    """Range of any length: `count` values from `start` on, `step` apart."""
+    """Range of any length: `count` values from `start` on, with the spacing `step`."""
 
     start: float
     step: float
@@ -39,16 +39,16 @@ class Steps:
 
 @dataclass(frozen=True, eq=False)
 class SweepPlan:
-    """N points over named variables of one model, in its units.
+    """N points over named variables of one model, in the units of the model.
 
-    axes: variable -> its values, listed or as `Steps`. The points are all combinations, the last
-        variable running fastest.
-    model: the aircraft.
-    condition: condition of the other variables; by default the model's own trim.
+    axes: variable -> its values, as a list or as `Steps`. The points are all combinations, in which
+        the last variable varies fastest.
+    model: model of the aircraft.
+    condition: condition of all other variables; by default the trim that the model declares.
     start: initial point of the search at each point.
-    listed: whether the axes are columns of equal length, one row for each point.
+    listed: whether the axes are columns of equal length, with one row for each point.
 
-    Raises BadInputError when a name or a range is wrong.
+    Raises BadInputError if a name or a range is wrong.
     """
 
     axes: Mapping[str, Any]
@@ -58,7 +58,10 @@ class SweepPlan:
     listed: bool = False
 
     def __post_init__(self) -> None:
-        """Check all fields before a point is trimmed."""
+        """Check all fields, including the condition at the extreme values.
+
+        Raises BadInputError for an unknown name, a value outside its limits, and too many points.
+        """
         model = self.model
         if self.condition is None:
             object.__setattr__(self, "condition", usual_condition(model))
@@ -91,7 +94,7 @@ class SweepPlan:
         return tuple(array.tolist())
 
     def _check_parameters(self) -> None:
-        """Raise BadInputError for a parameter beyond its limits."""
+        """Raise BadInputError for a parameter outside its limits."""
         model = self.model
         for name, ends in self._ends.items():
             if name not in model.parameters:
@@ -109,7 +112,7 @@ class SweepPlan:
 
     @property
     def text(self) -> str:
-        """Return the plan as JSON text. Plans with one text have one sequence of points."""
+        """Return the plan as JSON text. Plans with equal texts have the same points and results."""
         axes = {}
         for name, values in self.axes.items():
             axes[name] = asdict(values) if isinstance(values, Steps) else list(values)
@@ -128,17 +131,17 @@ class SweepPlan:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the varied variables, in order."""
+        """Names of the swept variables, in order."""
         return tuple(self.axes)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Unit of each variable, in order."""
+        """Unit of each swept variable, in order."""
         return self.model.units(self.variables)
 
     @property
     def _ends(self) -> dict[str, tuple[float, float]]:
-        """Return variable -> its lowest and highest value."""
+        """Variable -> its lowest and highest value."""
         ends = {}
         for name, values in self.axes.items():
             few = values
@@ -149,7 +152,8 @@ class SweepPlan:
 
     @property
     def sizes(self) -> list[int]:
-        """Number of values of each variable of a grid, in order; for a list its number of rows."""
+        """Number of values of each variable of a grid, in order, or the number of rows of a
+        list."""
         lengths = [len(values) for values in self.axes.values()]
         return lengths[:1] if self.listed else lengths
 
@@ -160,13 +164,13 @@ class SweepPlan:
 
     @property
     def warnings(self) -> list[str]:
-        """Return the notes on a sweep: the farthest value of each variable beyond a range."""
+        """Notes on variables whose most extreme value is beyond the model's range of validity."""
         farthest = {name: max(ends, key=abs) for name, ends in self._ends.items()}
         return beyond_range(self.model, farthest)
 
     @property
     def grid(self) -> dict[str, Any]:
-        """Variable -> its unit and values, which are listed or given by start, step and count."""
+        """Variable -> its unit and values; a range is stored as start, step and count."""
         grid = {}
         for (name, values), unit in zip(self.axes.items(), self.units, strict=True):
             content = asdict(values) if isinstance(values, Steps) else {"values": list(values)}
@@ -174,7 +178,7 @@ class SweepPlan:
         return grid
 
     def values(self, start: int, stop: int) -> np.ndarray:
-        """Return rows start .. stop - 1 of the table of values, (stop - start, variables)."""
+        """Return rows start .. stop - 1 of the table of points, (stop - start, variables)."""
         index = np.arange(start, stop)
         indices = np.unravel_index(index, self.sizes)
         columns = []

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     """Return the linear model of a point, with its operating point.
 
-    index: number of the point, counted from the end where negative
+    index: number of the point; negative numbers count from the end
 
-    Raises IndexError beyond the points. Raises a NoSolutionError with the reason where the point
+    Raises IndexError if there is no such point, and NoSolutionError, with the reason, if the point
     has no trim.
     """
     count = len(swept.reasons)
@@ -45,9 +45,10 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
 
 
 def column(swept: Sweep, name: str) -> np.ndarray:
-    """Return the values of a swept variable, a state or an input at the points, (N,).
+    """Return the values of a swept variable, a state or an input at all points, (N,).
 
-    Raises BadInputError for another name."""
+    Raises BadInputError for any other name.
+    """
     names = (*swept.variables, *swept.model.states, *swept.model.inputs)
     refuse_unknown("unknown variable", name, names)
     return np.hstack([swept.values, swept.states, swept.inputs])[:, names.index(name)]

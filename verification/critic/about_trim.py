@@ -1,4 +1,4 @@
-"""The nonlinear plant about its trim, and the box of states, for a verdict."""
+"""Nonlinear plant about its trim, and the box of states in which critics are compared."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from verification.critic.critic_errors import Box
 class NonlinearPlant(NamedTuple):
     """Nonlinear plant in deviations from its trim.
 
-    rates: (z, u) -> z'
+    rates: CasADi Function (z, u) -> z'
     lowest, highest: (m,), limits of u
     """
 
@@ -24,12 +24,12 @@ class NonlinearPlant(NamedTuple):
     highest: np.ndarray
 
     def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Return z' under u, saturated at its limits."""
+        """Return z' for the state z and the input u, saturated at its limits."""
         return self.rates(z, ca.fmin(ca.fmax(u, ca.DM(self.lowest)), ca.DM(self.highest)))
 
 
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
-    """Return the plant about the trim of a linear model, within the limits of its inputs.
+    """Return the nonlinear plant about the trim of a linear model, with the limits of its inputs.
 
     States that the linear model omits are constant.
     """
@@ -54,7 +54,7 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 def box_within_limits(linear: LinearModel) -> Box | None:
     """Return the largest box of states within the declared limits, symmetric about the trim.
 
-    The result is None where a state has no limits.
+    The result is None if a state has no limits, or the trim is at or beyond a limit.
     """
     limits = Limits.of(linear.model, linear.states)
     trim = linear.point.states._asdict()

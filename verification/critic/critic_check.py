@@ -1,5 +1,4 @@
-"""Check of a learned critic against the exact solution of its game: errors, and the critic's
-loop."""
+"""Check of a learned critic against the exact solution of its game: errors and closed loop."""
 
 from __future__ import annotations
 
@@ -47,10 +46,16 @@ def check_critic(
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
 
-    It checks the errors of P and K (norms and entries), of V, its slopes and both policies over a
-    box of states, stability of A - B K and A - S P, P > 0, the Riccati residual, and an L2 gain
-    below delta. The box of a network is searched, a bound is proved where possible, and flights
-    from it are simulated.
+    The checks are:
+
+    - errors of P and K, in norms and entry by entry
+    - errors of V, its gradient and both policies in a box of states
+    - stability of A - B K and A - S P
+    - P > 0 and the residual of the Riccati equation
+    - an L2 gain below delta
+
+    For a network, the box is searched for the largest errors, a bound is proved if possible, and
+    trajectories from states in the box are simulated.
 
     game: the game
     critic: the critic, a solution, a training run, or a file; an array is the gain K of u = -K z,
@@ -58,10 +63,10 @@ def check_critic(
     limit: limit of the errors and the residual
     scope: further data for the checks
     run: the training run that ends with the critic; the rank of its data and its settling time are
-        checked.
-    K, P, W: in place of the critic: its gain, value or weights of the basis "quadratic"
+        checked
+    K, P, W: instead of the critic, its gain, value matrix, or weights of the basis "quadratic"
 
-    Raises NoSolutionError when the game has no certified solution.
+    Raises NoSolutionError if the game has no certified solution.
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
@@ -129,7 +134,7 @@ def check_critic(
 
 
 def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost of K, unbounded where rounding hides whether its loop is stable."""
+    """Return the cost of K; it is infinite if rounding hides whether its closed loop is stable."""
     try:
         return flight_cost(game, exact, K)
     except NoSolutionError:
@@ -137,7 +142,10 @@ def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
 
 def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
-    """Return the checks that A - B K is stable and that its L2 gain is below delta."""
+    """Return the checks that A - B K is stable and that its L2 gain is below delta.
+
+    The L2 gain is not checked for delta = inf, or if K is not finite.
+    """
     abscissa = math.inf
     if critic.finite:
         abscissa = spectrum(game.A - game.B @ critic.K).abscissa
@@ -150,12 +158,15 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Return the checks that P is a value: stabilizing, not indefinite, a root of the Riccati
-    equation.
+    """Return three checks of P: A - S P stable, P not indefinite, Riccati residual within the
+    limit.
 
-    The value of a state without cost may be 0, which rounding makes negative. These checks tolerate
-    it, as the certificate does. A limit above the default allows |P - P*| <= limit |P*|, which
-    moves eigenvalues by no more (Weyl).
+    The value of a state without cost may be 0, which rounding can make negative. The check of the
+    sign tolerates this, as the certificate does. A limit above the default permits |P - P*| <=
+    limit |P*|, which changes eigenvalues by no more than this (Weyl).
+
+    P: (n, n)
+    exact: P*, (n, n)
     """
     form = NormalForm.of(game)
     scaled = form.of_value(P)
@@ -179,13 +190,14 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:
-    """Return the smallest eigenvalue of (P + P')/2, relative to the largest entry."""
+    """Return the smallest eigenvalue of (P + P')/2 divided by the largest entry of |P|, 0 for P =
+    0."""
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
 def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
-    """Return the section on the critic's cost and margins in closed loop, compared with the exact
-    ones."""
+    """Return a section of the report: cost, L2 gain and margins of the critic, and of the
+    optimum."""
     learned = None
     if math.isfinite(lost.gain):
         with suppress(NoSolutionError):
@@ -211,12 +223,13 @@ def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
 
 @lru_cache
 def _best_margin(game: Game) -> DiskMargin:
-    """Return the disk margin of the exact gain."""
+    """Return the disk margin of the exact gain of a game."""
     return disk_margin(game, solve_game(game).K)
 
 
 def _polynomial_section(critic: Critic) -> Section:
-    """Return the section on a network that is a polynomial, whose errors have proved bounds."""
+    """Return a section of the report on a network that is a polynomial, for which bounds are
+    proved."""
     data = {
         "output": "V",
         "precision": critic.precision,

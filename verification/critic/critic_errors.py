@@ -1,12 +1,12 @@
-"""Errors of a critic in norms, entry by entry, and over a box of states.
+"""Errors of a critic in norms, entry by entry, and in a box of states.
 
-V - V* is a polynomial with the coefficients c = W - W*. In y_i = z_i / b_i, with b the half widths
-of the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1. So the sum of |c_m ψ_m(b)| bounds the
-error at every state of the box. Derivatives are bounded in the same way, and no error between
-samples is missed.
+V - V* is a polynomial with the coefficients c = W - W*. In the coordinates y_i = z_i / b_i, with b
+the half-widths of the box, it is Σ_m c_m ψ_m(b) ψ_m(y), and |ψ_m(y)| <= 1. Therefore the sum of
+|c_m ψ_m(b)| bounds the error at every state in the box. Derivatives are bounded in the same way.
+Unlike samples, a bound includes the errors between them.
 
-The scale of a linear problem is arbitrary, so each bound holds for every box λb with 1/`REACH` <= λ
-<= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
+The scale of a linear problem is arbitrary. Therefore each bound is valid for every box λb with
+1/`REACH` <= λ <= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SMALL = 1e-5
 
 
 class Exact(Protocol):
-    """Exact solution: the value z'Pz and the policies u = -K z, d = L z."""
+    """Exact solution: value z'Pz and policies u = -K z, d = L z."""
 
     @property
     def P(self) -> Matrix:
@@ -51,11 +51,10 @@ class Exact(Protocol):
 
 
 class Box(NamedTuple):
-    """Box |z_i| <= half_widths[i] of states, over which V, its slopes and the policies are
-    compared.
+    """Box |z_i| <= half_widths[i] of states in which V, its gradient and the policies are compared.
 
     half_widths: (n,), in the units of the states
-    about: their source
+    about: source of the half-widths, as text
     """
 
     half_widths: Vector
@@ -63,7 +62,8 @@ class Box(NamedTuple):
 
 
 def balanced_box(game: Game) -> Box:
-    """Return the box of balanced units of the game, where usual deviations are unknown."""
+    """Return the box with the balanced units of the game, used if typical deviations are
+    unknown."""
     about = "balanced units of the game (a convention, because no typical deviations are given)"
     return Box(NormalForm.of(game).units, about)
 
@@ -72,8 +72,8 @@ def balanced_box(game: Game) -> Box:
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """Return |value - exact| / |exact| in Frobenius norms.
 
-    It is inf when a number is not finite, or only |exact| is 0. Raises BadInputError for different
-    shapes.
+    It is inf if a number of `value` is not finite, or if exact is 0 and value is not. Raises
+    BadInputError for different shapes.
 
     >>> import numpy as np
     >>> from verification import relative_error
@@ -98,7 +98,10 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
-    """Return max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|), or inf for nan and inf."""
+    """Return max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|).
+
+    It is inf if a difference is not finite, or if exact is 0 and a difference is not.
+    """
     largest = float(np.abs(exact).max(initial=0.0))
     if not np.all(np.isfinite(difference)):
         return math.inf
@@ -108,9 +111,9 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
 
 
 def error_check(name: str, error: float, limit: float, what: str) -> Check:
-    """Return the check of an error.
+    """Return the check that an error is at most the limit.
 
-    what: the reason of a failure, "K is off by {error}"
+    what: quantity with the error, for the reason of a failure: "K" gives "K is off by 0.1"
     """
     return at_most(name, error, limit, f"{what} is off by {error:.2g}", kind="error")
 
@@ -118,9 +121,10 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
 def critic_errors(
     game: Game, critic: Critic, exact: Exact, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Return the checks of all errors of a critic: of K, of P where given, and over the box.
+    """Return the checks of all errors of a critic: of K, of P if it is known, and in the box.
 
-    The box is `balanced_box` by default. The errors of a network over it are searched elsewhere.
+    The box is `balanced_box` by default. Errors of a network in the box are computed elsewhere, by
+    a search.
     """
     checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
     if not critic.network:
@@ -134,10 +138,10 @@ def critic_errors(
 def matrix_errors(
     game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Return the checks of the errors of "P" (n, n) or "K" (m, n).
+    """Return three checks of the errors of "P" (n, n) or "K" (m, n).
 
-    They are taken in the units of the game, in balanced units U as U P U or R^(1/2) K U, and for
-    the worst entry of U P U or diag(R)^(1/2) K U.
+    With the balanced units U they are: the norm of the error in the units of the game, the norm of
+    the error of U P U or R^(1/2) K U, and the worst entry of U P U or diag(R)^(1/2) K U.
     """
     units = NormalForm.of(game).units
     if name == "P":
@@ -162,14 +166,13 @@ def matrix_errors(
 def box_errors(
     game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Return the checks of the errors over the box of V, of each ∂V/∂z_i, and of each entry of u
-    and d.
+    """Return the checks of the errors in the box: of V, each ∂V/∂z_i, and each entry of u and d.
 
-    The errors are bounds. That of V is relative to the sum of its terms at the corner of the box,
-    the others to the largest exact value in the box. u is the policy as flown; d = ½ δ⁻²E'∂V/∂z is
-    the worst disturbance.
+    The errors are upper bounds. The error of V is relative to the sum of its terms at the corner of
+    the box, and all other errors to the largest exact value in the box. u is the critic's policy,
+    and d = ½ δ⁻²E'∂V/∂z is the worst disturbance. Without P, only the policy is checked.
 
-    box: (n,), half widths
+    box: (n,), half-widths
     """
     corner = np.outer(box, box)
     P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # alone z'Pz depends on it
@@ -200,10 +203,9 @@ def box_errors(
 
 
 def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return bounds over the boxes λb of the terms of V that are not quadratic, and of their
-    slopes.
+    """Return bounds of the terms of V that are not quadratic, and of their gradient, over boxes λb.
 
-    The bounds of the slopes are multiplied by b_i, (n,).
+    The bounds of the gradient, (n,), are multiplied by the half-widths b_i.
     """
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:

@@ -37,10 +37,10 @@ class ErrorTable(Result):
     """Errors of a critic at each time of its history.
 
     times: (N,), s.
-    errors: by the names of `COLUMNS`, (N,) each, or nan where P is not known.
+    errors: column as in `COLUMNS` -> errors (N,), nan if P is unknown.
     decides: name of the column that must settle.
-    limit: limit of that column.
-    predefined_time: T_w, s, or None without one.
+    limit: limit of this column.
+    predefined_time: T_w, s, or None.
     """
 
     json_keys = "time=times limit settling_time predefined_time predefined_time_kept"
@@ -53,24 +53,25 @@ class ErrorTable(Result):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the deciding column stays within the limit, s, or inf."""
+        """First time from which the column `decides` remains within the limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
     def predefined_time_kept(self) -> bool | None:
-        """True if the settling time is within the predefined time; None without one."""
+        """True if the settling time is at most the predefined time; None without a predefined
+        time."""
         if self.predefined_time is None:
             return None
         return self.settling_time <= self.predefined_time
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries, with the errors by their names among them."""
+        """Return the entries of the table; each column of errors is an entry under its name."""
         data = super().as_data()
         return {"time": data.pop("time"), **plain(self.errors), **data}
 
     @property
     def sentence(self) -> str:
-        """Return the settling time in words."""
+        """Sentence on the settling time, or on the last error if it does not settle."""
         what = f"the {COLUMNS[self.decides]}"
         if math.isfinite(self.settling_time):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
@@ -79,7 +80,7 @@ class ErrorTable(Result):
 
 
 def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
-    """Return the errors of P(t) of a training run, computed anew from its weights."""
+    """Return the errors of P(t) of a training run, recomputed from its weights."""
     psi = basis(run.basis, len(game.A))
     values = np.array([psi.matrix(weights) for weights in run.weights])
     form = NormalForm.of(game)
@@ -103,7 +104,7 @@ def rank_check(run: TrainingRun) -> Check:
 
 
 def time_checks(table: ErrorTable) -> list[Check]:
-    """Return the check of the settling time, for a history or a run that promises one."""
+    """Return a list with the check of the settling time, or [] without a predefined time."""
     promised = table.predefined_time
     if promised is None:
         return []

@@ -1,4 +1,4 @@
-"""Figures of verdicts: learned and exact P or K, and errors over time or over checkpoints."""
+"""Figures of verdicts: learned and exact P or K, and errors over time or of several critics."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ _LEAST_DIFFERENCE = 1e-6
 
 
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
-    """Return heat maps of the learned and the exact P, and of their relative difference.
+    """Return a figure with heat maps of the learned and the exact P, and of their relative
+    difference.
 
-    K is drawn for a critic without P. The colors have a signed logarithmic scale. Errors over time
-    are added where there is a table.
+    K is drawn for a critic without P. The color scale is logarithmic with sign. Errors over time
+    are drawn below if the verdict has a table of them.
 
     make: function (width, height) -> empty figure
     """
@@ -75,9 +76,11 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 
 
 def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """Return errors and lost cost of several critics in order, a learning curve for checkpoints.
+    """Return a figure of the errors and excess costs of several critics, in their order.
 
-    The figure of a single critic is its `verdict_figure`.
+    For checkpoints it is a learning curve. The figure of a single critic is its `verdict_figure`.
+
+    origin: name of the plant, for the title
     """
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
@@ -123,7 +126,7 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """Draw a matrix in colors.
+    """Draw a matrix as a heat map with a color bar.
 
     size: limit of the color scale of a matrix, or None for relative differences
     """

@@ -1,4 +1,4 @@
-"""Critics in the forms that a user gives."""
+"""Conversion of user input (file, solution, training run, network or gain) to a critic."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def critic_given(
 ) -> tuple[Critic, TrainingRun | None]:
     """Return a critic and the training run that ends with it, or None.
 
-    given: file, solution, training run, network or gain K; None where parts define the critic
+    given: file, solution, training run, network or gain K; None if parts define the critic
     parts: "K", "P", "W" -> array or None
     run: the training run of a file or a gain, if known
 
-    Raises BadInputError where nothing is given, or an array does not fit the game.
+    Raises BadInputError if no critic is given, or an array does not fit the game.
     """
     if isinstance(given, (str, Path)):
         return critic_in(given, game), run

@@ -1,5 +1,4 @@
-"""Check of critics over time, from a file with times or a training run, against the exact
-solution."""
+"""Check of critics over time, from a file or a training run, against the exact solution."""
 
 from __future__ import annotations
 
@@ -39,15 +38,15 @@ def check_history(
     """Return the verdict on the last critic of a history, with a table of the errors of all
     critics.
 
-    game: the game to be solved
-    critics: in order of their `time`, from `critics_in` or `critics_over_time`
+    game: the game
+    critics: in the order of their `time`, from `critics_in` or `critics_over_time`
     limit: limit of every error and of the residual
     scope: further data for the checks of the last critic
-    predefined_time: T_w, s, from which on a check requires every error to be within the limit; None
-        for no such check
+    predefined_time: T_w, s; a check requires every error to be within the limit from T_w on. None
+        for no such check.
     progress: called with (checked critics, all critics)
 
-    Raises BadInputError when the critics have no times.
+    Raises BadInputError if the critics have no times.
     """
     if not critics or any(critic.time is None for critic in critics):
         raise BadInputError(
@@ -77,7 +76,8 @@ def check_history(
 
 
 def _section(table: ErrorTable) -> Section:
-    """Return some rows and the settling time for a report, and all rows for a file."""
+    """Return a section of the report with some rows and the settling time, and all rows as
+    records."""
     columns = np.column_stack([table.times, *table.errors.values()])
     some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
     rows = [(f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()]

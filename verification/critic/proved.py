@@ -1,4 +1,4 @@
-"""Type of the proof in a verdict, for type checkers alone."""
+"""Type of the proof in a verdict, for type checkers only."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from typing import Protocol
 
 
 class Proved(Protocol):
-    """The proved bound on the errors of a nonlinear critic.
+    """Proved bound on the errors of a nonlinear critic.
 
     error: proved upper bound of the relative error.
-    fraction: size of the part of the box in which the bound holds, as a factor on the box, or 0
-        where nothing is proved.
-    is_of_all: whether it covers all errors that are compared.
+    fraction: factor on the box for which the bound is proved, or 0 if nothing is proved.
+    is_of_all: True if the bound covers all errors that are compared.
     where: the part of the box, in words.
     """
 

@@ -1,4 +1,4 @@
-"""Further data for judging a critic, besides its game."""
+"""Further data for the checks of a critic, besides its game."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ SECONDS = 20.0
 
 
 class Scheduled(NamedTuple):
-    """Games of a model along its scheduling variable.
+    """Games of a model as a function of its scheduling variable.
 
-    says: value -> its text, "at dihedral 12.0000 deg"
-    game_at: value -> the game there
-    starts: initial values of a search, or none where the model is stationary
+    says: value -> text, "at dihedral 12.0000 deg"
+    game_at: value -> game
+    starts: initial values of a search, or none if the model does not depend on the variable
     """
 
     says: Callable[[float], str]
@@ -38,8 +38,8 @@ class Scheduled(NamedTuple):
 class Nearby(NamedTuple):
     """Other games on which the critic may have been learned.
 
-    named: difference, such as "of the matrices printed for 5 deg" -> game
-    scheduled: games along the scheduling variable
+    named: difference from the given game, such as "of the matrices printed for 5 deg" -> game
+    scheduled: games as a function of the scheduling variable, or None
     """
 
     named: Mapping[str, Game] = {}
@@ -49,15 +49,15 @@ class Nearby(NamedTuple):
 @checks_arguments
 @dataclass(frozen=True)
 class Scope:
-    """Further data for judging a critic, besides its game.
+    """Further data for the checks of a critic, besides its game.
 
-    box: box of states over which V, its slopes and the policies are compared; by default
+    box: box of states in which V, its gradient and the policies are compared; by default
         `balanced_box`
     nearby: function that returns other games, to recognize a critic that was learned on one of them
-    plant: nonlinear plant about its trim, in which a network is also flown
-    flights: number of initial conditions from which a network is flown
-    seconds: time for a proof of the largest error of a network, or 0 for none
-    progress: progress of the proof, called with (elapsed seconds, allowed seconds)
+    plant: nonlinear plant about its trim, in which a network is also simulated
+    flights: number of initial conditions from which a network is simulated
+    seconds: time for a proof of the largest error of a network, or 0 for no proof
+    progress: called during the proof with (elapsed seconds, allowed seconds)
     """
 
     box: Box | None = None

@@ -16,10 +16,11 @@ from verification.critic.verdict import ROUNDING, Verdict, shown_number
 
 @dataclass(frozen=True, eq=False)
 class Verdicts(Result):
-    """Several critics of one game.
+    """Verdicts on several critics of one game.
 
-    ok: whether all pass.
-    critics: file -> verdict of `hfa verify` on that critic alone."""
+    ok: True if all critics pass.
+    critics: file -> verdict of `hfa verify` on this critic alone.
+    """
 
     schema = "hfa.critic-checks/1"
     made_by = "hfa verify of several critics"
@@ -31,8 +32,10 @@ class Verdicts(Result):
 def verdicts_report(
     verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
 ) -> Report:
-    """Return the table of several critics of one game, by the names of their files.
+    """Return a report with a table of several critics of one game.
 
+    verdicts: file -> verdict
+    origin: name of the plant
     limit_cost: as in `Verdict.report`
     """
     header = (

@@ -1,4 +1,4 @@
-"""The verdict on a critic: its checks, the cost lost, the likely mistake, and its report."""
+"""Verdict on a critic: its checks, its cost, the likely mistake, and its report."""
 
 from __future__ import annotations
 
@@ -45,16 +45,18 @@ _FIRST_LINE = 100
 class Details(Result):
     """Optional data of a verdict besides its checks.
 
-    graded: cost lost, L2 gain, distance to instability; with a limit of the cost, whether it holds.
+    graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost,
+        whether the cost is within it.
     disk_margin: disk margin of K.
     disk_margin_exact: disk margin of the exact gain.
-    discount: factor of a step.
+    discount: discount factor of one step.
     cost_lost_worst_percent: largest cost above the optimum over the initial conditions, percent.
-    box: half widths of the box of states for comparing V and the policies, and their source.
-    dt: s, of a sampled plant.
-    history: for a critic over time, the errors of each row.
-    network: for a neural network, its outputs, V(0), and the largest errors found and proved over
-        the box.
+    box: half-widths of the box of states in which V and the policies are compared, and their
+        source.
+    dt: sampling time of a sampled plant, s.
+    history: for a critic over time, the errors at each time.
+    network: for a neural network, its outputs, V(0), and the largest errors found and proved in the
+        box.
     """
 
     graded: FlightCost | None = None
@@ -69,11 +71,11 @@ class Details(Result):
 
 
 class Section(NamedTuple):
-    """Part of a verdict.
+    """Part of a verdict's report, with its data.
 
-    part: part of the report
+    part: text or table of the report
     data: entries of the verdict
-    records: rows of a file, in place of the entries of P and K
+    records: table for a file, instead of the entries of P and K
     """
 
     part: Part
@@ -83,20 +85,21 @@ class Section(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Checked, Result, Reported):
-    """The verdict on one critic: PASS when every check holds.
+    """Verdict on one critic: it passes if every check does.
 
     critic: the critic.
     exact: the certified solution.
     checks: the checks, each of kind error, rest, stability, cost, gain or data.
     limit: limit of the errors.
-    reason: the mistake recognized, or "".
+    reason: the recognized mistake, or "".
     cost_lost: upper bound of the cost above the optimum, percent.
-    searched: number of searched states, where the errors over the box are not bounds; else 0.
-    proof: the proved bound on the errors over the box.
-    problem: name of the problem of the exact solution, for titles.
-    weights: Q, R and delta of the game, and their source, in words.
+    searched: number of states at which errors in the box were searched for, or 0 if they are
+        bounds.
+    proof: the proved bound on the errors in the box, or None.
+    problem: name of the problem that the exact solution solves, for titles.
+    weights: Q, R and delta of the game, and their source, as text.
     sections: further findings.
-    table: errors over time, of a history or a training run; else None.
+    table: errors over time of a history or a training run, or None.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -126,17 +129,17 @@ class Verdict(Checked, Result, Reported):
     table: ErrorTable | None = None
 
     def value_of(self, name: str) -> float:
-        """Return the value of a check, or nan where there is no such check."""
+        """Return the value of the check with this name, or nan if there is none."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
     def diagnosis(self) -> str:
-        """`reason`, under its name in version 0.3."""
+        """Name of `reason` in version 0.3."""
         return self.reason
 
     @property
     def P_rel_error(self) -> float:
-        """|P - P*| / |P*|, Frobenius norms in the units of the game, or nan where only a gain is
+        """|P - P*| / |P*|, Frobenius norms in the units of the game, or nan if only a gain is
         known."""
         return self.value_of("P_rel_error")
 
@@ -147,7 +150,7 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def largest_error(self) -> float:
-        """Largest of the errors."""
+        """Largest value of the checks of kind error."""
         return max(check.value for check in self.checks if check.kind == "error")
 
     @property
@@ -156,14 +159,18 @@ class Verdict(Checked, Result, Reported):
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether every check holds, or whether the cost is within a limit, percent."""
+        """Return whether every check passes or, with a limit (percent), whether the cost is within
+        it."""
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
     @property
     def grade(self) -> Grade:
-        """ "exact" where every check holds; "near" where errors alone are too large, the loop is
-        stable, its equilibrium lies within `NEAR_REST` and its cost is at most `NEAR` above the
-        optimum; else "fail"."""
+        """Grade of the critic: "exact", "near" or "fail".
+
+        "exact": every check passes. "near": only errors are too large, the loop is stable, its
+        equilibrium is within `NEAR_REST`, and its cost is at most `NEAR` above the optimum. "fail":
+        all other cases.
+        """
         if self.ok:
             return "exact"
         for check in self.checks:
@@ -175,12 +182,12 @@ class Verdict(Checked, Result, Reported):
     def headline(self, limit_cost: float | None = None) -> str:
         """Return the first line: PASS, NEAR or FAIL on the linear game, and the first finding.
 
-        A second finding follows where it fits into 100 columns.
+        A second finding is added if the line then has at most 100 columns.
         """
         return self._first_lines(limit_cost)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the headline, then a line for each further finding.
+        """Return the headline, then one line for each further finding.
 
         The findings are errors, stability, the equilibrium and the L2 gain.
         """
@@ -208,7 +215,7 @@ class Verdict(Checked, Result, Reported):
         return [line, *facts]
 
     def _cost_text(self) -> str:
-        """Return the lost cost in words."""
+        """Return the cost above the optimum as text."""
         if math.isinf(self.cost_lost):
             return "cost without bound"
         if self.cost_lost < ROUNDING:
@@ -216,7 +223,7 @@ class Verdict(Checked, Result, Reported):
         return f"{self.cost_lost:.2g} % above the optimum"
 
     def grade_text(self, limit_cost: float | None = None) -> str:
-        """Return PASS, NEAR or FAIL, or with a limit of the cost, percent, PASS or FAIL."""
+        """Return PASS, NEAR or FAIL. With a limit of the cost, percent, return PASS or FAIL."""
         if limit_cost is None and self.grade == "near":
             return Cell("NEAR", "bad")
         return verdict_text(self.holds(limit_cost))
@@ -244,14 +251,15 @@ class Verdict(Checked, Result, Reported):
         return [check.as_data() | {"kind": check.kind} for check in self.checks]
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries of the verdict and of its sections."""
+        """Return the entries of the verdict and of all its sections."""
         data = super().as_data()
         for section in self.sections:
             data |= section.data.as_data()
         return data
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
-        """Return the data, with the verdict on the cost where that has a limit."""
+        """Return the data. With a limit of the cost, percent, they include the verdict on the
+        cost."""
         data = self.as_data()
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
@@ -260,10 +268,10 @@ class Verdict(Checked, Result, Reported):
     def report(
         self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
     ) -> Report:
-        """Return the report: verdict, checks, sections, and P and K entry by entry.
+        """Return a report: verdict, checks, sections, and entries of P and K.
 
-        limit_cost: limit of the lost cost, percent, which then decides the verdict
-        about: lines below the heading, in place of `weights`
+        limit_cost: limit of the cost above the optimum, percent, which then decides the verdict
+        about: lines below the heading, instead of `weights`
         source: file of the critic
         """
         names = self.exact.names
@@ -295,7 +303,7 @@ class Verdict(Checked, Result, Reported):
         )
 
     def plot(self) -> np.ndarray:
-        """Draw the learned and the exact P in a pyplot figure, or K without P; return its Axes."""
+        """Draw the learned and the exact P with pyplot, or K without P. Return the Axes."""
         from hfa_support.reporting.figure import pyplot_figure
         from verification.critic.figures import verdict_figure
 
@@ -304,9 +312,10 @@ class Verdict(Checked, Result, Reported):
     def _farthest_entries(
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
     ) -> Part:
-        """Return the entries with the largest errors relative to the largest entry of their matrix.
+        """Return a table of the entries with the largest errors, and a note if entries are omitted.
 
-        They keep their order; for P only the upper triangle is used.
+        The errors are relative to the largest entry of the matrix. The entries keep their order. Of
+        P only the upper triangle is used.
         """
         largest = {
             "P": float(np.abs(self.exact.P).max()) or 1.0,
@@ -344,7 +353,10 @@ class Verdict(Checked, Result, Reported):
 
 
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
-    """Return the checks, with the diagnosis added to the reason of the first failed one."""
+    """Return the checks, with the diagnosis appended to the reason of the first failed check.
+
+    The checks are unchanged if this reason already contains the diagnosis.
+    """
     with_reason = list(checks)
     for index, check in enumerate(checks):
         if not check.ok:
@@ -360,8 +372,11 @@ def shown_number(value: float) -> str:
 
 
 def _failures(checks: Sequence[Check]) -> Part:
-    """Return the failed checks with their reasons, one line each: loops, P and K, then other
-    errors."""
+    """Return a line with the reason for each failed check, and the number of checks that passed.
+
+    The lines are sorted: closed loops, then P and K, then other errors. Only the names of failures
+    beyond the first `_FAILURES` are printed.
+    """
 
     def order(check: Check) -> tuple[bool, bool]:
         return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
