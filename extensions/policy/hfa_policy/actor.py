@@ -17,8 +17,8 @@ from hfa_policy.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 from hfa_support.files import regular_file
 
-#: What `normalizer` says of a policy that has none although its training had a VecNormalize (of
-#: rewards alone).
+#: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
+#: normalized only rewards.
 NONE = "none"
 SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".npz")
 

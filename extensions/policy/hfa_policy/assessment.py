@@ -39,14 +39,13 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
-#: Flights at each trim unless asked for.
+#: Default number of flights at each trim.
 SAMPLES = 300
-#: Part of the flights that must converge where a policy holds.
+#: Fraction of the flights that must converge for a policy to hold.
 _MOST_OF_THEM = 0.5
-#: Seconds of the flight from the trim that ends at the equilibrium.
+#: Duration of the flight from the trim that ends at the equilibrium, s.
 _TO_REST = 200.0
-#: Another equilibrium than Newton's from the trim is where the flight ends, in half-widths of the
-#: box.
+#: Two equilibria closer than this are equal, in half-widths of the initial-condition box.
 _ELSEWHERE = 1e-3
 
 
@@ -281,7 +280,7 @@ class Assessor:
             stable=chain.radius < 1.0,
             reach=reach,
             seconds=seconds_to_converge(chain.radius, chain.dt),
-            # A mode of the aircraft that is not judged moves the others away from it later.
+            # A mode that is not assessed may later move the other modes away from the equilibrium.
             swing=slowest_swing(chain) if reach.judged.all() else 0.0,
             drift=drift,
             lag=search.lag(equilibrium, drift),

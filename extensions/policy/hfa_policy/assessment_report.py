@@ -28,19 +28,19 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: What may be asked for, with its unit.
+#: Names of requirements, with their units.
 NEEDS = {
     "delay": "s",
     "margin": "disk margin",
     "cost": "percent over the linear optimum, continuous and sampled",
 }
-#: Columns of the first line.
+#: Largest number of columns of the first line.
 _FIRST_LINE = 100
-#: A command that is off its slope by less is linear.
+#: A policy with a smaller nonlinearity counts as linear.
 _LINEAR = 0.01
-#: Percent over the optimum, from which on a cost is another one.
+#: Costs that differ by less, in percent of the optimum, are equal.
 _SAME_COST = 1e-6
-#: An equilibrium off trim by less than this part of the box of initial conditions is at the trim.
+#: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
 _AT_TRIM = 0.01
 
 

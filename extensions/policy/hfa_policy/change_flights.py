@@ -19,12 +19,12 @@ from hfa_policy.outcomes import BALL, Place, seeded_starts
 from hfa_policy.repairs import Repair
 from hfa_policy.sampled_loop import held
 
-#: A flight that ends farther from the trim than so many half-widths of the box of initial
-#: conditions, or swings by more than the ball in the last second, has not converged. Some
-#: equilibria lie off trim. Some of the many exchanges fly as near as that by chance, and must end
-#: in the box.
+#: A flight has not converged if it ends farther from the trim, in half-widths of the
+#: initial-condition box, or moves by more than the ball in the last second. The limit exceeds 1
+#: because some equilibria differ from the trim. With one of the many exchanges, a flight may end as
+#: near by chance. It must therefore end in the box.
 NEAR = 3.0
-#: Costs beyond which flights are not told apart; the least half-width of a box.
+#: Costs above the first value are equal. The second is the smallest half-width of a box.
 _MOST = 1e9
 _LEAST = 1e-9
 

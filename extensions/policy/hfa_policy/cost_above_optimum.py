@@ -20,8 +20,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.results import Result
 from trim.point.operating_point import OperatingPoint
 
-#: An eigenvalue of the optimal cost below this part of the largest is that of a state that costs
-#: nothing.
+#: A state whose eigenvalue of the optimal cost is smaller, relative to the largest, has no cost.
 _COSTS_NOTHING = 1e-12
 
 

@@ -31,7 +31,7 @@ from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
-#: Names of a map beside those of the aircraft.
+#: Names in a map in addition to the names of the aircraft.
 ACTION = "a"
 TRIM = "trim"
 
@@ -243,7 +243,7 @@ class Deployed:
         a = ca.SX.sym("a", len(self.commanded))
         limits = Limits.of(self.model, tuple(self.model.inputs))
         unlimited = self.unlimited_inputs(a, X, U, trim)
-        # An input that no action moves stays at the trim, wherever that is.
+        # An input that no action moves keeps its trim value, even outside its limits.
         low = np.where([name in self.commanded for name in limits.names], limits.lowest, -np.inf)
         high = np.where([name in self.commanded for name in limits.names], limits.highest, np.inf)
         within = ca.fmin(ca.fmax(unlimited, ca.DM(low)), ca.DM(high))

@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from hfa_policy.deployed import Deployed
 
-#: Samples of delay up to which a loop is judged, and searched for the delay that is lost.
+#: Largest delay that is assessed, in samples.
 MOST_SAMPLES = 100
-#: Most samples whose observations a policy takes together.
+#: Largest number of samples that a policy may use.
 MOST_FRAMES = 100
-#: Seconds of a sample: a flight of minutes has at most a million.
+#: Permitted sample times, s. A flight of minutes then has at most a million samples.
 _SAMPLE = Number(1e-4, 10.0)
 _FROM_0 = Number(0.0)
 _OBSERVED: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}

@@ -29,11 +29,11 @@ from hfa_policy.row_code import bound_rows, row_code
 from hfa_support.errors import BadInputError, is_finite, shown
 from trim.point.operating_point import OperatingPoint
 
-#: Episodes from which on threads share them: fewer are flown in the time that sharing takes.
+#: From this number of episodes on, several threads are faster.
 _MANY = 500
-#: Cost of a sample that is no finite number.
+#: Cost of a sample whose cost is not a finite number.
 _DEAREST = 1e6
-#: Seconds of an episode unless asked for.
+#: Default duration of an episode, s.
 SECONDS = 20.0
 
 
@@ -225,7 +225,7 @@ class Episodes:
         envelope = self._envelopes[self.owners[number]]
         if not envelope.within(self.states[number]).all():
             return departure_at(envelope, self.states[number], time)
-        # A row stays where it was when what follows is not a number.
+        # A row keeps its values if the next values are not numbers.
         moved, _ = self._flight.moved()(self._flown[number], self._actions[number])
         after = np.array(moved).ravel()[: self.states.shape[1]]
         if np.isfinite(after).all():
@@ -275,7 +275,7 @@ def _has_nan(actions: np.ndarray) -> bool:
     """Return whether actions (N, m) contain NaN. A faster test is used for one episode."""
     if len(actions) == 1:
         return any(map(math.isnan, actions[0].tolist()))
-    # The sum of squares is not a number where an action is none.
+    # The sum of squares is nan if any action is nan.
     return math.isnan(np.vdot(actions, actions))
 
 

@@ -21,12 +21,12 @@ _MOST_STEPS = 60
 _MOST_HALVES = 30
 #: Residual, in nominal rates, below which a point counts as an equilibrium.
 _STEADY = 1e-9
-#: Residual where the equations are no numbers.
+#: Residual used where the equations have no finite value.
 _FAR_OFF = 1e6
-#: How far the slopes to both sides may differ where there is no kink, of the change of an input
-#: over a nominal value.
+#: Difference of the slopes on both sides above which there is a kink. It is the change of an input
+#: over a nominal value, relative to the size of the input.
 _SAME_SLOPE = 1e-3
-#: How near to a clip a value lies at it, as a part of the width.
+#: A value closer to a limit, relative to the width of the interval, is at the limit.
 _AT_CLIP = 1e-9
 
 

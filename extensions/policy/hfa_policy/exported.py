@@ -15,14 +15,14 @@ from hfa_flight.export.exported_loop import Channel, ExportedLoop
 if TYPE_CHECKING:
     from hfa_policy.flown import DeployedPolicy
 
-#: Of a policy that takes the observations of several samples.
+#: Further arguments for a policy that uses the observations of several samples.
 _MORE = """,
     const double past[(POLICY_HISTORY - 1) * POLICY_OBSERVATIONS],
     double observed[POLICY_OBSERVATIONS]"""
 _HISTORY = """ observed: the
    observations at this sample. past: those of the {0} samples before, the oldest first. At the
    first sample every part of past is what a call writes into observed."""
-#: Header and source.
+#: Header and source file.
 POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 
 

@@ -26,14 +26,14 @@ from hfa_policy.held_step import held_step
 from hfa_policy.row_code import row_code
 from hfa_support.native.bound import RowFunction
 
-#: Samples from which on compiling to machine code pays.
+#: Number of samples from which on compilation to machine code is faster.
 COMPILE_FROM = 50_000
-#: Seconds after which it is asked how a flight stands.
+#: Interval at which flights are checked, s.
 WINDOW = 1.0
-#: A delay within this part of a sample of a whole number of them is that number.
+#: A delay this close to a complete number of samples, in samples, is rounded to it.
 _WHOLE = 1e-9
 
-#: A function of tables with a row a flight.
+#: Function of tables with one row for each flight.
 Rows = Callable[..., list[np.ndarray]]
 
 

@@ -27,9 +27,9 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from hfa_flight.export.exported_loop import ExportedLoop
 
-#: Longest step of a flight through moving air or behind actuators, s.
+#: Longest step of a flight in moving air or with actuators, s.
 _FINE = 0.001
-#: Seconds of which sample time and delay are whole numbers.
+#: Unit of sample time and delay, s. Both must be multiples of it.
 _CLOCK = 1e-6
 
 
@@ -91,7 +91,8 @@ class DeployedPolicy(Policy):
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
             if tick % ticks == 0:
-                # What acts just before the sample; a command that arrives now comes after it.
+                # The input just before the sample; a command that arrives at this tick acts after
+                # it.
                 before = arrived(tick - 1)
                 at = (states + measured, before, trim)
                 if not past:

@@ -13,8 +13,8 @@ from hfa_aircraft.model import Model
 from hfa_flight.gust_equations import in_gusts
 from trim.point.operating_point import OperatingPoint
 
-#: Longest step of the integration, in parts of the time constant of the fastest mode: an error of
-#: 1e-6 of a deviation.
+#: Longest integration step, in time constants of the fastest mode. The error is 1e-6 of a
+#: deviation.
 _LONGEST = 0.2
 _MOST_PARTS = 1000
 

@@ -17,7 +17,7 @@ import numpy as np
 from hfa_networks.files.tensors import refuse_pickle_bomb, refuse_shared
 from hfa_support.errors import BadInputError, shortened
 
-#: Packages whose objects are kept as bare attributes; their code is never imported.
+#: Packages whose objects are read as attributes. Their code is never imported.
 _KEPT_PACKAGES = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch")
 _NUMPY_CORES = ("numpy", "numpy.core.multiarray", "numpy._core.multiarray")
 _NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
@@ -45,7 +45,7 @@ class Inert:
             state = {**(state[0] or {}), **state[1]}
         if isinstance(state, dict):
             self.__dict__.update(state)
-            self.__dict__.pop("made_of", None)  # it is of the class, not of the file
+            self.__dict__.pop("made_of", None)  # belongs to the class, not to the file
 
     def __setitem__(self, key: Any, value: Any) -> None:
         """Ignore an entry of a pickled container."""
@@ -157,7 +157,7 @@ def inert(content: bytes) -> Any:
         return stored
     except BadInputError:
         raise
-    except Exception as error:  # a damaged pickle makes the reader raise nearly anything
+    except Exception as error:  # a damaged pickle may cause any exception
         reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
         raise BadInputError(
             f"the data are not a pickle, or are damaged ({reason}); save them again"

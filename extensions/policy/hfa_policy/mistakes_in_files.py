@@ -19,7 +19,7 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
         of_the_normalizer = list(mistakes_of_normalizer(deployed, stored, normalizer))
         yield from of_the_normalizer
         if any(mistake.proved for mistake in of_the_normalizer):
-            normalizer = None  # it says nothing of this training
+            normalizer = None  # it is not from this training
     yield from mistakes_of_observations(deployed, stored, normalizer, points)
 
 

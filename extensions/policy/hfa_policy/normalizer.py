@@ -14,7 +14,7 @@ from hfa_policy.inert_pickle import Inert, inert
 from hfa_support.errors import BadInputError, is_finite, numbers_in, said_of, shown
 from hfa_support.files import regular_file
 
-#: Of VecNormalize, where a card gives mean and variance alone.
+#: Defaults of VecNormalize, for a deployment file with mean and variance only.
 EPSILON = 1e-8
 CLIP = 10.0
 

@@ -17,14 +17,14 @@ from hfa_policy.mistake import Mistake
 from hfa_policy.normalizer import Normalizer
 from hfa_policy.stable_baselines import Zip
 
-#: Observations that show whether they lie on a line, and how far from it they may be, as a part of
-#: what they span: they are single precision, and those a sample apart are off by a thousandth.
+#: Least number of observations to recognize a line, and the largest distance from it, relative to
+#: their range. Observations are in single precision. Those one sample apart differ by about 1e-3.
 _ON_A_LINE = 3
 _STRAIGHT = 1e-4
-#: The median of the rates of change, in nominal ones, that no aircraft has from one sample to the
-#: next: without a normalizer 63 of 64 records of one environment lie below 2.2, one at 3.4.
+#: Median of the rates of change, in nominal rates, that is impossible for an aircraft. Without a
+#: normalizer, 63 of 64 records of one environment are below 2.2, and one is 3.4.
 _JUMP = 5.0
-#: What the count of a VecNormalize begins with.
+#: Initial count of a VecNormalize.
 _COUNT_AT_FIRST = 1e-4
 
 

@@ -16,13 +16,14 @@ from hfa_policy.normalizer import Normalizer
 from hfa_policy.stable_baselines import Zip
 from trim.point.operating_point import OperatingPoint
 
-#: How far, in standard deviations of what the normalizer has seen, the trim may lie from the mean:
-#: farther at every trim is another observation, nearer fits.
+#: Distance of the trim from the mean, in standard deviations of the training. If it is larger than
+#: the first value at every trim, the observation is another one. If it is smaller than the second,
+#: the observation fits.
 _FAR = 4.0
 _FITS = 2.0
-#: How many ranges of a state what was observed may span, beyond which it is no such state.
+#: Largest standard deviation of a state in training, in ranges of the state.
 _SPANS = 1.5
-#: The kind of a mistake of which the files prove that it is there and not which it is.
+#: Kind of a mistake that the files prove without showing which mistake it is.
 UNCLEAR = "observations"
 
 

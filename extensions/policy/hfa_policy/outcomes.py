@@ -23,41 +23,45 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from trim.point.operating_point import OperatingPoint
 
-#: Half-widths of the ball of those that are back, in half-widths of the box of starts.
+#: Half-widths of the ball within which a flight has converged, in half-widths of the
+#: initial-condition box.
 BALL = 0.05
-#: Seconds during which the disturbance pushes, and how far it alone would take a state in that
-#: time, in half-widths of the box.
+#: Duration of the disturbance pulse, s, and the distance by which it alone would move a state, in
+#: half-widths of the box.
 PUSHED = 1.0
 PUSH = 0.5
-#: Seconds of the flight in which a limit cycle is measured.
+#: Duration of the flight in which a limit cycle is measured, s.
 _CYCLE_SECONDS = 20.0
 _FLYING, _RETURNED, _LOST, _ENDED = range(4)
 #: Outcomes of a flight, in words.
 LEAVES = "leaves the envelope"
 DOES_NOT_CONVERGE = "does not converge"
 CONVERGES = "converges"
-# A flight is flown no further where its end is known. That is measured, not proved: of 26,000
-# flights of 5 policies, with 0 to 5 samples of delay, each was judged as after all of the time.
-# With swings that are the same but for 0.05, 24 of 19,200 were not: slow decay and growth.
-#: What moves a state by no more than this part of its nominal value in a window has come to rest.
+# A flight ends early when its outcome is known. This is a measured rule, not a proof. Of 26,000
+# flights of 5 policies, with 0 to 5 samples of delay, each had the outcome of its full duration.
+# With a limit cycle tolerance (`_SAME`) of 0.05, 24 of 19,200 did not, because of slow decay or
+# growth.
+#: A flight has settled if no state changes more in a window, relative to its nominal value.
 _STILL = 1e-9
-#: It rests elsewhere where it swings in so many windows one behind the other by no more than this
-#: part of its distance, which is more than so many balls.
+#: A flight is at another equilibrium if, in this number of consecutive windows, its range is at
+#: most the second value times its distance. The distance must exceed the third value, in balls.
 _STANDING = 10
 _STANDS = 1e-3
 _ELSEWHERE = 2.0
-#: It cycles where the least swing in a block of windows of some state is so many balls, and over
-#: three blocks the same but for this part, to and fro: one that only rises, or falls, may go on.
+#: A flight is in a limit cycle if a state satisfies two conditions over three blocks of windows.
+#: Its least half range in a block is at least the second value, in balls. It is equal in all blocks
+#: to within the third value, and neither only rises nor only falls.
 _BLOCK = 5
 _CYCLES = 3.0
 _SAME = 0.002
-#: A flight about an unstable equilibrium is back only where it has not grown by this factor over
-#: its last `_GROWTH_WINDOWS` windows: it chatters within the ball.
+#: A flight about an unstable equilibrium has converged, and chatters in the ball, only if it grew
+#: by less than this factor in its last `_GROWTH_WINDOWS` windows.
 _GROWN = 1.02
 _GROWTH_WINDOWS = 10
-#: What has moved by less in the last window, in half-widths of the box, may be at an equilibrium.
+#: A flight that moved by less in the last window, in half-widths of the box, may be at an
+#: equilibrium.
 _SETTLED = 1e-3
-#: Other equilibria that are looked for.
+#: Largest number of other equilibria that are searched.
 _OTHERS = 3
 
 
@@ -147,7 +151,7 @@ class Outcome(Result):
         None if no flight leaves.
     """
 
-    #: The last line has the names of 0.3, for one version.
+    #: The last two lines contain the names of version 0.3, for one version.
     json_keys = (
         "flights=starts converged=returned left_envelope=lost worst_initial=worst_start "
         "worst_outcome slowest_convergence=slowest converged_elsewhere=elsewhere "

@@ -11,21 +11,20 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.equilibrium import Equilibrium
 from trim.linear.modes import modes_of
 
-#: Seconds that every flight has to converge, and the longest that it is given.
+#: Least and largest duration of a flight, s.
 HORIZON = 60.0
 LONGEST = 300.0
-#: Time constants of the slowest mode after which a flight has converged to a twentieth.
+#: Number of time constants of the slowest mode after which a flight has converged.
 _SETTLES = 4.0
-#: An action moves a mode where a nominal input takes it by this part of the initial conditions.
+#: The actions move a mode if nominal inputs move it by this fraction of the initial-condition box.
 _MOVES = 0.05
-#: An observation shows a mode where the mode, grown to the box of initial conditions, changes it by
-#: this part of what the whole box does.
+#: An observation shows a mode with the size of the box if it changes by this fraction of its range.
 _SHOWS = 0.05
-#: A state belongs to the modes that take so large a part in it.
+#: A state belongs to the modes that contribute at least this fraction to it.
 _MOST = 0.5
-#: A policy leaves a mode as it is where it moves the eigenvalue by so small a part.
+#: A policy does not change a mode if it moves the eigenvalue by at most this fraction.
 _SAME = 0.1
-#: Condition of the eigenvectors beyond which modes are not told apart.
+#: Condition number of the eigenvectors above which modes cannot be separated.
 _DEFECTIVE = 1e10
 
 

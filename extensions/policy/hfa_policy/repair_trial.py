@@ -26,52 +26,55 @@ from hfa_policy.observation_evidence import observations_of_training
 from hfa_policy.outcomes import seeded_starts
 from hfa_policy.repairs import Repair, card_with_gain, repairs_of
 
-#: Part of the flights that converge where a policy flies well. One that was trained badly flies
-#: better with some changes, well with none.
+#: Fraction of the flights that converge with a good policy. A badly trained policy improves with
+#: some changes, but is good with none.
 _WELL = 0.8
-#: So many times as many starts, or as much cost, are clearly more; and so many starts of all: fewer
-#: are chance.
+#: Factor by which the number of converged flights, or the cost, clearly differs. The number must
+#: also differ by the second value, as a fraction of all flights. Smaller differences are chance.
 _CLEARLY = 1.25
 _MORE_STARTS = 1.0 / 6.0
-#: How many times as much a policy costs as it is, at half of the starts, where a change brings no
-#: more of them back, or is one of the many exchanges: right ones that were trained badly reach 2.3.
+#: Cost ratio at half of the initial conditions by which a change must improve the file as written
+#: if no more flights converge, or if the change is an exchange. For right but badly trained
+#: policies, it reaches 2.3.
 _AS_IT_IS = 3.0
-#: How many times as much as with a change no control costs at least. Where it costs less, flights
-#: hardly depend on the policy, and repairs of other mistakes look alike: with alpha and pitch
-#: exchanged a 737 flies at 1.02 times the optimum when its elevator is turned, uncontrolled at 1.4.
+#: Least cost without control, relative to the cost with a change. If it is lower, flights hardly
+#: depend on the policy, and corrections of different mistakes look alike. For a 737 with alpha and
+#: pitch exchanged, the cost with the opposite elevator sign is 1.02 times the optimum, and 1.4
+#: times without control.
 _NEEDED = 2.0
-#: A card that keeps fewer of the starts within the limits harms: that no control does about as well
-#: as a change is then no argument against it, unless the change makes the control weaker.
+#: A file with a smaller fraction of flights within the limits is harmful. That the absence of
+#: control is about as good is then no argument against a change, unless the change weakens the
+#: control.
 _KEEPS = 0.7
-#: Of the actions: the card as it is, no control, and the gains that a right policy may lack. One
-#: that was trained for dear control is up to fifty times too weak, none is ten times too strong.
+#: Factors on the actions: the file as written, no control, and gains that may be missing in a right
+#: policy. A policy trained for expensive control is up to fifty times too weak. No policy is ten
+#: times too strong.
 _GAINS = (1.0, 0.0, 0.2, 0.5, 2.0, 5.0, 0.1, 0.35, 0.7, 10.0, 20.0, 50.0)
-#: Of actions on angles alone, where these may be in degrees.
+#: Factors on the actions that a change makes smaller.
 _WEAKER = (0.0, 0.1, 0.3)
-#: How many of them, the first, are flown at another sample time.
+#: Number of the first gains that are also tried at another sample time.
 _AT_RATES = 6
-#: The sizes of observations ask for a change, or speak against it, where they are as a sum of
-#: logarithms so much nearer to what the training saw, or farther: a factor of 20, a third of the
-#: degrees of a radian.
+#: Difference of the misfit to the training's record that supports or excludes a change, as a sum of
+#: logarithms. It corresponds to a factor of 20, a third of the factor between degrees and radians.
 _NEARER = 3.0
-#: How many times as much as the optimum a policy costs at most with its right card. Trained ones
-#: that fly well reach 1.1, exact ones with one mistake undone 1.4; wrong changes begin at 2.7.
+#: Largest cost of a policy with a right file, relative to the optimum. Good trained policies reach
+#: 1.1, exact policies with one mistake corrected 1.4. Wrong changes have at least 2.7.
 _OF_OPTIMUM = 2.0
-#: Of scales, which are guessed by the sizes that the cost prices.
+#: The same limit for scales, which are estimated from the weights of the cost.
 _OF_OPTIMUM_GUESSED = 2.5
 #: Added to sizes before their logarithms.
 _LEAST = 1e-9
-#: Trims where changes are flown: those where the fewest starts come back.
+#: Number of trims with simulated changes: those where the fewest flights converge.
 _PLACES = 2
-#: Changes of a kind that are left after a few short flights of all, and kinds that are named.
+#: Number of changes of a kind that remain after short flights, and number of kinds that are named.
 _LEFT = 3
 _MOST_NAMED = 3
-#: What costs so many times as much as the best change is not named beside it.
+#: A change with a higher cost, relative to the best change, is not named.
 _AS_GOOD = 2.0
-#: Flights of all changes, and of those that are left.
+#: Flights with all changes, and with the remaining changes.
 _SHORT = Sample(4, 8.0)
 _WHOLE = Sample(24, 40.0)
-#: Sample times that are tried, as parts of that of the card; the slowest first.
+#: Trial sample times relative to that of the file, the slowest first.
 _RATES = (0.5, 0.25, 0.125)
 
 
@@ -166,7 +169,7 @@ class _Trial:
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
         self.flights = ChangeFlights(assessor, self.places)
-        # A loop without an equilibrium has no radius.
+        # The radius is nan without an equilibrium.
         self.is_unstable = any(not point.radius < 1.0 for point in assessed)
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
@@ -292,7 +295,7 @@ class _Trial:
                 return [_Found(faster, "sample time", why)]
         return []
 
-    # What the training saw.
+    # Comparison with the training's record.
 
     def _nearer(self, repair: Repair) -> float:
         """Return how much closer the observations are to the training's record with a change.

@@ -24,7 +24,7 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
-#: Most flights at a trim.
+#: Largest number of flights at a trim.
 _MOST_FLIGHTS = 20
 
 

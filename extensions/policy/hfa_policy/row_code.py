@@ -16,14 +16,14 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import MAKING, RowFunction
 from hfa_support.native.machine_code import compiled, machine_code
 
-#: Rows side by side: the registers of every 64-bit processor take two, those of AVX2 four, with the
-#: same bits.
+#: Number of rows per register: two for any 64-bit processor, four with AVX2. The results have
+#: identical bits.
 _LANES = 2
 _LANES_OF_AVX2 = 4
 _EXACT = ("sqrt", "fabs", "floor", "ceil")
 _OF_ONE = (*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh")
 _OF_TWO = ("pow", "atan2")
-#: Operation -> C expression of operands that hold a number of each row. A condition is 1.0 or 0.0.
+#: Operation -> C expression for operands with one number for each row. A condition is 1.0 or 0.0.
 _ON_LANES = {
     ca.OP_CONST: "(real){{}} + {0}",
     ca.OP_FMIN: "lanes_fmin({0}, {1})",
@@ -45,7 +45,7 @@ _FROM_MATH = {
 }
 _OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
 
-#: Of one row: numbers themselves.
+#: Expressions for one row, with scalar operands.
 _ON_ONE = {
     **OPERATIONS,
     ca.OP_FMIN: "lanes_fmin({0}, {1})",

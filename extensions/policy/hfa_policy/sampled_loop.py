@@ -23,13 +23,13 @@ from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
 from hfa_policy.deployment import MOST_SAMPLES
 from hfa_policy.equilibrium import Equilibrium
 
-#: Seconds of delay up to which the delay that is lost is sought.
+#: Largest delay that is searched, s.
 MOST_SECONDS = 3.0
-#: An oscillation is damped where half a period leaves no more than this part of it.
+#: An oscillation is well damped if at most this fraction of it remains after half a period.
 _DAMPED = 0.05
-#: Parts of a sample in which the last one is searched.
+#: Steps per sample of the search for the first unstable delay.
 _PARTS = 20
-#: A delay within this part of a sample of a whole number of them is that number.
+#: A delay this close to a complete number of samples, in samples, is rounded to it.
 _WHOLE = 1e-9
 
 

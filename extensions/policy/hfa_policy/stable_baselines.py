@@ -27,7 +27,7 @@ from hfa_support.errors import BadInputError, said_of, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.schema import Number
 
-#: Class of torch -> name of the activation here.
+#: Class name of a torch activation -> name of the activation.
 _ACTIVATIONS = {
     "Tanh": "tanh",
     "ReLU": "relu",
@@ -40,16 +40,16 @@ _ACTIVATIONS = {
     "SELU": "selu",
 }
 _CLIP_MEAN = 2.0
-#: Classes whose forward pass is read; sb3_contrib's TRPO has the first, its TQC the last.
+#: Supported policy classes. The first is also that of sb3_contrib's TRPO, the last is that of TQC.
 _POLICIES = (
     "stable_baselines3.common.policies.ActorCriticPolicy",
     "stable_baselines3.sac.policies.SACPolicy",
     "stable_baselines3.td3.policies.TD3Policy",
     "sb3_contrib.tqc.policies.TQCPolicy",
 )
-#: The features extractor that changes nothing.
+#: Features extractor without an effect.
 _FLATTEN = "stable_baselines3.common.torch_layers.FlattenExtractor"
-#: Settings of these classes that are read, or change nothing in what a trained actor gives.
+#: Settings that are read, or that do not affect the output of a trained actor.
 _SETTINGS = (
     *("net_arch", "activation_fn", "use_sde", "squash_output", "clip_mean"),
     *("features_extractor_class", "features_extractor_kwargs", "share_features_extractor"),
@@ -116,7 +116,7 @@ def read_zip(path: str | Path) -> Zip:
             ) from error
         except BadInputError:
             raise
-        except Exception as error:  # a damaged member makes the readers raise nearly anything
+        except Exception as error:  # a damaged member may cause any exception
             raise BadInputError(
                 f"the file is not a zip of Stable-Baselines3 ({error}); give a file written "
                 "by model.save"
@@ -183,7 +183,7 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
         return
     try:
         found = _stored(data, entry)
-    except BadInputError as error:  # names the class, or what would make it
+    except BadInputError as error:  # its message names the class or function
         raise BadInputError(
             f"{error}; {entry} is not a class of Stable-Baselines3; export the policy to ONNX"
         ) from error

@@ -48,5 +48,5 @@ def _listed(points: Any) -> list[Any]:
         return [points]
     try:
         return list(points)
-    except TypeError:  # NumPy and CasADi refuse to iterate in words of their own
+    except TypeError:  # NumPy and CasADi raise their own messages
         return [points]

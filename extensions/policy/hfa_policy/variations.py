@@ -17,9 +17,9 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint
 
-#: Evenly spaced values of a range, its ends included.
+#: Number of evenly spaced values of a range, including its ends.
 VALUES = 5
-#: Most flights of a changed aircraft.
+#: Largest number of flights on a changed aircraft.
 _MOST_SAMPLES = 100
 
 

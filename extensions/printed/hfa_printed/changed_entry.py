@@ -22,10 +22,10 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.results import Result
 
-#: A rough answer is right to this part of the largest entry of its block.
+#: Accuracy of an approximate answer, relative to the largest entry of its block.
 _ROUGH = 1e-9
-#: Largest number of values times the cube of the number of states that is searched: some five
-#: minutes of one processor, of 38 states.
+#: Largest number of values times the cube of the number of states that is searched. With 38 states,
+#: this takes about five minutes on one processor.
 _MOST = 1e10
 
 
@@ -148,7 +148,7 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
         if fits[index]:
             plant = file.plant.with_entry(*position, values[index])
             slopes = change(file, plant, P[index], position)
-            if slopes.any():  # else the answer says nothing of this entry
+            if slopes.any():  # otherwise the answer does not depend on this entry
                 lowest, highest = _moves(misfits[index], slopes, allowed)
                 value = float(values[index])
                 edits.append(_Edit(edit, slip, value, value + lowest, value + highest))
@@ -265,8 +265,8 @@ def _places(digits: str) -> list[int]:
 
 
 _SIGN = "the sign"
-#: Slips of the pen -> the digits that it made these of. The fewer ways a slip has, the likelier is
-#: each of them: those come first, after the sign.
+#: Misprint -> function from the typed digits to the right digits. A misprint with fewer
+#: possibilities is likelier. The likeliest come first, after the sign.
 _SLIPS: Mapping[str, Callable[[str], Iterator[str]]] = {
     "digits interchanged": _with_neighbours_interchanged,
     "a digit too many": _without_one,

@@ -34,12 +34,14 @@ Class = Literal[
     "wrong",
 ]
 CLASSES: tuple[str, ...] = get_args(Class)
-#: One entry of a learned answer is wrong where it is off by so many times what others may hide.
+#: Ratio of the error of one wrong entry to errors that the other entries may hide, for a learned
+#: answer.
 _STANDS_OUT = 10.0
-#: An answer this far off is of another problem, which the file does not name. A convention: those
-#: of 88 sources that nothing explains are off by less than 0.03 %, or by more than 80 %.
+#: An answer with a larger relative error is that of an unknown problem. The limit is a convention:
+#: of 88 sources, unexplained answers have errors below 0.03 % or above 80 %.
 _FAR = 0.5
-#: Least evidence for a changed entry of the plant: entries beside the worst must be off too.
+#: Least evidence for a changed entry of the plant. Entries other than the worst must contribute to
+#: it.
 _EVIDENCE = 1.0
 
 

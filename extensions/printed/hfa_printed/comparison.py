@@ -11,7 +11,7 @@ import numpy as np
 from hfa_printed.exact_answer import Plant, answer_change, answer_of
 from hfa_printed.printed_file import PrintedFile
 
-#: Prints of 15 to 17 digits are right to this part of the largest entry of their block.
+#: Accuracy of answers printed with 15 to 17 digits, relative to the largest entry of their block.
 FLOOR = 1e-12
 #: Blocks that are symmetric.
 _SYMMETRIC = ("P", "H")

@@ -17,9 +17,9 @@ from controller.riccati.gare import solve_game
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import solve_discrete
 
-#: Most doublings of the horizon for a rough value.
+#: Largest number of doublings of the horizon for an approximate value.
 _DOUBLINGS = 30
-#: A correction of this part of the value is rounding.
+#: A smaller relative correction is rounding.
 _SETTLED = 1e-14
 
 
@@ -261,7 +261,7 @@ def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
     symmetric = (right + right.T) / 2.0
-    with warnings.catch_warnings(action="ignore"):  # of a loop near the edge of stability
+    with warnings.catch_warnings(action="ignore"):  # for a loop near the limit of stability
         if plant.is_discrete:
             Z = solve_discrete_lyapunov(math.sqrt(plant.discount) * F.T, symmetric)
         else:

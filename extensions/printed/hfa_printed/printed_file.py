@@ -32,7 +32,7 @@ _KEYS = ("title", "source", "note", "time", "discount", "learned", "plant_rounde
 _PLANT = ("A", "B", "E", "N", "Q", "R", "gamma")
 _MATRICES = ("P", "K", "L", "W", "H")
 _ANSWER = (*_MATRICES, "K_sign", "L_sign", "basis", "scale")
-#: How a policy may be written -> the factor from K of u = -K x, or L of w = L x, to it.
+#: Sign convention -> factor from K of u = -K x, or L of w = L x, to the printed gain.
 _SIGNS = {
     "K_sign": {"u = -K x": 1.0, "u = K x": -1.0},
     "L_sign": {"w = L x": 1.0, "w = -L x": -1.0},
@@ -40,9 +40,9 @@ _SIGNS = {
 _DECIMAL = re.compile(
     r"[+-]?(\d+\.?(?P<decimals>\d*)|\.(?P<only>\d+))([eE](?P<exponent>[+-]?\d+))?"
 )
-#: The factor that MATLAB prints above a matrix, alone or as its first line.
+#: Factor that MATLAB prints above a matrix.
 _FACTOR = re.compile(r"1\.0+[eE](?P<exponent>[+-]\d+)")
-#: Numbers of a "diag": a paper prints no larger matrix.
+#: Largest number of entries of "diag". No paper prints a larger matrix.
 _LONGEST_DIAGONAL = 400
 _FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 

@@ -25,7 +25,7 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import check_critic
 
-#: Entries in a report; a file has all.
+#: Number of entries in a report. A file contains all entries.
 _ENTRIES = 12
 
 

@@ -48,23 +48,24 @@ from hfa_reasons.other_games import (
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.critic_errors import SMALL, Exact, matrix_errors, relative_error
 
-#: A residual below this marks a root of the Riccati equation, if not the right one.
+#: A P with a smaller residual is a root of the Riccati equation, although possibly the wrong one.
 _ROOT = 1e-9
-#: Below this part of the error a polynomial is the LQR; above it, a game that is like it would look
-#: the same.
+#: If a smaller fraction of the error remains, a critic is the LQR. Above it, a game that is almost
+#: the LQR would look alike.
 _SAME = 1e-6
-#: K and P of one critic do not belong together where K is this far from R⁻¹B'P; nearer it may be
-#: rounding of either.
+#: If K differs more from R⁻¹B'P, relatively, K and P do not belong together. A smaller difference
+#: may be rounding.
 _APART = 0.05
 _NOT_TOGETHER = (
     "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
 )
-#: A network whose P is this near is taken for right, and its policy for wrong from there on.
+#: Largest relative error of P with which a network counts as right, and least error of its policy
+#: with which the policy counts as wrong.
 NEAR = 0.1
 FAR = 0.3
-#: States at which a network is fitted over the box.
+#: Number of states at which a network is fitted over the box.
 _SAMPLES = 2000
-#: What a row of ∂²V/∂z² is multiplied by where its slope is in degrees.
+#: Factor on a row of ∂²V/∂z² whose slope is per degree.
 _PER_DEGREE = 180.0 / math.pi
 
 
@@ -90,9 +91,10 @@ class Demands(NamedTuple):
 _EXACT = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4})
 _WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, 0.03, 0.5)
 _OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, 0.03, 0.3, 0.6)
-#: A cause is named before later ones that leave up to so many times less.
+#: An explanation is preferred to later ones whose remaining error is smaller by at most this
+#: factor.
 _AS_GOOD = 10.0
-#: A cause that leaves less of what it may needs no search among other games.
+#: If an explanation leaves a smaller part of the permitted error, other games are not searched.
 _CLEAR = 1.0 / 3.0
 
 
@@ -193,7 +195,7 @@ def diagnose(
         mistake = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
     if mistake:
         return mistake
-    # |K - R⁻¹B'P| of the critic's own P, over |K| of the exact solution.
+    # |K - R⁻¹B'P| with the critic's P, relative to |K| of the exact solution.
     difference = error_of(gain, gain.exact + gain.judged - game.gain(critic.P))
     if difference > _APART:
         return _NOT_TOGETHER
@@ -419,7 +421,7 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
     ]
     for says, read in critic.variants.items():
-        with contextlib.suppress(BadInputError):  # the file is gone
+        with contextlib.suppress(BadInputError):  # the file no longer exists
             variant = read()
             undone = [Answer(variant.P, variant.K), nearest_linear(game, variant, box)]
             for view, answer in zip(views, undone, strict=True):

@@ -16,18 +16,19 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 
-#: Numbers of a critic beyond those that are fitted; fewer would agree by chance.
+#: Least number of values in addition to the fitted numbers. Fewer values would agree by chance.
 REDUNDANT = 2
-#: An entry this near to its exact value times a power of ten, relative, may have a decimal slip.
+#: Relative distance from the exact value times a power of ten at which an entry may have a wrong
+#: decimal point.
 _NEAR = 0.05
-#: An entry below this part of the largest is compared with that part.
+#: A smaller entry, relative to the largest, is replaced by this fraction in comparisons.
 _SMALL = 1e-5
-#: An entry above this part of what it could be tells something (`View.entry_errors`).
+#: An entry above this fraction of its typical size is informative (`View.entry_errors`).
 _TOLD = 0.1
 _DEGREE = math.pi / 180.0
-#: A scale is one of degrees within this factor, as a logarithm.
+#: A scale within this logarithmic distance from the factor of degrees is taken as degrees.
 _DEGREE_BAND = 1.5
-#: Rounds of fitting a scale to each state of a symmetric matrix.
+#: Number of rounds in which scales are fitted to the states of a symmetric matrix.
 _ROUNDS = 5
 _FACTORS = {"has the wrong sign": -1.0, "is half the exact one": 2.0, "is twice the exact one": 0.5}
 
@@ -126,7 +127,7 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
         "": np.arange(len(quadratic)),
         "are stored with the squares first": np.argsort(row != column, kind="stable"),
     }
-    if psi.states > 2:  # two states have the same order by columns as by rows
+    if psi.states > 2:  # for two states, both orders are equal
         orders["are stored column by column"] = np.lexsort((row, column))
     factors = {
         "": np.ones(len(quadratic)),

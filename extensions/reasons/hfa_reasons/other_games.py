@@ -26,23 +26,24 @@ from hfa_reasons.hypotheses import REDUNDANT, Hypothesis, View
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.scope import Nearby
 
-#: Where searches begin: 1/delta² and Q, R, discount as factors, steps of time in s.
+#: Initial values of searches: factors on 1/delta², Q, R and discount, and time steps, s.
 _FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 _TIMES = (1e-3, 1e-2, 5e-2, 0.2, 1.0)
-#: Steps of a search, and the relative step of its derivative.
+#: Largest number of steps of a search, and the relative step of its derivative.
 _STEPS = 30
 _STEP = 1e-5
-#: Where there is no game, as a difference: so many times that of the start.
+#: Difference where no game exists, relative to that of the initial value.
 _NO_GAME = 1e3
-#: A search must take the difference down to this part of the best start's, or to rounding.
+#: A search must reduce the difference to this fraction of that of the best initial value, or to
+#: rounding.
 _REACHED = 0.1
 ROUNDING = 1e-9
-#: A discount is at most so many times the fastest rate of the plant, 1/s; a step is at least
-#: and at most so many times its inverse.
+#: Largest discount relative to the fastest rate of the plant, and least and largest time step
+#: relative to the inverse of this rate.
 _FASTER = 10.0
 _SHORTEST_STEP = 1e-4
 _LONGEST_STEP = 10.0
-#: Entries of Q and R that differ by less, relative, are the game's.
+#: Entries of Q and R with a smaller relative difference are equal.
 _SAME_WEIGHT = 1e-3
 
 
@@ -94,7 +95,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
     members = []
     if is_game:
         members.append(_lqr(game, lqr))
-    if size > 0.0:  # P and K are smooth in x = 1/δ², relative
+    if size > 0.0:  # P and K are smooth functions of x, proportional to 1/δ²
         members.append(
             _another(
                 lambda x: f"at delta = {size / math.sqrt(x):.4g}",
@@ -268,7 +269,7 @@ def answers(view: View, candidates: list[Family], explained: float) -> Iterator[
 
     explained: part of the difference that a search may leave
     """
-    few = view.known <= REDUNDANT  # a few numbers fit many games
+    few = view.known <= REDUNDANT  # a few numbers agree with many games
     for family in candidates:
         x: float | None = 0.0
         if family.starts:

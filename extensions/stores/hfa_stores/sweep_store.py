@@ -22,11 +22,11 @@ from trim.sweeps.points import STATUS
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
 from trim.sweeps.sweep_plan import SweepPlan
 
-#: Points of a chunk: half a second of work or more, about 90 MB of results.
+#: Number of points in a chunk: at least half a second of work, about 90 MB of results.
 CHUNK = 100_000
-#: The same where each point is trimmed on its own: seconds of work.
+#: Number of points in a chunk if each point is trimmed separately: seconds of work.
 SLOW_CHUNK = 1_000
-#: Value of `status` at a point that is not computed yet.
+#: Value of `status` for a point that is not computed yet.
 MISSING = -1
 _POINT = "point"
 
@@ -93,7 +93,7 @@ class StoredSweep(Result, Reported):
         )
 
 
-#: What a sweep writes with a store, and what the store has.
+#: Results that a sweep writes with a store, and attributes of the store.
 RESULTS = (
     "hfa_stores.sweep_store:StoredSweep",
     "hfa_stores.sweep_store:SweepAttributes hfa_stores.zarr_store:OfAStore",
@@ -134,7 +134,7 @@ def _template(plan: SweepPlan) -> Any:
     states = tuple(model.states)
     inputs = tuple(model.inputs)
     system = TrimSystem(model, plan.condition.freed_for(plan.variables), plan.variables)
-    # Newton's method settles many points at once where equations and unknowns are as many.
+    # Newton's method solves many points at once if there are as many equations as unknowns.
     chunk = CHUNK if system.equations.square else SLOW_CHUNK
     chunk = min(chunk, plan.count)
     sizes = {"state": len(states), "rate": len(states), "mode": len(states), "input": len(inputs)}

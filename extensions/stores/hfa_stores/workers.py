@@ -23,11 +23,11 @@ from typing import Any
 
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: Tasks in flight for each worker: enough to keep it busy, few enough to keep memory flat.
+#: Submitted tasks per worker: enough to keep the worker busy without using more memory.
 _AHEAD = 2
-#: How often Dask runs a task again whose worker was lost.
+#: Number of times Dask repeats a task whose worker was lost.
 _RETRIES = 3
-#: Within which a scheduler must answer.
+#: Time within which a scheduler must respond.
 _ANSWER = "10s"
 _ADVICE = "if the results are in a store, continue with --resume"
 
@@ -96,7 +96,7 @@ def _processes(count: int) -> Iterator[Run]:
     """
     import multiprocessing
 
-    # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
+    # CasADi and NumPy have threads, which would not work in a forked process.
     context = multiprocessing.get_context("spawn")
     children: list[Any] = []
     of_thread = threading.local()
@@ -147,7 +147,7 @@ def _signals_blocked() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    # It is started with the first process, and would let signals through again.
+    # The resource tracker starts with the first process and would unblock the signals.
     resource_tracker.ensure_running()
     ending = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ending)
@@ -172,13 +172,13 @@ def _serve(connection: Any) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    with suppress(EOFError, OSError):  # of a pipe whose other end is gone
+    with suppress(EOFError, OSError):  # the other end of the pipe is closed
         while True:
             function, arguments = connection.recv()
             try:
                 answer: tuple[Any, Exception | None] = (function(*arguments), None)
             except Exception as error:
-                error.add_note(traceback.format_exc())  # a traceback does not go through a pipe
+                error.add_note(traceback.format_exc())  # a traceback cannot be sent through a pipe
                 answer = (None, error)
             connection.send(answer)
 
@@ -198,7 +198,7 @@ def _cluster(address: str) -> Iterator[Run]:
             "a scheduler needs Dask; install it with `pip install .[distributed]`"
         ) from error
 
-    logging.disable()  # Dask logs a lost connection in tracebacks; one line of ours says it
+    logging.disable()  # Dask logs tracebacks of a lost connection; we report one line
     try:
         try:
             client = Client(address, timeout=_ANSWER, set_as_default=False)

@@ -31,7 +31,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from hfa_support.version import VERSION
 
-#: Attributes of a store that are not the job's.
+#: Attributes of a store that do not belong to the job.
 _OF_ONE_RUN = ("toolchain", "provenance")
 
 
@@ -47,7 +47,8 @@ class OfAStore(Result):
     coordinates: str | None = None
 
 
-#: The array of checksums, a row a chunk and a column an array that is computed; its axes.
+#: Name of the array of checksums, with one row for each chunk and one column for each computed
+#: array, and names of its axes.
 _CHECKSUM = "checksum"
 _CHUNKS = "chunk"
 _CHECKED = "checked_array"
@@ -160,8 +161,8 @@ def fill_store(
             missing = list(range(chunks))
         done = chunks - len(missing)
         if progress is not None and missing:
-            progress(done, chunks)  # the first chunk may take a while: code is compiled
-        # Processes of this machine write their chunks; from a cluster the rows come back.
+            progress(done, chunks)  # the first chunk takes longer, because code is compiled
+        # Processes on this machine write their chunks. A cluster returns the rows.
         target = None if isinstance(workers, str) else store
         identity = job.identity
         tasks = ((number, _task(job, Place(number, target, identity))) for number in missing)
@@ -231,7 +232,7 @@ def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
     group = _opened(place.path, "r+")
     checksums = []
     for name, values in results.items():
-        # A chunk of fill values is written too: without a file it would count as missing.
+        # A chunk of fill values is written too. Without a file it would count as missing.
         array = group[name].with_config({"write_empty_chunks": True})
         written = np.ascontiguousarray(values, array.dtype)
         array[rows] = written
@@ -277,7 +278,7 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
         try:
             (folder / "store").rename(path)
         except OSError as error:
-            raise (taken if path.exists() else error) from None  # another run was faster
+            raise (taken if path.exists() else error) from None  # another run created it first
 
 
 def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
@@ -421,7 +422,7 @@ def _labels(path: Path, row: str) -> dict[str, list[Any]]:
 def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> bool:
     try:
         return _labels(path, row) == expected
-    except (OSError, ValueError, RuntimeError, MemoryError):  # of a damaged chunk
+    except (OSError, ValueError, RuntimeError, MemoryError):  # a damaged chunk
         return False
 
 
@@ -454,7 +455,7 @@ def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
     try:
         stored = group[_CHECKSUM][place.number].tolist()
         found = [_checksum(place, name, group[name][rows]) for name in job.arrays]
-    except (OSError, ValueError, RuntimeError, MemoryError):  # bytes that are no chunk
+    except (OSError, ValueError, RuntimeError, MemoryError):  # not the bytes of a chunk
         return False
     return found == stored
 

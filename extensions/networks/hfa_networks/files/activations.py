@@ -53,7 +53,7 @@ def _selu(x: Any, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873
     return gamma * (ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0)))
 
 
-#: By the names of `--set activation`.
+#: Activations by the names of `--set activation`.
 ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
     "tanh": on_entries(ca.tanh),
     "relu": on_entries(_relu),
@@ -66,5 +66,5 @@ ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
     "selu": on_entries(_selu),
     "sin": on_entries(ca.sin),
 }
-#: Which a network may have been trained with in place of the one that is said.
+#: Activations that a network may have been trained with instead of the given one.
 COMMON = ("tanh", "relu", "sigmoid", "softplus", "elu")

@@ -26,7 +26,7 @@ from hfa_networks.files.torch_module import module_network
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shortened
 
-#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
+#: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
 
 
@@ -256,7 +256,7 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
         if is_taken_as_policy(name, size, m):
             fitting = ["policy"]
         if "gradient" in fitting and m != n:
-            fitting = ["gradient"]  # V and a policy have as many where 1 + m = n: to be named
+            fitting = ["gradient"]  # V+policy has equal size if 1 + m = n; it must be named
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
             raise BadInputError(

@@ -35,11 +35,11 @@ from hfa_networks.files.tensors import checked_tensors, tensors_in
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
 
-#: Formats that keep the order in which layers were saved.
+#: Formats that store the order of the layers.
 _ORDERED = (".pt", ".pth", ".pkl", ".zip")
-#: Kinds of names that may be ordered by their widths; of more the search could take long.
+#: Largest number of kinds of names that are ordered by widths. The search would take long for more.
 _MOST_KINDS = 8
-#: Added to the variance by torch's LayerNorm; a state dict does not hold it.
+#: Number that torch's LayerNorm adds to the variance. A state dict does not contain it.
 _EPSILON = 1e-5
 
 
@@ -140,7 +140,7 @@ def network_in(
             raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
         except BadInputError:
             raise
-        except Exception as error:  # a damaged file makes the readers raise nearly anything
+        except Exception as error:  # a damaged file may cause any exception
             reason = shortened(str(error).partition("\n")[0])
             raise BadInputError(
                 f"the file is damaged or is not a network ({reason}); save the network again"

@@ -19,9 +19,9 @@ from hfa_networks.files.tensors import LARGEST_NETWORK, checked_tensors
 from hfa_support.errors import BadInputError, said_of, shortened
 from hfa_support.files import regular_file
 
-#: The oldest ONNX operator set that is read.
+#: Oldest supported ONNX operator set.
 OLDEST_OPSET = 9
-#: Numbers that depend on the state, in one graph.
+#: Largest number of scalars in a graph that depend on the state.
 _MOST_SCALARS = 200_000
 
 
@@ -201,7 +201,7 @@ def _dropout(x: np.ndarray, ratio: Any = None, training: Any = False, **_: Any) 
 
 
 def _softmax(x: np.ndarray, axis: int = -1) -> np.ndarray:
-    largest = _LARGER.reduce(x, axis=axis, keepdims=True)  # exp of what is left is at most 1
+    largest = _LARGER.reduce(x, axis=axis, keepdims=True)  # the largest exp is then 1
     powers = on_entries(ca.exp)(x - largest)
     return powers / np.sum(powers, axis=axis, keepdims=True)
 
@@ -226,7 +226,7 @@ def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
 
 _LARGER = np.frompyfunc(ca.fmax, 2, 1)
 _SMALLER = np.frompyfunc(ca.fmin, 2, 1)
-#: ONNX operators but the products: inputs, then attributes by name.
+#: ONNX operators except products, as functions of inputs, with attributes as keywords.
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Add": lambda a, b: a + b,
     "Sub": lambda a, b: a - b,
@@ -295,15 +295,15 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Cast": _cast,
     "Constant": lambda **values: np.array(next(iter(values.values()))),
 }
-#: Operators that only arrange numbers, not shown in the chain of a network.
+#: Operators that only arrange numbers. The chain of a network omits them.
 _ARRANGING = {"Identity", "Reshape", "Flatten", "Squeeze", "Unsqueeze", "Constant", "Shape"}
 _ARRANGING |= {"Cast", "Dropout", "Transpose", "Split"}
-#: ONNX's numbers of types.
+#: Type numbers of ONNX.
 _FLOAT = 1
 _INT64 = 7
 _BOOL = 9
 _DOUBLE = 11
-#: Operators whose result is not of the shape that their inputs have together -> its size.
+#: Operators whose result does not have the common shape of their inputs -> size of the result.
 _SIZES: Mapping[str, Callable[..., int]] = {
     "ConstantOfShape": lambda sizes, **_: math.prod(map(int, sizes)),
     "Expand": lambda x, sizes: math.prod(np.broadcast_shapes(x.shape, tuple(map(int, sizes)))),
@@ -444,7 +444,7 @@ def _inputs_of(
     for item in graph.input:
         if item.name not in constants:
             axes = item.type.tensor_type.shape.dim
-            shapes[item.name] = [axis.dim_value for axis in axes]  # 0 where it is open
+            shapes[item.name] = [axis.dim_value for axis in axes]  # 0 for an open dimension
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
             f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; it must "
@@ -575,7 +575,7 @@ def _refuse_unread(
     """
     try:
         rule = signature(getattr(operator, "pyfunc", operator))
-    except ValueError:  # of NumPy's own, which take arrays alone
+    except ValueError:  # functions of NumPy, which accept only arrays
         return
     try:
         rule.bind(*inputs, **attributes)

@@ -8,7 +8,7 @@ import numpy as np
 from hfa_networks.files.row_network import RowNetwork, precision_of
 from hfa_support.native.bound import RowFunction
 
-#: Entries of a matrix up to which a product is a graph of scalars, two operations an entry.
+#: Largest number of entries of a matrix whose product is expanded to scalars.
 _SCALARS = 4096
 
 

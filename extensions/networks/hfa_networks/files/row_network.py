@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-#: x (N, n) -> y (N, k).
+#: Function x (N, n) -> y (N, k).
 RowNetwork = Callable[[np.ndarray], np.ndarray]
 
 
@@ -23,12 +23,11 @@ def _elu(x: np.ndarray) -> np.ndarray:
     return np.maximum(x, 0.0) + np.expm1(np.minimum(x, 0.0))
 
 
-#: Numbers of a layer's matrix from which on a network is wide.
+#: A network with a matrix of at least this many entries is wide.
 _WIDE = 2**14
-#: Rows a product: what is between the layers stays in the cache of the processor.
+#: Number of rows per product. The values between the layers then fit into the cache.
 _TOGETHER = 500
-#: Those of `hfa_networks.files.activations.ACTIVATIONS` that NumPy computes on arrays, which they
-#: may overwrite; "" is none.
+#: Activations that NumPy evaluates on arrays, which may be overwritten; "" means no activation.
 ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "": lambda x: x,
     "tanh": lambda x: np.asarray(np.tanh(x, out=x)),

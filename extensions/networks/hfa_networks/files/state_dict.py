@@ -19,13 +19,13 @@ Tensors = Mapping[str, np.ndarray]
 Kind = TypeVar("Kind")
 #: Words in the names of tensors that a policy does not use.
 _ONLY_CRITICS = frozenset(("critic", "critics", "discriminator"))
-#: Words of critics that may also name a quantity which a policy observes.
+#: Words of critics, including words that may name a quantity observed by a policy.
 _OF_CRITICS = _ONLY_CRITICS | {
     *("value", "values", "target", "targets", "reward", "rewards", "privileged"),
 }
-#: Modules of critics; q alone may also be a pitch rate.
+#: Names of critic modules. "q" alone may also be a pitch rate.
 _Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
-#: Modules of rsl_rl that hold the standard deviation of a random action as "std".
+#: Modules of rsl_rl that contain the standard deviation of a random action as "std".
 _WITH_SPREAD = ("", "model_state_dict", "actor_state_dict", "distribution", "actor", "policy")
 #: Words in the names of tensors that only training uses.
 _OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
@@ -94,8 +94,8 @@ def _of_skrl(group: Tensors) -> tuple[np.ndarray, float]:
     return np.sqrt(group["running_variance"]) + 1e-8, 5.0
 
 
-#: Names of the tensors, the last word of the module that holds them ("" for any), the mean among
-#: them, and how the library divides.
+#: Names of the tensors, last word of their module ("" for any), name of the mean, and function that
+#: returns the divisor and the clip.
 _NORMALIZERS: tuple[
     tuple[frozenset[str], str, str, Callable[[Tensors], tuple[np.ndarray, float]]], ...
 ] = (

@@ -21,13 +21,13 @@ import numpy as np
 from hfa_support.errors import BadInputError, numbers_in, shortened
 from hfa_support.files import LARGEST
 
-#: Numbers in a file: three layers of 1024 x 1024.
+#: Largest number of entries in a file, about three layers of 1024 x 1024.
 LARGEST_NETWORK = 2**22
-#: Of a pickle; a tensor takes about fifty.
+#: Largest number of instructions in a pickle. A tensor needs about fifty.
 _MOST_STEPS = 2**16
 _SHARED = "the pickle is damaged (its parts refer to each other too often); save it again"
-#: Of safetensors and of torch. Integers (counters of batches) are read, and refused where they
-#: would be weights.
+#: Types of safetensors and of torch. Integers (counters of batches) are read, but refused as
+#: weights.
 _TYPES = {
     "F16": "<f2",
     "F32": "<f4",
@@ -151,7 +151,7 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     return np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
 
 
-#: All that a pickle may call.
+#: Classes and functions that a pickle may call.
 _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
     ("collections", "OrderedDict"): OrderedDict,
     ("torch._utils", "_rebuild_tensor_v2"): _view,
@@ -223,7 +223,7 @@ def refuse_shared(stored: Any) -> None:
         value = waiting[-1]
         inside = [each for each in _inside(value) if id(each) not in counts]
         if id(value) not in counts and inside and len(waiting) <= _MOST_STEPS:
-            counts[id(value)] = 0  # until its parts are counted: a circle has no more of them
+            counts[id(value)] = 0  # until its parts are counted; a cycle then has no further leaves
             waiting += inside
             continue
         waiting.pop()

@@ -17,7 +17,7 @@ from hfa_networks.files.tensors import checked_tensors
 from hfa_support.errors import BadInputError, shortened
 
 _ELSE = "export the network to ONNX (torch.onnx.export) and give that file"
-#: Class of an activation in torch.nn -> its name in `ACTIVATIONS`, and the settings it must have.
+#: Class of an activation in torch.nn -> its name in `ACTIVATIONS` and its required settings.
 _ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "ELU": ("elu", {"alpha": 1.0}),
     "GELU": ("gelu", {"approximate": "none"}),
@@ -109,7 +109,7 @@ def _linear(name: str, module: Any) -> tuple[Layer, str]:
 def _numbers(name: str, tensor: Any) -> np.ndarray:
     try:
         return np.asarray(tensor.detach().cpu().numpy())
-    except (TypeError, RuntimeError) as error:  # numbers that NumPy does not have
+    except (TypeError, RuntimeError) as error:  # numbers that NumPy does not support
         raise BadInputError(
             f"layer {name} has weights of the type {tensor.dtype}; give float32 or float64"
         ) from error

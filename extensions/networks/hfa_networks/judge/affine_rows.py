@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 import casadi as ca
 
-#: A variable -> its coefficient. Variable 0 is the constant 1, then come the inputs and the nodes.
+#: Variable -> coefficient. Variable 0 is the constant 1, followed by the inputs and the nodes.
 Row = Mapping[int, Fraction]
-#: Larger functions are not read.
+#: Largest numbers of instructions and nodes.
 _INSTRUCTIONS = 100_000
 _NODES = 2_000
 _LARGEST_POWER = 8
-#: Of a product of polynomials that is written as monomials.
+#: Largest degree of a product of polynomials that is expanded to monomials.
 _LARGEST_DEGREE = 4
 _ONE = Fraction(1)
-#: Operations s a + t b of their first and last argument: (s, t).
+#: Operation s a + t b of its first and last argument -> (s, t).
 _LINEAR = {
     ca.OP_ADD: (1, 1),
     ca.OP_SUB: (1, -1),
@@ -117,9 +117,9 @@ class _Reader:
             return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
         if operation == ca.OP_FABS:  # |t| = 2 max(t, 0) - t
             return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
-        if operation == ca.OP_SIGN:  # 1 where t > 0, less 1 where -t > 0
+        if operation == ca.OP_SIGN:  # (1 if t > 0) - (1 if -t > 0)
             return _plus(self._step(first), self._step(_plus({}, first, -_ONE)), -_ONE)
-        if operation in (ca.OP_LT, ca.OP_LE):  # of a and b; where a = b either is allowed
+        if operation in (ca.OP_LT, ca.OP_LE):  # of a and b; either value is permitted for a = b
             return self._step(_plus(last, first, -_ONE))
         if operation == ca.OP_NOT:
             return _plus({0: _ONE}, first, -_ONE)

@@ -13,7 +13,7 @@ from hfa_networks.judge.affine_rows import NotReadError
 from hfa_networks.judge.relaxation import Relaxation
 from hfa_support.progress import Progress
 
-#: Boxes that are bounded and halved before the next are chosen.
+#: Number of boxes for which bounds are computed before the next boxes are chosen.
 _BATCH = 1024
 
 
@@ -67,7 +67,7 @@ def prove(
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
     try:
         relaxation = Relaxation(scaled)
-    except (NotReadError, OverflowError):  # a coefficient that is no double
+    except (NotReadError, OverflowError):  # a coefficient overflows double precision
         return None
     begin = time.monotonic()
     centres = np.zeros((1, len(b)))
@@ -110,7 +110,7 @@ def _halves(
     gaps: (boxes, n), contribution of each input to the width of the box's bound
     """
     boxes = np.arange(len(centres))
-    # where nothing is known of the gaps, as without a bound, the widest input
+    # Without information on the gaps, as without a bound, the widest input is halved.
     known = np.all(np.isfinite(gaps), axis=1) & np.any(gaps > 0.0, axis=1)
     across = np.argmax(np.where(known[:, None], gaps, half_widths), axis=1)
     halved = half_widths.copy()

@@ -25,20 +25,20 @@ if TYPE_CHECKING:
     from hfa_discrete.solution import DiscreteSolution
     from verification.critic.about_trim import NonlinearPlant
 
-#: From how many starts a wide network is flown: a policy of it takes 2 to 20 ms.
+#: Number of initial conditions for a wide network, whose policy takes 2 to 20 ms.
 _WIDE_FLIGHTS = 2
-#: A flight ends when the exact loop has decayed to exp(-`DECAY`).
+#: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
-#: Steps of LSODA in a flight, at most, and steps of a discrete loop.
+#: Largest number of LSODA steps in a simulation, and of steps of a discrete loop.
 STEPS = 1000
 _MOST_STEPS = 20_000
-#: A flight has returned where V* has come down to this part.
+#: The loop has converged if V* has decreased to this fraction.
 RETURNED = 0.05
-#: From how many starts at most the largest box is sought, among 2^-`DOUBLINGS` ...
-#: 2^`DOUBLINGS` times the box.
+#: Largest number of initial conditions in the search for the largest box, and k of its multiples
+#: 2^-k ... 2^k.
 FEW = 6
 DOUBLINGS = 4
-#: Newton steps to a rest point, and its largest distance, in boxes.
+#: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_REST = 100.0
 
@@ -124,7 +124,7 @@ class InTime:
         self._game = game
         self._exact = exact
         self._worst = game.A + game.E @ exact.disturbance_gain
-        #: Length of a flight, s.
+        #: Duration of a simulation, s.
         self.duration = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
         self.price = game.R
 
@@ -177,7 +177,7 @@ class InSteps:
         self._worst = step.A + step.E @ exact.disturbance_gain
         self.price = step.R + exact.discount * step.B.T @ exact.P @ step.B
         decay = -math.log(min(max(exact.radius, 1e-3), 1.0 - 1e-12))
-        #: Steps of a flight.
+        #: Number of steps of a simulation.
         self.steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
 
     def is_stable(self, K: np.ndarray) -> bool:
@@ -291,7 +291,7 @@ class _FlowLoop:
         with (
             np.errstate(all="ignore"),
             warnings.catch_warnings(action="ignore"),
-        ):  # of LSODA, where it gives up
+        ):  # warnings of LSODA when it fails
             (_, end), outcome = odeint(
                 self._slopes,
                 np.append(start, 0.0),

@@ -33,15 +33,15 @@ from verification.critic.verdict import Details, Section
 if TYPE_CHECKING:
     from verification.critic.scope import Scope
 
-#: States at which the errors are computed, half of them corners of the box.
+#: Number of states at which the errors are computed. Half of them are corners of the box.
 STARTS = 1000
-#: From how many corners and how many others a search climbs.
+#: Number of corners, and of other states, from which a search begins.
 CLIMBS = 3
-#: How often a search begins again at a state that a proof came upon.
+#: Number of searches that begin at a state found by the proof.
 _SEARCHES = 3
-#: Of a policy that is not exact this much more than the largest error found is to be proved.
+#: Bound to be proved for an inexact policy, relative to the largest error found.
 _MARGIN = 1.25
-#: Of which errors a proof is -> what they are called, where that is not all of them.
+#: Errors covered by a proof -> description, if the proof does not cover all.
 _PROVED = {
     ("policy",): "error of the policy",
     ("value", "gradient"): "error of V and its slopes",
@@ -168,7 +168,7 @@ def findings(
     return Findings(errors, checks, proof, flown, section)
 
 
-# The search and the proof.
+# Search and proof.
 
 
 def _searched_and_proved(
@@ -303,7 +303,7 @@ def _climber(
     return climb
 
 
-# What is said of them.
+# Report.
 
 
 def network_section(

@@ -24,18 +24,19 @@ import numpy as np
 
 from hfa_networks.judge.affine_rows import Row, affine_rows
 
-#: Largest error of `_tanh`: exp(-r), r <= 5/8, by 16 terms is within 5 u, or 1.05e-15 of itself;
-#: six squarings make 7.4e-14 of it, and (1 - E) / (1 + E) at most half of that, and 3 u.
+#: Bound on the error of `_tanh`. With r <= 5/8, 16 terms give exp(-r) with a relative error of 5 u,
+#: or 1.05e-15. After six squarings it is 7.4e-14. (1 - E) / (1 + E) adds at most half of that, and
+#: 3 u.
 _TANH_ERROR = 1e-13
-#: Beyond it tanh is 1 to within 1e-17.
+#: For larger |t|, tanh t is ±1 to within 1e-17.
 _SATURATED = 20.0
-#: A few roundings of one number, relative.
+#: Relative bound on a few roundings.
 _ROUNDING = 1e-15
-#: What a node may bring into a row with the coefficient 1, at most: beyond it nothing is bounded.
+#: Largest contribution of a node to a row with the coefficient 1. Larger ones give no bound.
 _LARGEST = 1e100
-#: More than all underflows together: each is below 1e-323, times `_LARGEST` and 1e9 terms.
+#: Bound on the sum of all underflows. Each is below 1e-323, multiplied by `_LARGEST` and 1e9 terms.
 _TINY = 1e-200
-#: Numbers in the largest array, about; more do not fit into the cache.
+#: Approximate number of entries of the largest array. Larger arrays do not fit into the cache.
 _LARGEST_ARRAY = 2**17
 _MOST_BOXES = 256
 
@@ -168,8 +169,8 @@ _LINES: Mapping[str, Callable[..., Lines]] = {
 }
 
 
-#: Coefficients by groups of variables: (..., rows, variables) each. Group 0, the constant 1 and the
-#: inputs, is there always; others where they are not all 0.
+#: Group of variables -> coefficients, (..., rows, variables). Group 0, the constant 1 and the
+#: inputs, always exists. Other groups exist if a coefficient is not 0.
 _Blocks = dict[int, np.ndarray]
 
 
@@ -244,7 +245,7 @@ class Relaxation:
         centres, half_widths: (boxes, n)
         """
         parts = []
-        with np.errstate(all="ignore"):  # what is not finite is not bounded
+        with np.errstate(all="ignore"):  # values that are not finite give no bound
             for first in range(0, len(centres), self._at_once):
                 batch = slice(first, first + self._at_once)
                 parts.append(self._over(centres[batch], half_widths[batch]))
@@ -254,7 +255,7 @@ class Relaxation:
         count = len(centres)
         sizes = [np.hstack([np.ones((count, 1)), np.abs(centres) + half_widths])]
         lines: list[Lines] = []
-        shares = []  # (boxes, nodes, n): what each input contributes to the width of an argument
+        shares = []  # (boxes, nodes, n), contribution of each input to the width of an argument
         for group in self._groups:
             ends: list[np.ndarray] = []
             share = 0.0

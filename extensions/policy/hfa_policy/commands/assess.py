@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
-#: Flights at each trim that are compared with the best ones, unless told otherwise.
+#: Default number of flights at each trim that are compared with the best flights.
 _COMPARED = 5
 
 
