@@ -175,10 +175,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Yield A, B, C and D, so that A, B, C, D = linear and control.ss(*linear) work."""
         return map(np.asarray, (self.A, self.B, self.C, self.D))
 
-    def __call__(self, s: complex) -> Any:
-        """Return the transfer matrix C (s I - A)⁻¹ B + D at s, (k, m) complex."""
-        return self.to_control()(s)
-
     @property
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""

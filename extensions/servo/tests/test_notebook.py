@@ -369,13 +369,15 @@ def test_keywords_of_a_scenario_make_it() -> None:
 
 
 def test_a_linear_model_is_its_matrices() -> None:
-    """A linear model unpacks into A, B, C and D. linear(s) is its transfer matrix at s."""
+    """A linear model unpacks into A, B, C and D. python-control refuses the model itself."""
     linear = _linear()
     A, B, C, D = linear
     system = control.ss(*linear)
     assert (system.A == A).all()
     assert (system.D == D).all()
-    assert linear(2j) == pytest.approx(C @ np.linalg.solve(2j * np.eye(6) - A, B) + D)
+    assert linear.to_control()(2j) == pytest.approx(C @ np.linalg.solve(2j * np.eye(6) - A, B) + D)
+    with pytest.raises(TypeError, match="must be a StateSpace"):
+        control.ss(linear)
     assert (linear.to_scipy().B == B).all()
     assert linear.linearize() is linear
     assert np.array_equal(
