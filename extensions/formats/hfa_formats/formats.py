@@ -18,8 +18,9 @@ from hfa_support.reporting.results import Result
 class Stamp(Result):
     """Fields that the command adds to every result.
 
-    units: units of every number here, english (ft, slug, lbf) or si (m, kg, N).
-    provenance: version, command, date, equations, parameters with a hash, condition."""
+    units: unit system of all numbers: english (ft, slug, lbf) or si (m, kg, N).
+    provenance: version, command, date, equations, parameters with a hash, condition.
+    """
 
     units: Literal["english", "si"] | None = None
     provenance: Provenance | None = None

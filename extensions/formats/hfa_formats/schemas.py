@@ -84,9 +84,10 @@ def _annotation(kind: Any, name: str) -> Any:
 
 
 def _written_annotation(kind: type, name: str) -> Any:
-    """Return the unevaluated annotation of a field or property in the body of a class, or None.
+    """Return the unevaluated annotation of a field or property in the body of a class.
 
-    The annotation of a property is the return annotation of its function.
+    The annotation of a property is the return annotation of its function. The result is None if the
+    class does not declare the name.
     """
     value = vars(kind).get(name)
     if isinstance(value, cached_property):

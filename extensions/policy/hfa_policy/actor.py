@@ -206,7 +206,7 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     """Raise BadInputError unless a policy has the inputs and outputs of the deployment file.
 
     what: name of the policy in the message
-    observations, actions: their numbers in the deployment file
+    observations, actions: number of observations and of actions in the deployment file
     """
     takes = function.numel_in(0)
     gives = function.numel_out(0)

@@ -483,7 +483,7 @@ class Assessment(Result, Reported):
         ]
 
     def _off_slope(self) -> list[str]:
-        """Return a sentence on the trim with the largest nonlinearity.
+        """Return a list with a sentence on the trim with the largest nonlinearity.
 
         The list is empty if the nonlinearity is small at all trims.
         """

@@ -28,7 +28,8 @@ class Bracket(Result):
     lower_bound: lower bound on the cost, proved by a certificate.
     best: cost of the best flight found, or None.
     policy: cost of the policy's flight, or None if it does not end at the trim.
-    beyond: True if the certificate's function W exceeds its level; the level is then the bound.
+    beyond: True if the initial condition is outside the certified set; the level of the set is then
+        the bound.
     """
 
     start: Mapping[str, float]

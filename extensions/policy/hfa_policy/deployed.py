@@ -290,8 +290,9 @@ class Deployed:
 
     @cached_property
     def command_slopes(self) -> ca.Function:
-        """Function (X, U, trim) -> (commanded U, its slopes by X (m, n), and by the previous U (m,
-        m)).
+        """Function (X, U, trim) -> (commanded U, dU/dX (m, n), dU/dU_before (m, m)).
+
+        U_before is the argument U, the input just before the sample.
         """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
@@ -323,7 +324,7 @@ def _refuse_undefined(
 ) -> np.ndarray:
     """Return the values of the entries of a table of the deployment file, (k,).
 
-    Raises BadInputError if a value, or its derivative by one of the varied arguments, is not
+    Raises BadInputError if a value, or its derivative with respect to a varied argument, is not
     finite.
 
     table: name of the table

@@ -227,7 +227,7 @@ class Deployment(Reported):
 
     @property
     def delay(self) -> float:
-        """Delay between a sample and the motion of the input that it commands, s."""
+        """Time from a sample until the command computed from it acts, s."""
         return float(self.timing.get("delay", 0.0))
 
     @property

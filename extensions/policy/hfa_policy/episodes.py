@@ -400,8 +400,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
     """Return the command steps for actions that are given from outside and clipped to the box.
 
-    low,
-    high: (m,), limits of the box
+    low, high: limits of the box, (m,) each
     """
     count = len(low)
     arguments = symbols_of_a_sample(deployed, count)

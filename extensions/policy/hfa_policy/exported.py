@@ -111,7 +111,5 @@ def _command(policy: DeployedPolicy) -> ca.Function:
 
 
 def _identifier(name: str) -> str:
-    """Return the name of an observation with each group of other characters than a-z, 0-9 replaced
-    by _.
-    """
+    """Return a name with each group of characters other than letters, digits and _ as one _."""
     return re.sub(r"\W+", "_", name).strip("_")

@@ -93,8 +93,8 @@ class _Observed(NamedTuple):
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
         """Return whether the record is consistent with the given `about` and another scale.
 
-        Deviations have means near 0 in any scale. So have absolute values of a state that may be 0.
-        A speed has a mean far above its standard deviation.
+        Deviations have means near 0 in any scale. The same is true of absolute values of a state
+        that may be 0, but not of a speed, whose mean is far above its standard deviation.
         """
         is_seen_about_0 = abs(record.centre) < _FITS * record.spread
         if not self.is_absolute:

@@ -310,7 +310,8 @@ class FlownRows:
         """Return the distance from the equilibrium and the swing of each flight in a window.
 
         The distance (N,) is the largest in the window. The swing (N, k) is half the range of each
-        linear state. Both are in units of the ball.
+        linear state. Both are relative to the half-widths of the ball in which a flight counts as
+        converged.
         """
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
@@ -325,10 +326,11 @@ class FlownRows:
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Return a mask of the flights that have converged.
 
-        They stayed in the ball longer than half a period of any oscillation, approach the
-        equilibrium, and no mode diverges.
+        They stayed in the ball about the equilibrium for more than half a period of any
+        oscillation, and approach the equilibrium. No mode may diverge.
 
-        distance: largest distance from the equilibrium in the window, in units of the ball, (N,)
+        distance: largest distance from the equilibrium in the window, (N,), as returned by
+            `_in_balls`
         """
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
@@ -347,7 +349,7 @@ class FlownRows:
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
         """Return a mask of the flights in a limit cycle.
 
-        swings: half ranges in this window, (N, k), in units of the ball
+        swings: half ranges in this window, (N, k), as returned by `_in_balls`
         number: number of earlier windows
         """
         blocks = self.swings_of_blocks[:, flying]

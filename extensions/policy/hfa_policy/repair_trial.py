@@ -217,7 +217,9 @@ class _Trial:
         ]
 
     def _is_only_late(self) -> bool:
-        """Return whether most flights converge without the delay."""
+        """Return whether most flights converge without the delay. It is False if the file has no
+        delay.
+        """
         if self.card.delay == 0.0:
             return False
         (on_time,) = self.flights.flown(self.gains[:1], _WHOLE, delay=0.0)
@@ -272,10 +274,12 @@ class _Trial:
         )
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
-        """Return a shorter sample time at which the policy is good at a third of the cost, or [].
+        """Return a list with a shorter sample time at which the policy is good at a third of the
+        cost.
 
-        The longest such sample time is returned. The result is [] if a change of gain, at either
-        sample time, has clearly lower cost, because the gain of the policy is then too high.
+        It is the longest such sample time. The list is empty if there is none. It is also empty if
+        a change of gain, at either sample time, has clearly lower cost, because the gain of the
+        policy is then too high.
 
         of_gains: results at the sample time of the file, the first of the file as written
         """

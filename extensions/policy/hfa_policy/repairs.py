@@ -119,7 +119,7 @@ def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the change that converts actions on angles from degrees to radians."""
+    """Yield the change that converts actions on angles from degrees to radians, if any exist."""
     card = deployed.deployment
     angles = [name for name in card.action if deployed.model.unit(name) in ("rad", "deg")]
     if angles:

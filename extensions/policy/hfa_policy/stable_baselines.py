@@ -296,7 +296,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Return stored observations as an array (E, k) of doubles, or None if there are none."""
+    """Return stored observations as an array (E, k) of doubles, or None for any other entry."""
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None

@@ -113,8 +113,8 @@ def test_the_equilibrium_follows_the_altitude():
 def _flown_on(flown, window, chosen, seconds=HORIZON):
     """Simulate the chosen flights to the end of their full duration.
 
-    Returns their final rows, and for each flight the largest distance from the equilibrium, in
-    balls, and the lowest and highest X.
+    Returns their final rows. For each flight, the lowest and highest X and the largest distance
+    from the equilibrium, in half-widths of the convergence ball, are also returned.
     """
     X, _, low, high, *_ = flown.flight.slices
     rows, times = flown.rows.copy(), flown.times.copy()
@@ -133,7 +133,10 @@ def _flown_on(flown, window, chosen, seconds=HORIZON):
 
 
 def _distance(flown, rows, chosen):
-    """Return the largest distance of flights from their equilibrium in the last window, in balls."""
+    """Return the largest distance of flights from their equilibrium in the last window.
+
+    It is relative to the half-widths of the convergence ball.
+    """
     X, _, low, high, *_ = flown.flight.slices
     moved = rows[:, X] - flown.trims[chosen]
     centres = flown.centres[chosen] + np.einsum("nij,nj->ni", flown.drifts[chosen], moved)

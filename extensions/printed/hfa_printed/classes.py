@@ -279,7 +279,7 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
 
 
 def _is_cut_off(comparison: Comparison) -> bool:
-    """Return whether each wrong entry is the exact one with its further digits cut off."""
+    """Return whether each wrong entry is the exact value with its further digits cut off."""
     outside = comparison.outside
     exact = comparison.exact[outside]
     short = np.sign(exact) * (exact - comparison.printed[outside])

@@ -78,8 +78,7 @@ class Demands(NamedTuple):
     entry: largest error of an entry under the hypothesis (`View.entry_errors`). A norm would depend
         only on the largest entries.
     share: fraction of the informative entries that must satisfy `entry`. In a noisy network,
-    entries
-        with little effect in the box have no correct digit.
+        entries with little effect in the box have no correct digit.
     """
 
     left: Mapping[str, float]

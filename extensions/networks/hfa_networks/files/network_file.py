@@ -46,7 +46,7 @@ _EPSILON = 1e-5
 class Layer(NamedTuple):
     """Layer y = weight x + bias, or LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
 
-    mean, deviation: of the entries of x.
+    The mean and the standard deviation of a LayerNorm are taken over the entries of x.
 
     name: name in the file, without ".weight".
     weight: (k, n) of a linear layer, (k,) of a LayerNorm.

@@ -67,7 +67,7 @@ class Parts(NamedTuple):
     normalizer: normalizer before the first layer, or None.
     squash: output map after the last layer, or None.
     others: tensors of unknown function.
-    unused: tensors whose names exclude but whose sizes permit that they act on a policy.
+    unused: tensors that, by their names, do not act on a policy, although their sizes fit.
     """
 
     layers: dict[str, np.ndarray]
@@ -261,8 +261,7 @@ def _joined(stem: str, leaf: str) -> str:
 
 
 def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
-    """Return the normalizer whose tensors are those of a module, or None if the module is no
-    normalizer.
+    """Return the normalizer that the tensors of a module define, or None if they define none.
 
     Raises BadInputError if a variance is not positive.
 
@@ -304,10 +303,10 @@ def _normalizer_of(
 
 
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
-    """Return the only item, or the only one whose name and the layers' names begin with the same
-    word.
+    """Return the item that belongs to the layers, or None if `found` is empty.
 
-    The result is None for an empty `found`. Raises BadInputError if several items qualify.
+    A single item belongs to the layers. Of several items, it is the one whose name begins with the
+    same word as the layers' names. Raises BadInputError if this does not select one item.
 
     what: noun for the items, for the message
     found: name -> item

@@ -20,7 +20,7 @@ _BATCH = 1024
 class Proof(NamedTuple):
     """Proved bound on the errors of a network.
 
-    what: "error" of V, its slopes and the policy, "error of the policy", or "of V and its slopes".
+    what: the covered errors, such as "error of the policy"; "error" means all errors.
     error: proved upper bound on the relative error.
     fraction: the bound is proved for |z_i| <= fraction b_i; 0 if nothing is proved.
     boxes: number of boxes for which bounds were computed.
@@ -61,7 +61,8 @@ def prove(
     so that the proved fraction grows. The result is None if `errors` contains operations for which
     no bound is implemented.
 
-    what: `Proof.what`
+    what: description of the errors, for `Proof.what`
+    b: half-widths of the box, (n,)
     """
     y = ca.SX.sym("y", len(b))
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])

@@ -204,7 +204,8 @@ class InSteps:
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
         """Return the closed loop under the worst disturbance w = L* x.
 
-        Its cost is that of u - u* (see the class).
+        Its cost is Σ αᵏ v'(R + α B'P*B) v, with v = u - u* relative to its value at the
+        equilibrium.
         """
         return self._loop_of(self._worst, policy, b, self.price)
 

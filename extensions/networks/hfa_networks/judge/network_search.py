@@ -85,9 +85,7 @@ class Findings(NamedTuple):
 class Comparison(NamedTuple):
     """Comparison of a network with the exact solution over a box of states.
 
-    weights: (m,), square roots of the weights of the inputs, which scale the inputs relative to
-    each
-        other.
+    weights: (m,), square roots of the weights in R, by which errors of the inputs are compared.
     box: half-widths b (n,) of the box |z_i| <= b_i.
     """
 

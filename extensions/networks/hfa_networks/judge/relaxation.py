@@ -1,16 +1,17 @@
-"""Bounds of a function over boxes of its inputs by linear relaxation, rounding included.
+"""Bounds of a function over boxes of its inputs by linear relaxation, including rounding errors.
 
-Over a box each node v of `affine_rows` lies between two parallel lines, v = Σ α t + c ± ρ, with t
-the rows of its arguments. When these are substituted from the last node to the first, each output
-becomes a row of the inputs, e = l'y + l0 ± r (DeepZ: Singh et al., NeurIPS 2018; CROWN: Zhang et
-al., NeurIPS 2018).
+Over a box, each node v of `affine_rows` lies between two parallel lines, v = Σ α t + c ± ρ, where
+t are the rows of its arguments. The lines are substituted from the last node to the first. Each
+output then is a row of the inputs, e = l'y + l0 ± r. Sources: DeepZ, Singh et al., NeurIPS 2018;
+CROWN, Zhang et al., NeurIPS 2018.
 
-Rounding. In doubles, the error of a sum of N products in any order is at most γ_N = N u / (1 - N u)
-times the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms,
-Section 3.1). The double of a coefficient is within u of the rational. The contribution of a node
-with the coefficient M to a row is at most |M| (Σ |α| S + |c|) in size, S = Σ |w_j| max |v_j| over
-the row w of its argument. Therefore ρ is enlarged by γ (Σ |α| S + |c|), and every row begins with
-its own r = γ S. γ is that of four times the number of terms and nodes.
+Rounding. In double precision, the error of a sum of N products in any order is at most γ_N times
+the sum of their absolute values, with γ_N = N u / (1 - N u) and u = 2⁻⁵³ (Higham, Accuracy and
+Stability of Numerical Algorithms, Section 3.1). The double closest to a rational coefficient has
+a relative error of at most u. A node with the coefficient M contributes at most
+|M| (Σ |α| S + |c|) to a row, with S = Σ |w_j| max |v_j| over the row w of its argument.
+Therefore ρ is enlarged by γ (Σ |α| S + |c|), and each row begins with r = γ S. γ is γ_N for
+N = four times the number of terms and nodes.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def _half_width(model: Model, name: str, text: str) -> float:
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
     """Return the lowest and highest value of a parameter or an input.
 
-    The result is nan for an unknown name, which is refused when the actions are known.
+    The result is nan for an unknown name. That name is refused later, when the actions are known.
     """
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
@@ -192,7 +192,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     def deployments(self, model: Model) -> list[Deployment]:
         """Load the deployments.
 
-        A gain without a sample time, or a sample time without a gain, is a BadInputError.
+        Raises BadInputError for a gain without a sample time, and for a sample time without a gain.
         """
         from hfa_policy.deployment import Deployment, sampled_gain
 
