@@ -164,7 +164,9 @@ def assert_walked(
         other = copy.deepcopy(content) | {name: change(copy.deepcopy(content[name]))}
         assert other != content, name
         if name in given:
-            with pytest.raises(NoSolutionError, match="differs from that of"):
+            with pytest.raises(
+                NoSolutionError, match="in the certificate differs from the value of"
+            ):
                 compare(other, table, given)
         try:
             shown = text_of(other)
@@ -206,11 +208,11 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
     )
     content = statement.content()
     assert compare(content, FIELDS, _given(loops[0], "the user")) == []
-    with pytest.raises(NoSolutionError, match="policy differs"):
+    with pytest.raises(NoSolutionError, match="policy in the certificate differs"):
         compare(content, FIELDS, _given(loops[1], "the user"))
     with pytest.raises(BadInputError, match="another policy"):
         BoxStatement.read(content, cart, loops[1].policy)
-    with pytest.raises(BadInputError, match="concerns a network"):
+    with pytest.raises(BadInputError, match="concerns a policy in a file"):
         BoxStatement.read(content, cart, None)
 
 
@@ -233,7 +235,9 @@ def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
     content = CostStatement(own, still, np.eye(2), np.eye(1), (piece(4),)).content()
     assert compare(content, COST_FIELDS, given) == []
     narrower = COST_CHANGES["limits"][1](content["limits"])
-    with pytest.raises(NoSolutionError, match="limit of place differs"):  # of fewer flights
+    with pytest.raises(
+        NoSolutionError, match="limit of place in the certificate differs"
+    ):  # of fewer flights
         compare(content | {"limits": narrower}, COST_FIELDS, given)
     del given["limits"]
     assert_walked(content, COST_FIELDS, given, COST_CHANGES, text_of)

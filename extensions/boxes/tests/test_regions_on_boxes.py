@@ -168,7 +168,7 @@ def test_a_recurrent_network_is_refused_by_name(
 def test_a_network_too_large_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = imitation(tmp_path / "wide.npz", K, np.array([1.0, 4.0]), hidden=(120, 170))
     assert main(_words_of(path)) == 2
-    assert "operations; at most 40000 are proved" in capsys.readouterr().err
+    assert "operations; at most 40000 are supported" in capsys.readouterr().err
 
 
 def _words_of(network: Path) -> list[str]:
@@ -212,7 +212,7 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
     model = load_model(PENDULUM)
     assert check_region(*read_content(copy.deepcopy(content), model, _same_policy(proved))) > 0
     content["statement"]["policy"] = "0" * 64
-    with pytest.raises(BadInputError, match="about another policy"):
+    with pytest.raises(BadInputError, match="concerns another policy"):
         read_content(content, model, _same_policy(proved))
 
 

@@ -61,9 +61,9 @@ def test_a_bound_is_proved_and_checked(
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("--Q", "1,2"), "Q differs from that of --Q"),
-        (("--R", "2"), "R differs from that of --R"),
-        (("--hold", "angle=0.1"), "angle differs from that of --aircraft"),
+        (("--Q", "1,2"), "Q in the certificate differs from the value of --Q"),
+        (("--R", "2"), "R in the certificate differs from the value of --R"),
+        (("--hold", "angle=0.1"), "angle in the certificate differs from the value of --aircraft"),
     ],
 )
 def test_another_subject_is_named(
@@ -81,7 +81,7 @@ def test_a_run_goes_on_from_its_certificate(
     shutil.copy(certificate, path)
     words = ["prove", "cost", *AIRCRAFT, "--degree", "4", "--resume", "-o", str(path)]
     assert main([*words, "--R", "9"]) == 2
-    assert "R differs" in capsys.readouterr().err
+    assert "R in the certificate differs" in capsys.readouterr().err
     before = json.loads(certificate.read_text())["statement"]["pieces"]
     assert main([*words, "--seconds", "0.3", "--json"]) == 0
     pieces = json.loads(capsys.readouterr().out)["pieces"]
@@ -156,7 +156,10 @@ def test_a_bound_within_narrower_limits_is_refused(statement: CostStatement) -> 
     given = given_of(problem, "this command", {})
     compare(content, COST_FIELDS, given)
     content["limits"]["angle"] = [-0.5, 0.5]
-    with pytest.raises(NoSolutionError, match="limit of angle differs from that of this command"):
+    with pytest.raises(
+        NoSolutionError,
+        match="limit of angle in the certificate differs from the value of this command",
+    ):
         compare(content, COST_FIELDS, given)
 
 
@@ -165,7 +168,7 @@ def test_a_bound_of_other_weights_is_refused(
 ) -> None:
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
     assert main([*words, "--bound", str(certificate)]) == 2
-    assert "Q differs from that of --Q" in capsys.readouterr().err
+    assert "Q in the certificate differs from the value of --Q" in capsys.readouterr().err
 
 
 def card_of(folder: Path, weight: float) -> str:
@@ -204,6 +207,8 @@ def test_a_deployed_policy_of_other_weights_is_refused(
 ) -> None:
     words = ["assess", card_of(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
     assert main([*words, "--bound", str(certificate)]) == 2
-    assert re.search(r"R differs from that of \S+.toml", capsys.readouterr().err)
+    assert re.search(
+        r"R in the certificate differs from the value of \S+.toml", capsys.readouterr().err
+    )
     assert main([*words[:-2], "--bound", str(certificate)]) == 2
     assert "add --best K" in capsys.readouterr().err

@@ -37,7 +37,7 @@ def interval(text: str) -> tuple[float, ...]:
     """
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
-        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
+        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH with LOW < HIGH")
     return ends
 
 
@@ -48,7 +48,7 @@ def positive_interval(text: str) -> tuple[float, float]:
     """
     ends = interval(text)
     if not ends[0] > 0.0:
-        raise BadInputError(f"is {text}; it must be positive")
+        raise BadInputError(f"is {text}; both ends must be positive")
     return ends[0], ends[-1]
 
 
@@ -102,7 +102,7 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
 def refuse_no_certificate(output: Path | None) -> None:
     """Raise BadInputError if the file of -o is not a .json file."""
     if output is not None and output.suffix.lower() != ".json":
-        raise BadInputError(f"{output}: a certificate is a .json file; name one")
+        raise BadInputError(f"{output}: a certificate must be a .json file; rename it")
 
 
 def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:

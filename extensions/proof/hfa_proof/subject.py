@@ -118,11 +118,13 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
         name = path.rpartition(".")[2]
         if path not in stated:
             raise BadInputError(
-                f"{own.option} gives {name}, which this certificate does not state; leave it out"
+                f"{own.option} gives {name}, which the certificate does not contain; leave it out"
             )
         if not own.same(stated[path], own.value):
             name = _first_other(name, stated[path], own)
-            raise NoSolutionError(f"the certificate's {name} differs from that of {own.option}")
+            raise NoSolutionError(
+                f"{name} in the certificate differs from the value of {own.option}"
+            )
     subjects = [table[path].subject for path in stated if path not in given]
     order = dict.fromkeys(field.subject for field in table.values())
     return [subject for subject in order if subject and subject in subjects]

@@ -109,7 +109,7 @@ def test_a_certificate_is_bound_to_ones_own_data(
     ):
         assert_refused(hfa("prove", "--check", *words), code, "certificate")
     held = hfa("prove", "--check", schedule, "--hold", "speed=70")
-    assert_refused(held, 1, "speed differs from that of --hold")
+    assert_refused(held, 1, "speed in the certificate differs from the value of --hold")
 
 
 def test_what_is_checked_is_the_aircraft_of_certificate(tmp_path: Path) -> None:

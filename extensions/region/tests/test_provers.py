@@ -57,7 +57,7 @@ def test_kinks_and_tables_are_proved_on_boxes(
     assert main(["prove", *kinked, "--check", proof]) == 0
     assert "kinked pendulum, of the policy in the certificate\n" in capsys.readouterr().out
     assert main(["prove", "region", *kinked, "--Q", "1,9", "--R", "1", "--check", proof]) == 1
-    assert "K differs from that of the game" in capsys.readouterr().err
+    assert "K in the certificate differs from the value of the game" in capsys.readouterr().err
     assert main([*words[:-2], "--prover", "squares"]) == 2
 
 

@@ -80,7 +80,7 @@ class CostInequality(OnPiece):
             names, limits, at[:, 0], radius[:, 0], strict=True
         ):
             if not (low <= value - off and value + off <= high):
-                raise Rejected(f"{name} of the equilibrium is not within its limits")
+                raise Rejected(f"{name} at the equilibrium exceeds its limits")
         slack = radius + 1e-15 * (np.abs(at) + np.where(np.isfinite(limits), np.abs(limits), 0.0))
         return np.asarray(limits - at + slack * np.array([-1.0, 1.0]))
 
@@ -120,8 +120,8 @@ class CostInequality(OnPiece):
         for name, ends, is_taken in zip(self.plant.inputs, self.ends, taken, strict=True):
             if is_taken and not np.all(np.isfinite(ends)):
                 raise BadInputError(
-                    f"{name} has no limits, and the rates are not affine in it; give the model's "
-                    "signal min and max"
+                    f"the rates are not affine in {name}, which has no limits; add min and max to "
+                    "this input of the model"
                 )
         return self.taylor([ca.vec(second)]), taken
 
@@ -179,7 +179,7 @@ class CostInequality(OnPiece):
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
         if not np.all((low <= at) & (at <= high)):
-            raise Rejected("the equilibrium is outside the limits")
+            raise Rejected("the equilibrium is outside the state limits")
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         """Return the mask (N,) of the boxes that have no point in the envelope."""

@@ -81,7 +81,7 @@ def check_cost(
     trim = np.array([{**plant.trim, **plant.inputs}[name] for name in names])
     solved = tuple(names.index(name) for name in witness.solved)
     if len(set(solved)) != len(plant.states):
-        raise Rejected("the number of solved states and inputs differs from the number of states")
+        raise Rejected("the numbers of states and of unknowns at the equilibrium differ")
     equilibrium = equilibrium_of(plant, stated, solved)
     check_near(equilibrium, stated, plant.nominal, "the stated one")
     check_near(equilibrium, trim, plant.nominal, "the trim")

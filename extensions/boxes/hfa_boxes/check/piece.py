@@ -182,7 +182,7 @@ class OnPiece(Question):
         try:
             exact = matrix(self.piece.M).inv()
         except ZeroDivisionError as error:
-            raise Rejected("the coordinates are not independent") from error
+            raise Rejected("the matrix M of the coordinates y = M z is singular") from error
         entries = [[exact[i, j] for j in range(self.n)] for i in range(self.n)]
         N = np.array([[float(entry.mid()) for entry in row] for row in entries])
         radius = np.array([[float(entry.rad()) for entry in row] for row in entries])

@@ -124,10 +124,13 @@ class BoxStatement:
             stated = Gain.read(Fields("policy", stated), plant)
             policy = stated.function(tuple(plant.inputs))
         elif policy is None:
-            raise BadInputError("concerns a network; give it by --weights or --policy")
+            raise BadInputError(
+                "the certificate concerns a policy in a file; give it by --weights or --policy"
+            )
         elif stated != digest_of(policy):
             raise BadInputError(
-                "is about another policy; give the --weights and options of that policy"
+                "the certificate concerns another policy; give the file and the options with which "
+                "it was proved"
             )
         loop = Loop(**vars(plant), policy=policy)
         equilibrium = entries.all_numbers("equilibrium", states)
@@ -157,7 +160,8 @@ def digest_of(policy: ca.Function) -> str:
     function = policy.expand() if policy.is_a("MXFunction") else policy
     if function.n_instructions() > LARGEST:
         raise BadInputError(
-            f"the policy has {function.n_instructions()} operations; at most {LARGEST} are proved"
+            f"the policy has {function.n_instructions()} operations; at most {LARGEST} are "
+            "supported"
         )
     hashed = hashlib.sha256()
     for index in range(function.n_instructions()):

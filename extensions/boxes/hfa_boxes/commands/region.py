@@ -87,7 +87,7 @@ def scalars(policy: ca.Function) -> ca.Function:
         return policy.expand()
     except RuntimeError as error:
         raise BadInputError(
-            "its policy is computed iteratively; give a network of the policy itself"
+            "the policy is computed iteratively; give a network whose output is the policy"
         ) from error
 
 
@@ -155,7 +155,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):
-        raise BadInputError(f"{path} concerns another loop; write to another file")
+        raise BadInputError(f"{path} is a certificate of another loop; choose another file")
     return statement
 
 

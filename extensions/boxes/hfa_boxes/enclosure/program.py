@@ -100,7 +100,7 @@ class Program:
             function = function.expand()
         if function.n_instructions() > LARGEST:
             raise BadInputError(
-                f"{name}: {function.n_instructions()} operations; at most {LARGEST} are proved"
+                f"{name}: {function.n_instructions()} operations; at most {LARGEST} are supported"
             )
         self.inputs = function.numel_in(0)
         self.name = name
@@ -170,7 +170,7 @@ class _Reader:
 
     def _constant(self, value: float) -> Row:
         if not math.isfinite(value):
-            raise BadInputError(f"{self._name}: contains {value}; give finite numbers")
+            raise BadInputError(f"{self._name}: contains {value}; use finite numbers")
         return {0: Fraction(value)} if value else {}
 
     def _result(self, operation: int, first: Row, last: Row) -> Row:
@@ -243,7 +243,9 @@ class _Reader:
         It is undefined for b = 0 and a <= 0. Raises BadInputError if b is the constant 0.
         """
         if not first:
-            raise BadInputError(f"{self._name}: uses atan2 of 0, which is not supported")
+            raise BadInputError(
+                f"{self._name}: atan2(0, x) is not supported; write the angle without it"
+            )
         squares = _plus(self._product(first, first), self._product(last, last))
         below = _plus(self._node("sqrt", squares), last)
         return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))

@@ -278,7 +278,8 @@ class Fit:
         )
         if found.x is None:
             raise OpenBoxError(
-                f"no polynomial of degree {self._problem.degree} meets the inequality on samples",
+                f"no polynomial of degree {self._problem.degree} satisfies the inequality at the "
+                "sample points",
                 y[0],
             )
         self._coefficients = unknowns @ found.x[:-1]

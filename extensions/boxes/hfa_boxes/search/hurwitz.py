@@ -14,5 +14,5 @@ def refuse_unstable(J: np.ndarray) -> None:
     if not np.all(modes.real < 0.0):
         raise NoSolutionError(
             "the loop's linearization is not Hurwitz (an eigenvalue with real part "
-            f"{modes.real.max():.3g}); such equilibria are not covered"
+            f"{modes.real.max():.3g}); such equilibria are not supported"
         )

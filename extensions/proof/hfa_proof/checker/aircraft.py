@@ -27,7 +27,8 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
     if own is not None:
         if (own.name, own.extras.source[1]) != (name, source):
             raise BadInputError(
-                f"the certificate concerns {shown(name)} from a file other than that of {own.name}"
+                f"the certificate concerns {shown(name)} from a file other than the given file of "
+                f"{own.name}; give the file with which it was proved"
             )
         return own
     flexible = None if source else aircraft_of(name)

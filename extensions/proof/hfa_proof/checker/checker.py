@@ -293,7 +293,9 @@ def check_models(
         exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
         for name, most in interpolation_errors(statement, linear, exact).items():
             if not most <= arb(statement.errors[name]):
-                raise Rejected(f"the error of {name} is not proved at {trim.low}")
+                raise Rejected(
+                    f"the interpolation error of {name} is not proved from {trim.low} on"
+                )
         linear_models.append(linear)
     check_branches(flight, linear_models)
     return len(cells)

@@ -66,7 +66,7 @@ def closed_loop(
         arriving = matrix(np.diag(actuators.effectiveness)) * apart.U
         return apart.base + matrix(np.diag(bandwidths)) * (apart.G * arriving + apart.lag)
     if any(name not in model.linear for name in controller.measurements):
-        raise Rejected("without actuators a controller can measure states only")
+        raise Rejected("a controller without actuators may measure only states")
     A, B, C, D = controller_on(controller, linear.trim.low, linear.trim.high)
     n = len(model.linear)
     k = controller.A.shape[1]
@@ -174,7 +174,7 @@ def between(breakpoints: np.ndarray, table: np.ndarray, low: float, high: float)
         if first <= low and high <= last
     ]
     if not holding:
-        raise Rejected("the box crosses a breakpoint of the table, or lies beyond its ends")
+        raise Rejected("the box crosses a breakpoint of the table or extends beyond the table")
     i = holding[0]
     first = arb(float(breakpoints[i]))
     last = arb(float(breakpoints[i + 1]))

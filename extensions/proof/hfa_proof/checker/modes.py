@@ -88,7 +88,7 @@ def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
     """
     diagonal = pivots(turn.transpose() * symmetric * turn)
     if diagonal is None:
-        raise Rejected("an eigenvalue is not distinguished from 0")
+        raise Rejected("the sign of an eigenvalue is not proved")
     return [1 if pivot > 0 else -1 for pivot in diagonal]
 
 

@@ -39,7 +39,7 @@ def require(holds: bool, where: str, value: Any = None) -> None:
     """Raise Malformed, with the name of the entry and its value, unless the condition is true."""
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
-        raise Malformed(f"{where} is not valid in a certificate{shown_value}")
+        raise Malformed(f"invalid entry: {where}{shown_value}")
 
 
 #: What reading and checking raise where an entry is wrong or does not prove what is stated.
@@ -190,7 +190,7 @@ class Fields:
         try:
             values = np.array(numbers, dtype=float)
         except ValueError as error:  # rows of any length that differ
-            raise Malformed(f"{self._called(name)} has rows that differ in length") from error
+            raise Malformed(f"{self._called(name)} has rows of different lengths") from error
         sides = [length for length in shape if length is not None]
         return values.reshape(sides) if len(sides) == len(shape) else values
 

@@ -110,7 +110,7 @@ def check_axis(
     identity = acb_mat(matrix(np.eye(len(rows))))
     values = [(identity * acb(0, arb(frequency)) - H).det().real for frequency in frequencies]
     if not (any(value > 0 for value in values) and any(value < 0 for value in values)):
-        raise Rejected("no eigenvalue is proved to lie on the axis")
+        raise Rejected("no eigenvalue is proved to be on the imaginary axis")
 
 
 def hamiltonian_rows(A: arb_mat, S: arb_mat, Q: arb_mat) -> list[list[arb]]:

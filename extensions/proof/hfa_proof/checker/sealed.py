@@ -69,7 +69,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         ) from error
     if schema != SCHEMA:
         raise BadInputError(
-            f"{path} is a certificate of another version, {on_one_line(schema)}; prove it again"
+            f"{path} has the format {on_one_line(schema)} of another version; write it again"
         )
     if edited:
         raise BadInputError(

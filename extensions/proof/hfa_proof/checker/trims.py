@@ -163,7 +163,9 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):
-        raise Rejected("trims exist below the first stated one, whose branch is not stated")
+        raise Rejected(
+            "boxes begin below the first stated trim, so that their branch is not stated"
+        )
     for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
         own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]
         _check_branch(_stated_trim(flight, stated), own, following)

@@ -26,10 +26,10 @@ class CheckRequest(PlantOptions, OutputOptions):
 
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
     at: Any = scheduled(
-        interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must state"
+        interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
     )
     weights: Path | None = option(
-        "gains or critic that the certificate must state",
+        "file of the gains or critic that the certificate must contain",
         "FILE",
         input_file(*MATRIX_FILES),
     )
@@ -48,22 +48,20 @@ class CheckRequest(PlantOptions, OutputOptions):
 
 @command(CheckRequest)
 def prove(request: CheckRequest) -> int:
-    """Verify a certificate: prove each statement again in ball arithmetic, from the certificate
-    and, for your own aircraft, from its file.
+    """Verify a certificate: prove its statement again in ball arithmetic.
 
-    Every field of the statement is compared with the other options: the aircraft with its
-    parameters, trim and limits, or the plant of --model; weights; gains or critic. The title names
-    the fields that were not given. Exit code 0: the statement is proved. Exit code 1: it is
-    not proved, or is about another subject. The command needs `pip install .[proof]`."""
+    For your own aircraft, give its file by --aircraft. The other options are compared with the
+    statement: the aircraft with its parameters, trim and limits, or the plant of --model; the
+    weights; the gains or critic. The first line of the report names the parts that were not given.
+    Exit code 0: the statement is proved. Exit code 1: it is not proved, or differs from an option.
+    The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.sealed import kind_of
 
     flint_or_refusal()
     if request.check is None:
         known = ", ".join(words_after("prove"))
-        raise BadInputError(
-            f"name the statement to prove: hfa prove and one of {known}, or --check FILE"
-        )
+        raise BadInputError(f"no statement to prove is given; add one of {known}, or --check FILE")
     of_others = offered(PARTS).get(f"check.{kind_of(request.check)}")
     if of_others is not None:
         code: int = loaded(of_others)(request, request.check)

@@ -41,7 +41,7 @@ class Stated(NamedTuple):
 class SolutionRequest(PlantOptions, OutputOptions):
     """Options of `hfa prove solution`."""
 
-    at: Any = scheduled(interval_of, "DEG", "value of the game, read as an exact decimal number")
+    at: Any = scheduled(interval_of, "DEG", "read as an exact decimal number")
 
     def stated(self) -> Stated:
         """Return the game that the options define.
@@ -77,7 +77,7 @@ class CriticRequest(SolutionRequest):
     """Options of `hfa prove critic`."""
 
     file: Path = option(
-        f"critic to compare: W, P or K ({' '.join(MATRIX_FILES)})",
+        f"file of the critic: W, P or K ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="file",
@@ -90,11 +90,11 @@ class CriticRequest(SolutionRequest):
 
 @command(SolutionRequest)
 def solution(request: SolutionRequest) -> int:
-    """Prove in ball arithmetic that the game has one stabilizing solution within a radius of P, and
-    bracket its smallest delta.
+    """Prove that the game has one stabilizing solution within a radius of P, and bracket delta_min.
 
-    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0 when the
-    statement is proved, 1 when it is refuted or remains open. The command needs
+    The proof uses ball arithmetic. delta_min is the smallest delta for which the game has a
+    solution. -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0: the
+    statement is proved. Exit code 1: it is refuted or remains open. The command needs
     `pip install .[proof]`."""
     from hfa_proof.search.solution_proof import prove_solution
 
@@ -107,12 +107,11 @@ def solution(request: SolutionRequest) -> int:
 
 @command(CriticRequest)
 def critic(request: CriticRequest) -> int:
-    """Prove in ball arithmetic whether the gain in a file stabilizes, and bound the distance of its
-    W, P or K from the exact solution, from below and from above.
+    """Prove whether a critic's gain stabilizes, and how far W, P or K are from the exact solution.
 
-    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0 when the
-    statement is proved, 1 when it is refuted or remains open. The command needs
-    `pip install .[proof]`."""
+    The proof uses ball arithmetic and gives lower and upper bounds of the distances. -o FILE.json
+    writes a certificate for hfa prove --check FILE. Exit code 0: the gain is proved to stabilize.
+    Exit code 1: this is refuted or remains open. The command needs `pip install .[proof]`."""
     from controller.critic.critic_file import Reading, critic_in
     from hfa_proof.search.solution_proof import prove_critic
 

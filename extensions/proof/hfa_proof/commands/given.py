@@ -62,7 +62,7 @@ def at_one_value(request: PlantOptions) -> Any:
     if request.at is None:
         return request
     if len(request.at) != 1:
-        raise BadInputError(f"give --{called_at(request.model)} with one value")
+        raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")
     (typed,) = request.at
     in_degrees = request.model.schedule_unit == "deg"
     return replace(request, at=math.radians(typed) if in_degrees else typed)
@@ -207,7 +207,7 @@ def _given_controller(
     loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
     if (loop.actuators is None) != (statement.actuators is None):
         raise BadInputError(
-            f"{option}: the actuators are not those of the certificate; give --design"
+            f"{option}: the actuators differ from those of the certificate; give --design"
         )
     stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
     content: Mapping[str, Any] = content_of(stated)

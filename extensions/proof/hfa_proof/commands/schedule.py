@@ -34,7 +34,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     """Options of `hfa prove schedule`."""
 
     weights: Path | None = option(
-        "gains K over the schedule; default: those of the exact game",
+        "file of gains K over the scheduling variable; default: gains of the exact game",
         "FILE",
         input_file(*MATRIX_FILES),
     )
@@ -42,7 +42,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         "design with the actuators of the scheduled controller in --weights"
     )
     rate: bool = option(
-        "also prove stability while the scheduling variable moves, up to a rate the proof finds",
+        "also prove stability for a moving scheduling variable, up to a rate that the proof finds",
         rare=True,
     )
     error: float = option(
@@ -56,8 +56,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         "cover actuators of any bandwidth in the interval, rad/s", "LOW:HIGH", positive_interval
     )
     effectiveness: tuple[float, float] | None = option(
-        "cover a time-varying factor on each command, within LOW:HIGH; default 1; needs "
-        "--bandwidth",
+        "cover time-varying actuator effectiveness within LOW:HIGH; default 1; needs --bandwidth",
         "LOW:HIGH",
         positive_interval,
         rare=True,
@@ -68,7 +67,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         not_negative,
         rare=True,
     )
-    resume: bool = option("continue the unfinished certificate given by -o", rare=True)
+    resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
 
     def intervals(self) -> Intervals | None:
         """Return the intervals of uncertain actuators, or None without --bandwidth.
@@ -90,10 +89,10 @@ class ScheduleRequest(WeightOptions, RangeOptions):
 def schedule(request: ScheduleRequest) -> int:
     """Prove in ball arithmetic that a gain schedule stabilizes at every value of LOW:HIGH.
 
-    The trim is shown to exist within its limits, and the loop to be Hurwitz, at every angle and not
-    only at the points of a grid; with --bandwidth through every actuator of an interval.
-    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0 when the
-    statement is proved, 1 when it is refuted or remains open. The command needs
+    At every value, and not only on a grid, the trim is proved to exist within its limits and the
+    loop to be Hurwitz. With --bandwidth, every actuator with a bandwidth in an interval is covered.
+    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0: the statement is
+    proved. Exit code 1: it is refuted or remains open. The command needs
     `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 

@@ -77,7 +77,7 @@ class Proof(Reported):
         Raises NoSolutionError if no part of the claim is proved.
         """
         if not self.witness:
-            raise NoSolutionError("nothing is proved; there is nothing to certify")
+            raise NoSolutionError("no part of the claim is proved, so no certificate is written")
         witness = witness_content(self.witness)
         write_sealed(path, self.kind, content_of(self.statement), witness, origin.to_dict())
 
@@ -128,13 +128,13 @@ class CertificateFile:
         try:
             verified = check_certificate(self.path, model=model).statement
         except Rejected as error:
-            raise BadInputError(f"{error}; remove the file and begin again") from error
+            raise BadInputError(f"{error}; remove the file and start again") from error
         forget_read(self.path)
         content: Content = json.loads(self.path.read_text(encoding="utf-8"))
         subjects = [_subject(content_of(claim)) for claim in (verified, statement)]
         if subjects[0] != subjects[1] or content["toolchain"] != VERSION:
             raise BadInputError(
-                f"{self.path} belongs to another statement or version; write to another file"
+                f"{self.path} is a certificate of another statement or version; choose another file"
             )
         witness: Content = content["witness"]
         return witness

@@ -142,9 +142,7 @@ class Family:
         for name, (least, most) in model.limits.items():
             lowest, highest = condition.limits_of(name)
             if lowest < least or highest > most:
-                raise BadInputError(
-                    f"the limits of {name} are wider than the model's; give limits within them"
-                )
+                raise BadInputError(f"the limits of {name} are wider than the model's; narrow them")
             if np.isfinite((lowest, highest)).any() and name not in model.disturbances:
                 limits[name] = (max(lowest, -_FAR), min(highest, _FAR))
         parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -160,14 +158,15 @@ class Family:
         model = self.model
         if not model.schedule:
             raise BadInputError(
-                f"{model.title} declares no schedule, the variable that a proof runs over; name one"
+                f"{model.title} has no scheduling variable, which a proof needs; set `schedule` in "
+                "the model"
             )
         if self.flights is not None:
             for name, value in self.flights.imposed.items():
                 if isinstance(value, LinearTable):
                     raise BadInputError(
-                        f"{name} changes with the {model.schedule} in this condition; --hold it at "
-                        "one value"
+                        f"{name} depends on the {model.schedule} in this flight condition; --hold "
+                        "it at one value"
                     )
         first = self.condition(low)
         self.condition(high)
@@ -177,8 +176,8 @@ class Family:
         steady = first.rates == dict.fromkeys(model.steady, 0.0)
         if not (steady and model.schedule not in first.free and len(first.free) == count):
             raise BadInputError(
-                f"a proof needs trims at a given {model.schedule}, all rates 0, with {count} "
-                f"unknowns; the free ones are {', '.join(first.free)}: change --hold and --free"
+                f"a proof needs trims at a given {model.schedule} with all rates 0 and {count} "
+                f"free variables; free are {', '.join(first.free)}; change --hold and --free"
             )
 
 

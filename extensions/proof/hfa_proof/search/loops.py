@@ -65,7 +65,7 @@ class Loop:
         """
         if not low < high:
             raise BadInputError(
-                f"the interval goes from {low:g} to {high:g}; give the lower end first"
+                f"the interval is {low:g} to {high:g}; its first end must be the lower one"
             )
         breakpoints = self.controller.breakpoints.tolist()
         first = breakpoints[0]
@@ -100,8 +100,8 @@ def loop_of_gains(
     inputs = tuple(model.inputs)
     if columns not in ((n, n + m) if intervals else (n,)):
         raise BadInputError(
-            f"K has {columns} columns; a proof needs {n}, or with actuators {n + m}, which "
-            "include their positions"
+            f"K has {columns} columns; give {n} for the states, or {n + m} for states and actuator "
+            "positions"
         )
     positions = tuple(f"{name}_position" for name in inputs)
     measurements = (*model.linear, *positions)[:columns]
@@ -146,7 +146,7 @@ def loop_of_servo(
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]
     if missing:
-        raise BadInputError(f"{where} {missing[0]} has no actuator; name a design that has one")
+        raise BadInputError(f"{where} {missing[0]} has no actuator; give a design that has one")
     for name in controller.measurements:
         if name not in measurable(model):
             raise BadInputError(f"{where} a proof does not support a measurement of {name}")

@@ -104,7 +104,9 @@ def prove_models(
     low < high.
     """
     if not low < high:
-        raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
+        raise BadInputError(
+            f"the interval is {low:g} to {high:g}; its first end must be the lower one"
+        )
     grid = GridSearch(family, low, high, tolerance)
     count = max(1, round((high - low) / (_CELL * family.step)))
     edges = np.linspace(low, high, count + 1).tolist()
@@ -134,7 +136,7 @@ class GridSearch:
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
-                    f"the models from {part.low:g} to {part.high:g} have no finite bounds"
+                    f"no bounds of the models from {part.low:g} to {part.high:g} are proved"
                 )
             self.cells.append(cell)
 

@@ -177,9 +177,7 @@ class ScheduleSearch:
         form = self.closed_loop(box)
         middle = doubles(form.parts[0])
         if not np.isfinite(middle).all():
-            raise BadInputError(
-                "the loop's entries are too large to compute with; check the gains of the table"
-            )
+            raise BadInputError("the matrix of the loop overflows; check the gains in the table")
         rate = RATE_SHARE * max(0.0, -float(np.linalg.eigvals(middle).real.max()))
         return self._counted(box, form, rate)
 

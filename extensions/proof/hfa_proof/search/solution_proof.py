@@ -75,7 +75,7 @@ def weights_of(game: Game) -> Weights:
             "diagonal of weights"
         )
     if lowest_sign(R) <= 0:
-        raise NoSolutionError("R is not positive definite in exact arithmetic; change it")
+        raise NoSolutionError("R is not positive definite in exact arithmetic; a proof needs R > 0")
     return Weights(Q, R, game.E, float(game.delta))
 
 

@@ -264,7 +264,7 @@ FORGED |= {
     "a trim stated within the flights": (
         "two trims",
         put([{"breakpoint": 1.25, "unknowns": {"x": 1.5}}], *FLIGHT, "trims"),
-        "below the first stated one",
+        "below the first stated trim",
     ),
     "fixed actuators that do little": (
         "memory",
@@ -281,7 +281,7 @@ for _name in ("A", "B", "K", "inputs"):
     FORGED[f"an error of {_name} too small"] = (
         "models",
         put(lambda error: 1e-3 * error, *CLAIM, "errors", _name),
-        f"the error of {_name}",
+        f"the interpolation error of {_name}",
     )
 
 
@@ -529,7 +529,7 @@ def test_table_errors_for_doubles_alone_are_refused() -> None:
     exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
     bound = interpolation_errors(statement, linear, exact)["B"]
     errors = {**statement.errors, "B": float(np.nextafter(float(bound.upper()), np.inf))}
-    with pytest.raises(Rejected, match="the error of B"):
+    with pytest.raises(Rejected, match="the interpolation error of B"):
         check_models(replace(statement, errors=errors), witness)
 
 

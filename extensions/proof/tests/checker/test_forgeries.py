@@ -207,9 +207,9 @@ NAMED: dict[str, tuple[str, Change, str]] = {
     "no number": (
         "models",
         put([None], *FLIGHT, "imposed", "gamma"),
-        "is not valid in a certificate",
+        "invalid entry",
     ),
-    "not finite": ("plant", put(float("nan"), *CLAIM, "plant", "A", 0, 0), "is not valid in a"),
+    "not finite": ("plant", put(float("nan"), *CLAIM, "plant", "A", 0, 0), "invalid entry"),
     "rows of other lengths": ("plant", put([[1.0], [1.0, 2.0]], *CLAIM, "plant", "A"), "A"),
     "text for a number": ("rate", put("0.3", *CLAIM, "decay_rate"), "decay_rate"),
     "true for a number": ("rate", put(True, *CLAIM, "decay_rate"), "decay_rate"),

@@ -128,7 +128,7 @@ def test_trims_that_statement_is_not_about_are_refused() -> None:
     assert len(flights.condition(10.0).free) == 4
     table = LinearTable([0.0, np.radians(20.0)], [68.0, 60.0])
     with pytest.raises(
-        BadInputError, match="speed changes with the dihedral in this condition; --hold it"
+        BadInputError, match="speed depends on the dihedral in this flight condition; --hold it"
     ):
         replace(flights, flights=release(LEVEL_FLIGHT, hold={"speed": table})).check(0.0, 20.0)
     for free in ("alpha", "dihedral"):

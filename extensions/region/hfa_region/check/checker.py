@@ -133,7 +133,7 @@ def _check_extents(
         high = exact(highest)
         if not (low <= -reach and reach <= high):
             if name not in extents:
-                raise Rejected(f"the set may be larger in {name} than the certificate states")
+                raise Rejected(f"the set may exceed the bounds on {name} given in the certificate")
             _check_deviation(loop, index, (low, high), extents[name], inside)
         least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
         at = loop.equilibrium.x[index]

@@ -133,11 +133,11 @@ class Equilibrium:
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
             if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
-                raise Rejected(f"{name} of the equilibrium differs from the stated value")
+                raise Rejected(f"{name} at the equilibrium differs from the stated value")
         for name in self.loop.inputs:
             for room in self.room(name):
                 if room is not None and not room > 0:
-                    raise Rejected(f"{name} may be at its limit at the trim")
+                    raise Rejected(f"{name} may be at its limit at the equilibrium")
 
 
 class RegionLoop:
@@ -379,8 +379,8 @@ def refuse_curved(loop: SaturatedLoop) -> None:
     for name, is_curved in zip(loop.disturbances, curved, strict=True):
         if is_curved:
             raise BadInputError(
-                f"{loop.model.name}: the rates are not affine in {name}; a set that is invariant"
-                " under it is not proved"
+                f"{loop.model.name}: the rates are not affine in {name}; such disturbances are not"
+                " supported"
             )
 
 

@@ -165,7 +165,9 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
     The policy itself changes the inputs. A policy that uses several samples is refused too.
     """
     if deployed.past:
-        raise BadInputError("timing.history: a proof needs a policy of one sample; leave it out")
+        raise BadInputError(
+            "timing.history: a proof needs a policy of the present sample alone; leave it out"
+        )
     entries = {
         "observation": (deployed.observe, 1, tuple(deployed.deployment.observation)),
         "action": (deployed.unlimited_inputs, 2, tuple(deployed.model.inputs)),
@@ -175,5 +177,5 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
         for row in sorted(taken):
             raise BadInputError(
                 f"{deployed.deployment.origin}: {table}.{names[row]} depends on an input, which "
-                "has no continuous meaning here; `hfa assess` simulates such a policy"
+                "the policy itself sets; a proof does not support this, use `hfa assess`"
             )

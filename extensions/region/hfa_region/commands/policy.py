@@ -39,7 +39,7 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
     if critic.linear:
         return {}
     if critic.wide or not critic.policy.is_a("SXFunction"):
-        raise BadInputError("its policy is a network; give K, P, or weights W of polynomials")
+        raise BadInputError("the policy is a network; give K, P, or weights W of polynomials")
     z = critic.symbols
     u = critic.policy(z)
     policy = {}
@@ -92,11 +92,11 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
     wanted = np.array(u(points.T)).ravel()
     if not np.all(np.abs(total - wanted) <= _SAME * sizes):
         raise BadInputError(
-            f"its policy is not a polynomial of degree {HIGHEST_POLICY} or less; give K, P, or"
+            f"the policy is not a polynomial of degree {HIGHEST_POLICY} or less; give K, P, or"
             " weights W of polynomials"
         )
     if any(not any(powers) for _, powers in terms):
-        raise BadInputError("its policy is not 0 at the trim; leave the linear terms of V out")
+        raise BadInputError("the policy is not 0 at the trim; remove the linear terms of V")
 
 
 def loop_of(
@@ -111,7 +111,9 @@ def loop_of(
     Raises NoSolutionError if the game has no solution.
     """
     if request.basis is not None and request.weights is None:
-        raise BadInputError("--basis applies only to W in --weights; add --weights or leave it out")
+        raise BadInputError(
+            "--basis applies only to W in --weights; add --weights or leave --basis out"
+        )
     if not request.model.inputs:
         aircraft = request.flown_aircraft()
         linear = linearize(aircraft, request.operating_point(aircraft))
@@ -131,7 +133,7 @@ def loop_of(
         solution = solve_game(named.game)
     except NoSolutionError as error:
         raise NoSolutionError(
-            f"the game of the linear model has no solution ({error}), so no loop exists;"
-            " an equilibrium whose linearization is not Hurwitz is not covered"
+            f"the game of the linear model has no solution ({error}), so there is no"
+            " policy; give a stabilizing one by --weights"
         ) from error
     return named.linear, solution.K, solution.P, {}

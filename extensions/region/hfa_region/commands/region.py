@@ -49,7 +49,8 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     """A loop whose region is to be proved, or a certificate to be checked."""
 
     weights: Path | None = option(
-        "the policy: K, P, W, or a network (proved on boxes); default: that of the exact game",
+        "file of the policy: K, P, W, or a network (proved on boxes); default: policy of the "
+        "exact game",
         "FILE",
         critic_path,
     )
@@ -76,7 +77,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         default=60.0,
     )
     prover: str | None = option(
-        "squares (sums of squares) or boxes (branch and bound); default: the one that proves more",
+        "squares (sums of squares) or boxes (branch and bound); default: chosen for the loop",
         "NAME",
         lambda text: one_of("squares", "boxes")(text),
     )
@@ -87,9 +88,11 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         OfModel(_size),
         named=True,
     )
-    resume: bool = option("continue from V in the certificate given by -o", rare=True)
+    resume: bool = option(
+        "resume from the Lyapunov function V in the certificate given by -o", rare=True
+    )
     picture: Path | None = picture_option(
-        "sections of the proved set, with initial conditions that do not converge"
+        "sections of the proved set, and initial conditions that do not converge"
     )
 
 
@@ -101,15 +104,15 @@ def _degree(text: str) -> int:
 def region(request: RegionRequest) -> int:
     """Prove a region of attraction of the nonlinear loop with saturated inputs.
 
-    Every trajectory that begins in {V(z) <= rho}, z the deviation from the trim, stays there and
-    within all limits of the model, and converges to the trim. The policy is u = sat(u0 - K z) with
-    K of the exact game, or that of --weights: a gain, a polynomial or a network. With --disturbance
-    the set is invariant under every disturbance up to its size; convergence is not claimed. The
-    report also names the state at which V' >= 0 was found, an initial condition that does not
-    converge, and the limits that bind. -o FILE.json writes a certificate; --check FILE verifies
-    a certificate; for networks or deployment files, repeat --weights or --policy. Not covered:
-    sampling, actuators, delays, and a linearization that is not Hurwitz.
-    Exit code 0 when the set is proved. The command needs `pip install .[proof]`."""
+    Every trajectory that begins in {V(z) <= rho} stays there and within all limits of the model,
+    and converges to the trim; z is the deviation from the trim. The policy is u = sat(u0 - K z)
+    with K of the exact game. With --weights it is the policy of a file: a gain, a polynomial or a
+    network. With --disturbance the set is proved invariant under every disturbance up to its size,
+    and convergence is not claimed. The report also names the state at which V' >= 0 was found, an
+    initial condition that does not converge, and the limits that bind. -o FILE.json writes a
+    certificate, and --check FILE verifies one; for networks and deployment files, repeat --weights
+    or --policy. Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz.
+    Exit code 0: the set is proved. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
@@ -119,7 +122,7 @@ def region(request: RegionRequest) -> int:
     if request.check is not None:
         return _checked(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
-        raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
+        raise BadInputError(f"{request.output}: a certificate must be a .json file; rename it")
     if request.resume and request.output is None:
         raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
     if request.policy is None and not _is_network(request):
@@ -143,7 +146,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     request.refuse(
         ("plant",),
-        "is a linear plant; the certificate is about a nonlinear aircraft; name it by --aircraft",
+        "is a linear plant, but the certificate concerns an aircraft; name it by --aircraft",
     )
     request.refuse(
         ("design",), "applies to a schedule, but the certificate is about a region; leave it out"
@@ -253,7 +256,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     statement = check_certificate(path, model=own).statement
     forget_read(path)
     if _subject(statement.loop) != _subject(loop):
-        raise BadInputError(f"{path} concerns another loop; write to another file")
+        raise BadInputError(f"{path} is a certificate of another loop; choose another file")
     return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
 
 

@@ -41,9 +41,11 @@ def with_region(
 
     flint_or_refusal()
     if named.linear is None:
-        raise BadInputError("--region needs the nonlinear equations of an aircraft; name one")
+        raise BadInputError(
+            "--region needs the nonlinear equations of an aircraft; give an aircraft"
+        )
     if len(verdicts) != 1:
-        raise BadInputError("--region needs one critic; leave it out")
+        raise BadInputError("--region supports only one critic; leave --region out")
     critic = verdicts[0].critic
     with said_of("--region"):
         policy = policy_terms(critic, named.linear.inputs)

@@ -141,7 +141,7 @@ def invariant_region(
     if best is None:
         raise NoSolutionError(
             "no set is proved invariant under a disturbance of this size: for every V tried, "
-            "V' >= 0 somewhere on each level, or no level was proved"
+            "V' >= 0 somewhere on each level, or no level was proved; reduce the disturbance"
         )
     return replace(_region(*best[1:]), stopped=stopped)
 
