@@ -228,8 +228,8 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
             f"{layout.name}: the equations return {shown(returned)}; return rates by state and "
-            "outputs by name, two dicts (algebraic residuals are not supported: solve them, or "
-            "make what they determine a state)"
+            "outputs by name, two dicts (algebraic equations are not supported: solve them, or "
+            "declare their unknowns as states)"
         )
     rates, outputs = returned
     for kind, values, names in (

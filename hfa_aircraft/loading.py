@@ -79,7 +79,7 @@ def load_model(text: str) -> Model:
         ) from error
     except SystemExit as error:
         raise BadInputError(
-            f"{where}: ends the program (sys.exit) when it is loaded; put its calls under "
+            f"{where} ends the program (sys.exit) when it is loaded; put its calls under "
             'if __name__ == "__main__":'
         ) from error
     except Exception as error:  # whatever the user's file raises
@@ -178,10 +178,10 @@ def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
 
     value: object of this name, or None
     """
-    what = "has no name" if value is None else f"holds {shown(value)}, not a Model, under"
+    what = "does not exist" if value is None else f"is {shown(value)}, not a Model"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
     advice = f"use {', '.join(models)}" if models else "define a Model"
-    return f"{what} {name}; {advice}"
+    return f"{name} {what}; {advice}"
 
 
 def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:

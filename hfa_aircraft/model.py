@@ -278,7 +278,7 @@ class Model(Reported):
             return
         if name in self.parameters:
             raise BadInputError(
-                f"{meaning} {name!r}: it is a parameter; hold it (--hold {name}=VALUE, or"
+                f"{meaning} {name!r}, a parameter; give its value (--hold {name}=VALUE, or"
                 f" with_parameters({name}=VALUE))"
             )
         known = (*self.holdable, *also, *self.parameters)

@@ -373,7 +373,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         ),
         (
             lambda x, u, p, w: ({"x": x.v, "v": u.u}, {}, {"z": x.x}),
-            "algebraic residuals are not supported",
+            "algebraic equations are not supported",
         ),
         (
             lambda x, u, p, w: ([x.v, u.u], {}),
@@ -391,8 +391,8 @@ def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> 
 
 FAULTS = {
     "x = (1": "SyntaxError in line 1: '(' was never closed; correct the file",
-    "A = 3": "holds 3, not a Model, under A; define a Model",
-    "B = 3": "has no name A; define a Model",
+    "A = 3": "A is 3, not a Model; define a Model",
+    "B = 3": "A does not exist; define a Model",
     "1 / 0": "ZeroDivisionError: division by zero; correct the file",
     "import hfa as s; A = s.Model('a', {'x': s.Signal(nominal=0)}, {}, None)": (
         "nominal and rate positive"

@@ -23,7 +23,9 @@ def aircraft_text(found: Identified) -> str:
     """
     source = found.model.extras.source[0]
     if not source:
-        raise BadInputError("-o FILE.toml names the aircraft's file; give the aircraft as a file")
+        raise BadInputError(
+            "-o FILE.toml needs an aircraft that was read from a file; add --aircraft FILE"
+        )
     own = [name for name in found.parameters if name in found.model.parameters]
     errors = [name for name in found.parameters if name not in own]
     places = [list(found.parameters).index(name) for name in own]

@@ -100,12 +100,12 @@ def identify(
     model, fixed = _with_given(model, given)
     listed = _listed(records)
     if not listed:
-        raise BadInputError("identify has no records; give at least one")
+        raise BadInputError("no records are given; give at least one")
     refuse_unknown("inputs are", inputs, INPUTS)
     logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
     if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
         raise BadInputError(
-            "columns applies only to PX4 logs (.ulg), and no record is one; leave it out"
+            "columns applies only to PX4 logs (.ulg), and no record is a log; leave columns out"
         )
     read = _as_records(model, listed, held, inputs, columns)
     kept_out = _as_records(model, validate, held, inputs, columns)
@@ -114,7 +114,7 @@ def identify(
     responses = Responses(model, names, measured)
     if turbulence:
         if plan:
-            raise BadInputError("maneuvers are planned in calm air; leave plan or turbulence out")
+            raise BadInputError("plan does not support turbulence; leave out one of them")
         responses = Predictions(model, names, measured, Condition.of(model, read, measured, held))
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
@@ -126,9 +126,9 @@ def identify(
     except FloatingPointError as error:
         refuse_still(search, None)
         fault = fault_of_columns(search, None, {}, progress)
-        reason = f"; {fault}" if fault else "; start nearer, or give shorter records"
+        reason = f"; {fault}" if fault else "; give better initial values, or shorter records"
         raise NoSolutionError(
-            f"no parameters were found: {error} at the values where the search begins{reason}"
+            f"no parameters were found: {error} with the initial parameter values{reason}"
         ) from error
     refuse_still(search, fit)
     other = other_minimum(search, fit)
@@ -211,7 +211,7 @@ def _free_names(
     if isinstance(free, str) or not free:
         if not model.parameters:
             raise BadInputError(
-                f"{model.name} has no parameters to identify; declare them, "
+                f"{model.name} has no parameters to identify; declare them: "
                 "Model(..., parameters={NAME: Signal(...)})"
             )
         possible = ", ".join(model.parameters)
@@ -223,12 +223,12 @@ def _free_names(
         if any(sign in name for sign in "*?["):
             fitting = [each for each in fnmatch.filter(model.parameters, name) if each not in given]
             if not fitting:
-                raise BadInputError(f"no parameter of {model.name} fits {name!r}; leave it out")
+                raise BadInputError(f"no parameter of {model.name} matches {name!r}; leave it out")
             names += fitting
             continue
         refuse_unknown(f"{model.name} has no parameter", name, known)
         if name in given:
-            raise BadInputError(f"{name} is both free and given; name it once")
+            raise BadInputError(f"{name} is both free and given; leave out one of them")
         names.append(name)
     return tuple(dict.fromkeys(names))
 

@@ -81,9 +81,9 @@ def gain_with_slopes(
         try:
             K, whiten, variances = _steady(*matrices(rows), interval)
         except np.linalg.LinAlgError:
-            raise FloatingPointError("the gain of the filter diverges") from None
+            raise FloatingPointError("the filter gain is not finite") from None
     if not (np.isfinite(K).all() and np.isfinite(variances).all() and (variances > 0.0).all()):
-        raise FloatingPointError("the gain of the filter diverges")
+        raise FloatingPointError("the filter gain is not finite")
 
     def slopes(values: np.ndarray) -> np.ndarray:
         change = values[1 : p + 1] - values[p + 1 :]

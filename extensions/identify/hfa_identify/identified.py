@@ -242,8 +242,8 @@ class Identified(Result, Reported):
         """
         if self.undetermined:
             raise NoSolutionError(
-                f"no aircraft can be drawn: {', '.join(self.undetermined)} not determined by the"
-                " records; leave them out of free"
+                "no aircraft can be drawn: the records do not determine"
+                f" {', '.join(self.undetermined)}; fix their values"
             )
         names = [name for name in self.parameters if name in self.model.parameters]
         places = [list(self.parameters).index(name) for name in names]

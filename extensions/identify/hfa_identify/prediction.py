@@ -76,7 +76,8 @@ class Condition:
         turbulence = {name: size for name, size in sizes.items() if name in moved}
         if not turbulence:
             raise BadInputError(
-                f"{model.name} has none of the states {', '.join(sizes)}, which turbulence moves;"
+                f"{model.name} has none of the states {', '.join(sizes)}, which turbulence"
+                " disturbs;"
                 " leave turbulence out"
             )
         return cls(

@@ -136,13 +136,14 @@ def record_of(
     for column, values in arrays.items():
         if len(values) != len(time):
             raise BadInputError(
-                f"{name}: {column} has {len(values)} samples and time has {len(time)}; "
-                "make the numbers equal"
+                f"{name}: {column} has {len(values)} samples, but time has {len(time)}; "
+                "give columns of equal length"
             )
     missing = [each for each in model.inputs if each not in arrays and each not in held]
     if missing:
         raise BadInputError(
-            f"{name} has no column {missing[0]}; add it, or hold it (--hold {missing[0]}=VALUE)"
+            f"{name} has no column {missing[0]}; add it, or give a constant (--hold"
+            f" {missing[0]}=VALUE)"
         )
     inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
     _check_inputs(name, list(model.inputs), inputs)
@@ -180,7 +181,9 @@ def read_record(
             arrays = read_arrays(file)
             columns = {name: np.ravel(values) for name, values in arrays.items()}
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a record") from error
+        raise BadInputError(
+            f"{path} cannot be read ({error.strerror}); give a readable file"
+        ) from error
     return record_of(model, columns, held, Path(path).name)
 
 
@@ -193,22 +196,26 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     try:
         rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise BadInputError(f"{path} is not a CSV file ({error}); save it as UTF-8") from error
+        raise BadInputError(
+            f"{path} cannot be read as CSV ({error}); save it as CSV in UTF-8"
+        ) from error
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     if not rows:
-        raise BadInputError(f"{path} is empty; give a first row of names, then samples")
+        raise BadInputError(f"{path} is empty; give a row of names, then rows of samples")
     if rows[0][-1] == "about":  # the provenance in a file of `hfa fly`
         rows = [row[:-1] for row in rows]
     heads = [_head(path, cell, model) for cell in rows[0]]
     names = [name for name, _ in heads]
     if len(set(names)) < len(names):
-        raise BadInputError(f"{path}: two columns have the same name; leave one out")
+        repeated = next(name for name in names if names.count(name) > 1)
+        raise BadInputError(f"{path}: two columns are named {repeated}; leave one out")
     table = np.empty((len(rows) - 1, len(names)))
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}, row {number} has {len(row)} cells and the first row {len(names)}; give"
-                " one for each column"
+                f"{path}, row {number} has {len(row)} cells, but the first row has"
+                f" {len(names)}; give"
+                " one cell for each column"
             )
         table[number - 2] = [
             _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)
@@ -243,8 +250,9 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:
         raise BadInputError(
-            f"{path}: the first row has {shown(cell)}; write names with or without units, such as"
-            ' "alpha [deg]"'
+            f"{path}: {shown(cell)} in the first row is not a column name; write names with or"
+            " without"
+            ' units, such as "alpha [deg]"'
         )
     name, stated = match[1], match[2]
     known = ("time", *model.inputs, *model.states, *model.outputs)
@@ -283,7 +291,7 @@ def _numbers(record: str, name: str, values: Any) -> np.ndarray:
     except (TypeError, ValueError):
         raise BadInputError(f"{record}: {name} is {shown(values)}; give numbers") from None
     if column.ndim != 1:
-        raise BadInputError(f"{record}: {name} has {column.ndim} axes; give one column")
+        raise BadInputError(f"{record}: {name} has {column.ndim} dimensions; give one column")
     return column
 
 
@@ -310,8 +318,9 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
         gaps = np.flatnonzero(~np.isfinite(values))
         if len(gaps):
             raise BadInputError(
-                f"{name}: {each} has no value at sample {gaps[0] + 1}; an input must be known"
-                " throughout"
+                f"{name}: the input {each} has no value at sample {gaps[0] + 1}; give a value"
+                " at every"
+                " sample"
             )
 
 
@@ -324,7 +333,7 @@ def _check_measured(
     another column moves.
     """
     if np.isinf(values).any():
-        raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
+        raise BadInputError(f"{name}: {column} contains infinite values; leave these samples empty")
     seen = values[np.isfinite(values)]
     if len(seen) < FEWEST:
         raise BadInputError(
@@ -333,8 +342,8 @@ def _check_measured(
         )
     if np.ptp(seen) == 0.0:
         raise BadInputError(
-            f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; leave it"
-            " out"
+            f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; leave the"
+            " column out"
         )
     first, last = _longest_repeat(seen)
     places = np.flatnonzero(np.isfinite(values))[[first, last]]
@@ -357,7 +366,7 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
     far = _far_beyond(signal, values)
     if far.any():
         unit = signal.unit
-        advice = "; is it in degrees? Name the unit of the column" if unit == "rad" else ""
+        advice = "; if it is in degrees, add [deg] to the column's name" if unit == "rad" else ""
         raise BadInputError(
             f"{name}: {column} reaches {values[far][0]:g} {unit}, far beyond the model's limits"
             f" {signal.min:g} to {signal.max:g}{advice or '; check its unit'}"

@@ -121,7 +121,9 @@ def _log(path: Path) -> Any:
     try:
         from pyulog import ULog
     except ModuleNotFoundError as error:
-        raise BadInputError("logs need pyulog; install it with `pip install .[ulog]`") from error
+        raise BadInputError(
+            "PX4 logs need the package pyulog; install it with `pip install .[ulog]`"
+        ) from error
     try:
         with path.open("rb") as file:
             return ULog(file)
@@ -129,7 +131,7 @@ def _log(path: Path) -> Any:
         raise
     except Exception as error:  # pyulog raises errors of many kinds on files that are no logs
         reason = str(error) or type(error).__name__
-        raise BadInputError(f"{path} is not a log of PX4 ({reason}); give a .ulg file") from error
+        raise BadInputError(f"{path} is not a PX4 log ({reason}); give a .ulg file") from error
 
 
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
@@ -181,7 +183,7 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
     for key, value in flight.items():
         refuse_unknown(f"{table}: [flight] has the unknown key", key, ("begin", "end"))
         if not is_finite(value):
-            raise BadInputError(f"{table}: {key} of [flight] is {shown(value)}; give seconds")
+            raise BadInputError(f"{table}: {key} of [flight] is {shown(value)}; give a number, s")
     since = time - begin
     inside = (since >= flight.get("begin", -np.inf)) & (since <= flight.get("end", np.inf))
     if not inside.any():

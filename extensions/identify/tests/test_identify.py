@@ -236,7 +236,7 @@ def test_what_the_record_does_not_move_is_named():
     assert not result.ok
     assert result.undetermined == {"Cn_r": "yaw_rate"}
     assert "not determined: Cn_r (yaw_rate did not move)" in result.first_line
-    with pytest.raises(hfa.NoSolutionError, match="Cn_r not determined"):
+    with pytest.raises(hfa.NoSolutionError, match="do not determine Cn_r"):
         result.draws(2)
 
 
@@ -589,10 +589,10 @@ def test_drawn_aircraft_trim():
         ({"alpha": lambda a: np.full_like(a, 0.01)}, "as from a frozen sensor"),
         ({"alpha": lambda a: np.where(np.arange(len(a)) > 100, a[100], a)}, "repeats one value"),
         ({"alpha": lambda a: np.where(np.arange(len(a)) // 6 == 9, a[54], a)}, "value 6 times"),
-        ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha is infinite"),
-        ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples and time has 200"),
+        ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha contains infinite values"),
+        ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples, but time has 200"),
         ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 values"),
-        ({"elevator": None}, "has no column elevator; add it, or hold it"),
+        ({"elevator": None}, "has no column elevator; add it, or give a constant"),
         ({"time": None}, "has no column time"),
     ],
 )

@@ -89,7 +89,7 @@ def test_each_parameter_has_its_standard_error(parameter_set: ParameterSet) -> N
 
 
 def test_what_cannot_be_sampled_is_refused(parameter_set: ParameterSet) -> None:
-    with pytest.raises(BadInputError, match="samples need parameters with their covariance"):
+    with pytest.raises(BadInputError, match="random samples need parameters with a covariance"):
         sample_parameters(replace(parameter_set, covariance=np.zeros((0, 0))), 3, seed=0)
     zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))
     with pytest.raises(BadInputError, match="zero_lift_moment is identified as 0"):

@@ -150,7 +150,7 @@ def test_the_command_reads_a_log(folder, capsys):
 def test_another_file_is_no_log(folder):
     _, table = flown()
     Path("flight.ulg").write_bytes(b"time,alpha")
-    with pytest.raises(hfa.BadInputError, match="is not a log of PX4"):
+    with pytest.raises(hfa.BadInputError, match="is not a PX4 log"):
         ulog_columns(Path("flight.ulg"), table, hfa.load_model(UAV))
 
 
@@ -161,5 +161,5 @@ def test_columns_without_a_log_are_refused(folder, capsys):
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
     assert main([*words, "--columns", "columns.toml"]) == 2
     assert (
-        "columns applies only to PX4 logs (.ulg), and no record is one" in capsys.readouterr().err
+        "columns applies only to PX4 logs (.ulg), and no record is a log" in capsys.readouterr().err
     )

@@ -124,7 +124,8 @@ def _reason(parent: Element, child: Element) -> str:
         return _NO_FORCE
     if name in known["read"]:
         raise child.error(
-            f"<{shortened(name)}> in <{parent.name}> is not supported; JSBSim's forces depend on it"
+            f"<{shortened(name)}> in <{parent.name}> affects the forces and is not supported;"
+            " remove it"
         )
     return _NOT_READ
 
@@ -173,7 +174,8 @@ def _refuse_readers(equations: Equations) -> None:
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
-                f"{where}: {shortened(name)} is internal to JSBSim; use another property"
+                f"{where}: {shortened(name)} is computed inside JSBSim and is not supported;"
+                " use another property"
             )
 
 
@@ -192,7 +194,7 @@ def _of_writers(equations: Equations) -> list[Note]:
         if not rights or not mine:
             continue
         if rights == "R":
-            raise _refusal(mine[-1], f"JSBSim sets {shortened(name)} itself; it cannot be set")
+            raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
         reason = _of_prefix(without_numbers(name), _NOTED)
         if reason:
             notes.append(Note(f"set, but {reason}", shortened(name), mine[-1].where, MOTION))
@@ -200,12 +202,14 @@ def _of_writers(equations: Equations) -> list[Note]:
         if of_component(name):
             if not all(_is_zero(writer) for writer in mine):
                 fault = (
-                    f"{shortened(name)} is set; failures and limits of components are not supported"
+                    f"{shortened(name)} sets a failure or limit of a component, which is not"
+                    " supported"
                 )
                 raise _refusal(mine[-1], fault)
         elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
             raise _refusal(
-                mine[-1], f"{shortened(name)} is JSBSim's own; setting it is not supported"
+                mine[-1],
+                f"{shortened(name)} is a built-in JSBSim property, and setting it is not supported",
             )
         if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
             notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))
@@ -227,4 +231,4 @@ def _of_prefix(name: str, reasons: dict[str, str]) -> str:
 
 
 def _refusal(writer: Writer, fault: str) -> BadInputError:
-    return BadInputError(f"{writer.where}: {fault}; remove it")
+    return BadInputError(f"{writer.where}: {fault}; remove the element that sets it")

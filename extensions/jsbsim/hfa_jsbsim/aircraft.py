@@ -367,7 +367,9 @@ class Equations:
         value = element.as_number(element.attributes.get("value", "0"))
         rights = access(plain(element.text))
         if rights == "R":
-            raise element.error(f"JSBSim sets {shortened(element.text)} itself; leave it out")
+            raise element.error(
+                f"{shortened(element.text)} is a read-only JSBSim property; remove this <property>"
+            )
         if rights and "value" in element.attributes:
             held = self.properties.writer(element.text)
             symbol = held.compute() if held is not None and held.element is None else None
@@ -397,7 +399,9 @@ class Equations:
         if copy:
 
             def refuse() -> Any:
-                raise element.error(f"{shortened(copy)} is a copy; use {shortened(name)}")
+                raise element.error(
+                    f"{shortened(copy)} is a copy of {shortened(name)}; use {shortened(name)}"
+                )
 
             self.properties.compute(copy, Writer(refuse, element.where, element=element))
 
@@ -498,7 +502,9 @@ class Equations:
             state = self.properties.filters[done]
             name = state.symbol.name()
             if state.writer is None:
-                raise state.component.error("the filter has no rate")
+                raise state.component.error(
+                    "the output of this filter cannot be computed; remove the filter"
+                )
             self.states[name] = state.symbol
             self.rates[name] = ca.SX(self.properties.value_of(state.writer, name, ""))
             done += 1
@@ -544,7 +550,10 @@ class Equations:
             writer = self.properties.writer(f"atmosphere/wind-{axis}-fps")
             if ca.depends_on(total, ca.vertcat(*self.states.values())):
                 where = writer.where if writer else self.parts.path
-                raise BadInputError(f"{where}: the wind depends on the flight; set it to a number")
+                raise BadInputError(
+                    f"{where}: the wind depends on the states, which is not supported; set it"
+                    " to a number"
+                )
             self._substitute(symbol, total)
 
     def _stop_clock(self) -> None:
@@ -561,7 +570,8 @@ class Equations:
         symbols += [*self.parameters.values(), *self.gusts.values()]
         if moves_with_time(rates, self._time, symbols):
             raise BadInputError(
-                f"{self.parts.path}: forces depend on simulation/sim-time-sec; remove it"
+                f"{self.parts.path}: forces depend on simulation/sim-time-sec, which is not"
+                " supported; remove it"
             )
         statement = "simulation/sim-time-sec stays 0; at some states forces depend on it"
         self.notes.append(Note(statement))

@@ -291,15 +291,17 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
         bodies.append(Body(tank.contents, tank.place(tank.contents), moments))
     if empty.weight + sum(body.weight for body in bodies) <= 0.0:
         weight = empty.weight + sum(body.weight for body in bodies)
-        raise element.error(f"the aircraft weighs {weight:g} lb; give its weight")
+        raise element.error(f"the weight of the aircraft is {weight:g} lb; give a positive weight")
     mass = mass_of(empty, bodies)
     weight = float(mass.weight)
     center = ca.DM(mass.center).full().ravel()
     inertia = ca.DM(mass.inertia).full()
     if not (math.isfinite(weight) and np.isfinite(inertia).all()):
-        raise element.error("the mass is too large to be a number; correct the weights")
+        raise element.error("the mass or inertia is not finite; correct the weights and locations")
     if np.linalg.eigvalsh(inertia)[0] <= 0.0:
-        raise element.error("the moments of inertia are not positive; correct them")
+        raise element.error(
+            "the inertia matrix is not positive definite; correct the moments of inertia"
+        )
     return Mass(weight, empty.weight, center, inertia)
 
 

@@ -47,7 +47,7 @@ def _input(child: Element, properties: Properties) -> Any:
     number.
     """
     if number_of(child.text) is not None:
-        raise child.error(f"<input> is {shortened(child.text)}; name a property")
+        raise child.error(f"<input> is {shortened(child.text)}; give the name of a property")
     return properties.value(child.text, child)
 
 
@@ -75,7 +75,7 @@ def settling(component: Element, properties: Properties) -> Any:
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
         raise component.error(
-            f"<c1> is {float(rate):g}: the filter never settles; give another value"
+            f"<c1> is {float(rate):g}; the filter is not stable; give a positive value"
         )
     return rate
 
@@ -87,7 +87,7 @@ def detents(component: Element) -> tuple[float, float]:
     """
     settings = list(component.need("traverse").all("setting"))
     if len(settings) < 2:
-        raise component.error("<kinematic> has one setting only; give at least two")
+        raise component.error("<kinematic> has fewer than two settings; give at least two")
     positions = [setting.need("position").number() for setting in settings]
     if any(later < earlier for earlier, later in pairwise(positions)):
         raise component.error("the positions of <kinematic> do not increase; sort them")

@@ -76,7 +76,9 @@ def _add_component(
     outputs = [child for child in component.children if child.name == "output"]
     for output in outputs:
         if output.text.startswith("-"):
-            raise output.error(f"JSBSim cannot set {shortened(output.text)}; remove the sign")
+            raise output.error(
+                f"<output> is {shortened(output.text)}, with a sign; remove the sign"
+            )
     names += [output.text for output in outputs]
     for case in component.children if component.name == "distributor" else ():
         names += [child.text for child in case.children if child.name == "property"]
@@ -105,11 +107,13 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
     """
     name = channel.attributes["execute"]
     if not properties.is_known(name):
-        raise channel.error(f"execute refers to {shortened(name)}, which is never set; set it")
+        raise channel.error(
+            f"execute refers to {shortened(name)}, which is never set; set it, or remove execute"
+        )
 
     def refuse() -> Any:
-        fault = f"whether the channel runs depends on {shortened(name)}, which is not constant"
-        raise channel.error(f"{fault}; give it a value")
+        fault = f"execute refers to {shortened(name)}, which is not constant"
+        raise channel.error(f"{fault}; set it to a number")
 
     try:
         runs = properties.read(name, channel.where)
@@ -172,8 +176,10 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)
     else:
-        fault = f"<{shortened(component.name)}> has no steady output that can be read"
-        raise component.error(f"{fault}; no force may depend on it")
+        fault = (
+            f"<{shortened(component.name)}> has no steady-state output, but a force depends on it"
+        )
+        raise component.error(f"{fault}; remove this dependence")
     if component.name == "kinematic" and travels(component):
         properties.travels.append((component, ca.SX(value)))
     return _clipped(component, properties, value)
@@ -188,7 +194,7 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
     if limits.attributes.get("type") == "cyclic":
-        raise limits.error("a cyclic <clipto> has no steady value; remove it")
+        raise limits.error("a cyclic <clipto> has no steady-state value; remove it")
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
     clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
     if is_constant(low) and is_constant(high):
@@ -332,12 +338,12 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
-        raise component.error("<c4> is 0: the filter has no steady value; give another value")
+        raise component.error("<c4> is 0; the filter has no steady-state value; give another value")
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are left out")
         return value * c2 / c4
     if is_constant(c3) and float(c3) == 0.0:
-        raise component.error("<c3> is 0: the filter differentiates its input; give another value")
+        raise component.error("<c3> is 0; the filter differentiates its input; give another value")
     state = properties.add_state(component)
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
     return c1 / c3 * value + state
@@ -351,12 +357,12 @@ def _second_order(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
-        raise component.error("<c6> is 0: the filter has no steady value; give another value")
+        raise component.error("<c6> is 0; the filter has no steady-state value; give another value")
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are left out")
         return value * c3 / c6
     if is_constant(c4) and float(c4) == 0.0:
-        raise component.error("<c4> is 0: the filter is of first order; write a lead_lag_filter")
+        raise component.error("<c4> is 0; the filter is of first order; use a lead_lag_filter")
     first = properties.add_state(component)
     second = properties.add_state(component)
     properties.set_rate(first, lambda: second)
@@ -371,11 +377,11 @@ def _switch(component: Element, properties: Properties) -> Any:
     value: Any = 0.0
     if default is not None:
         if not default.attributes.get("value"):
-            raise default.error("JSBSim ignores a <default> without a value; give one")
+            raise default.error("<default> has no value, so JSBSim ignores it; add a value")
         value = properties.value(default.attributes["value"], default)
     for test in reversed(list(component.all("test"))):
         if not test.attributes.get("value"):
-            raise test.error("JSBSim ignores a <test> without a value; give one, or take it out")
+            raise test.error("<test> has no value, so JSBSim ignores it; add a value or remove it")
         holds = _holds(test, properties)
         if is_constant(holds) and not bool(float(holds)):
             continue
@@ -404,7 +410,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
-            fault = "JSBSim ignores a <test> with a tab in a condition; replace it with spaces"
+            fault = "the condition contains a tab, so JSBSim ignores the <test>; replace the tab"
             raise test.error_at(line, fault)
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
@@ -477,7 +483,7 @@ def _integral(
         properties.set_rate(state, lambda: rate)
         return state
     if ca.depends_on(value, commands) and not properties.centered:
-        raise LoopError(component.where, "the integrator has no steady value")
+        raise LoopError(component.where, "the integrator has no steady-state value")
     properties.leave_out(component, "its integral is 0")
     return 0.0
 

@@ -561,8 +561,13 @@ def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -
     """
     read = read_table(table)
     if read.dimensions > len(arguments):
-        fault = f"the table has {read.dimensions} axes, the engine gives it {len(arguments)}"
-        raise table.error(f"{fault}; give a table of that many, or blades that move")
+        fault = (
+            f"the table has {read.dimensions} axes, but the engine supplies {len(arguments)}"
+            " arguments"
+        )
+        raise table.error(
+            f"{fault}; give a table with fewer axes, or a propeller with variable pitch"
+        )
     return read.at(around.properties, arguments[: read.dimensions])
 
 
@@ -624,7 +629,7 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
                 return ca.if_else(running(file, around), on, _windmilling(file, around, name))
             if name == "n1":
                 raise file.mount.error(
-                    "n1 is read, but its lag is not a state; leave engines=states out"
+                    "n1 is read, but it is not a state of the model; leave out engines=states"
                 )
             return state
 
@@ -635,4 +640,4 @@ def refusal(element: Element) -> str:
     """Return the message for an unsupported engine or thruster."""
     engines = ", ".join(KINDS)
     name = shortened(element.name)
-    return f"<{name}> is not supported; engines: {engines}, with propeller, direct, nozzle"
+    return f"<{name}> is not supported; use {engines} with propeller, direct or nozzle"

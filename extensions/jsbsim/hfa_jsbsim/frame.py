@@ -137,8 +137,9 @@ class Frames:
         for name in self._states:
             if name not in self._equations.states:
                 raise BadInputError(
-                    f"the state {shortened(name)} belongs to a filter that JSBSim integrates; leave"
-                    " ?filters=states out"
+                    f"the state {shortened(name)} belongs to a filter, which JSBSim's frames"
+                    " integrate; leave"
+                    " out ?filters=states"
                 )
         for name in self._inputs:
             refuse_surface(
@@ -324,10 +325,11 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
     is_position: whether the input is a throttle position
     """
     if is_position or pilot_input.unit != "1":
-        part = "the position of a throttle" if is_position else "a surface itself"
+        part = "a throttle position" if is_position else "a surface"
         raise BadInputError(
-            f"the input {name} is {part}, which JSBSim's control system sets; --method jsbsim does"
-            " not support it"
+            f"the input {name} is {part}, not a pilot command, and --method jsbsim does not"
+            " support it;"
+            " use another method"
         )
 
 

@@ -200,7 +200,9 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
-            raise element.error("a template function is used; write the function in full")
+            raise element.error(
+                "template functions (apply) are not supported; write the function in full"
+            )
         return properties.read(numbered(element, element.text, number), element.where)
     if name in ("value", "v"):
         return element.number()
@@ -209,7 +211,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("table", "t"):
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
-        raise element.error(f"<{shortened(name)}> is not a supported function; use others")
+        raise element.error(f"<{shortened(name)}> is not a supported operation; replace it")
     operation, fewest, most = _OPERATIONS[name]
     values = [
         _value(child.take(), properties, number)
@@ -238,8 +240,8 @@ def numbered(element: Element, name: str, number: int | None) -> str:
         return name
     if number is None:
         raise element.error(
-            f"{shortened(name)} contains #, the placeholder of an engine; write the number of the "
-            "engine"
+            f"{shortened(name)} contains #, which stands for the number of an engine; write the "
+            "number"
         )
     return name.replace("#", str(number))
 
@@ -312,10 +314,12 @@ def _stacked(nested: list[Element]) -> Table:
     first = tables[0]
     if first.dimensions < 2:
         raise nested[0].error(
-            "a table of a further axis has no columns; add a row of column values"
+            "a <tableData> of a table with three axes has no columns; add a row of column values"
         )
     if any(table.dimensions != first.dimensions for table in tables):
-        raise nested[0].error("the tables over the last axis differ in dimensions; correct them")
+        raise nested[0].error(
+            "the <tableData> elements have different numbers of axes; correct them"
+        )
     alike = all(
         len(one) == len(other) and np.array_equal(one, other)
         for table in tables
@@ -338,14 +342,16 @@ def _rows(data: Element) -> Table:
     rows = []
     for line, text in data.lines:
         if "_" in text:
-            raise data.error_at(line, f"{shortened(text)!r} is not a row of numbers")
+            raise data.error_at(line, f"{shortened(text)!r} is not a row of numbers; correct it")
         try:
             rows.append([float(word) for word in text.split()])
         except ValueError as error:
-            raise data.error_at(line, f"{shortened(text)!r} is not a row of numbers") from error
+            raise data.error_at(
+                line, f"{shortened(text)!r} is not a row of numbers; correct it"
+            ) from error
         if not all(map(math.isfinite, rows[-1])):
             raise data.error_at(
-                line, f"{shortened(text)!r} contains an entry that is not a finite number"
+                line, f"{shortened(text)!r} contains a number that is not finite; correct it"
             )
     if {len(row) for row in rows} == {2}:
         pairs = np.array(rows)

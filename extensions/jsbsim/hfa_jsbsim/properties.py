@@ -307,7 +307,7 @@ class Properties:
             place = writer.where or where
             fault = f"{shortened(name)} depends on itself"
             if any(looping.component for looping in loop):
-                raise LoopError(place, f"{fault}, a frame before")
+                raise LoopError(place, f"{fault}, with a delay of one frame")
             raise BadInputError(f"{place}: {fault}; break the loop of functions")
         if writer.value is None:
             order = self._order

@@ -136,5 +136,7 @@ def _to_body(element: Element, motion: Motion) -> ca.SX:
     if frame == "WIND":
         return motion.wind_to_body
     if frame == "INERTIAL":
-        raise element.error(f"the frame {shortened(frame)} is unknown; use BODY, LOCAL or WIND")
+        raise element.error(
+            f"the frame {shortened(frame)} is not supported; use BODY, LOCAL or WIND"
+        )
     return ca.SX.eye(3)  # as JSBSim takes any other

@@ -155,7 +155,7 @@ def _in_data(name: str, root: Path | None) -> Path:
     folders = sorted(folder.name for folder in (root / "aircraft").iterdir() if folder.is_dir())
     if name not in folders:
         raise BadInputError(
-            f"no aircraft of JSBSim {shortened(name)!r}; {choice_of(name, folders)}"
+            f"JSBSim has no aircraft {shortened(name)!r}; {choice_of(name, folders)}"
         )
     return (root / "aircraft" / name / f"{name}.xml").resolve()
 
@@ -173,7 +173,7 @@ def data_folder() -> Path | None:
     if root:
         if not (Path(root) / "aircraft").is_dir():
             raise BadInputError(
-                f"JSBSIM_ROOT is {shortened(root)}; it contains no folder named aircraft"
+                f"JSBSIM_ROOT is {shortened(root)}, which contains no folder aircraft; correct it"
             )
         return Path(root)
     package = importlib.util.find_spec("jsbsim")

@@ -221,7 +221,7 @@ def parsed(text: bytes, file: str) -> Element:
         open_elements.append(element)
         if len(open_elements) > _DEEPEST:
             raise element.error(
-                f"more than {_DEEPEST} elements nested in each other; this is not an aircraft file"
+                f"more than {_DEEPEST} levels of nested elements; this is not an aircraft file"
             )
 
     def end(_: str) -> None:
@@ -309,7 +309,7 @@ class Folders:
                 text = regular_file(path).read_bytes()
             except OSError as error:
                 raise BadInputError(
-                    f"{path}: the file cannot be read ({error.strerror})"
+                    f"{path}: the file cannot be read ({error.strerror}); make it readable"
                 ) from error
             digest = hashlib.sha256(text).hexdigest()
             self._files[path] = (parsed(text, self._shown(path)), digest)
@@ -336,8 +336,8 @@ class Folders:
         if document is element:
             return element
         if document.name != element.name:
-            fault = f"the file contains <{document.name}>, not <{element.name}>"
-            raise document.error(f"{fault}; {element.where} names it")
+            fault = f"the file contains <{document.name}> instead of <{element.name}>"
+            raise document.error(f"{fault}; correct the name in {element.where}")
         document.take()
         both = [*document.children, *element.children]
         attributes = Attributes({**document.attributes, **element.attributes})
@@ -364,8 +364,10 @@ class Folders:
             path = (folder / relative).resolve()
             if not path.is_relative_to(folder.resolve()):
                 raise element.error(
-                    f"the file {shortened(name)} lies outside the aircraft's folders"
+                    f"the file {shortened(name)} is outside the aircraft's folders; move it there"
                 )
             if path.is_file():
                 return path
-        raise element.error(f"the file {shortened(name)} is not in {', '.join(map(str, folders))}")
+        raise element.error(
+            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; add it there"
+        )

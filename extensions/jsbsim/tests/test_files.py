@@ -66,11 +66,11 @@ def test_provenance_changes_with_every_file(tmp_path):
         ("<fdm_config/>", r"glider.xml: the aircraft has no <metrics>; add it"),
         (
             glider(more='<buoyant_forces/><system file="/etc/passwd"/>'),
-            r"glider.xml:\d+: the file /etc/passwd lies outside the aircraft's folders",
+            r"glider.xml:\d+: the file /etc/passwd is outside the aircraft's folders",
         ),
         (
             glider(more='<system file="../../../../secret"/>'),
-            r"glider.xml:\d+: the file ../../../../secret lies outside the aircraft's folders",
+            r"glider.xml:\d+: the file ../../../../secret is outside the aircraft's folders",
         ),
         (
             glider(more='<system file="absent"/>'),
@@ -95,7 +95,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(force("LIFT", "<random/>")),
-            r"glider.xml:\d+: <random> is not a supported function",
+            r"glider.xml:\d+: <random> is not a supported operation",
         ),
         (
             glider(force("LIFT", "<quotient> <v>1</v> </quotient>")),
@@ -138,7 +138,7 @@ def test_provenance_changes_with_every_file(tmp_path):
                     "</engine> </propulsion>"
                 )
             ),
-            r"glider.xml:\d+: <rotor_engine> is not supported; engines: turbine_engine,",
+            r"glider.xml:\d+: <rotor_engine> is not supported; use turbine_engine,",
         ),
     ],
 )
@@ -283,7 +283,7 @@ def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
     model = model_of(tmp_path, glider(control=CONTROL[:start] + pid + CONTROL[end:]))
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
-    assert any("the integrator has no steady value" in note for note in model.extras.notes)
+    assert any("the integrator has no steady-state value" in note for note in model.extras.notes)
     point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 

@@ -155,10 +155,10 @@ def test_a_model_without_reasons_keeps_its_message(tmp_path):
 
 def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
-    with pytest.raises(BadInputError, match="it contains no folder named aircraft"):
+    with pytest.raises(BadInputError, match="which contains no folder aircraft"):
         load_model("jsbsim:737")
     written(tmp_path, glider())
-    with pytest.raises(BadInputError, match="no aircraft of JSBSim '737'; choose from glider"):
+    with pytest.raises(BadInputError, match="JSBSim has no aircraft '737'; choose from glider"):
         load_model("jsbsim:737")
     with pytest.raises(BadInputError, match="'Glyder'; did you mean glider"):
         load_model("jsbsim:Glyder")

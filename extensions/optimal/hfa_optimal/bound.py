@@ -35,7 +35,7 @@ def plant_of(problem: FlightProblem) -> Plant:
         names = " and ".join(problem.carried)
         raise BadInputError(
             f"the rates of {model.title} depend on {names}, which the cost does not include; no "
-            "bound covers flights that change it"
+            "bound can be proved for this aircraft"
         )
     states = {name: float(value) for name, value in problem.point.states._asdict().items()}
     envelope = problem.envelope

@@ -254,7 +254,9 @@ class FlightProblem:
         for name, value in start.items():
             refuse_unknown("a flight has no initial deviation of", name, self.states)
             if not is_finite(value):
-                raise BadInputError(f"the start has {name} = {shown(value)}; give a number")
+                raise BadInputError(
+                    f"the initial deviation of {name} is {shown(value)}; give a number"
+                )
             z[self.states.index(name)] = value
         return z
 
@@ -273,7 +275,7 @@ class FlightProblem:
             ):
                 raise BadInputError(
                     f"the two trims differ in {name}, which the linear model lacks; "
-                    "hold it at one value"
+                    "impose one value of it in both"
                 )
         return off[self.places]
 

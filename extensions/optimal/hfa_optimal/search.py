@@ -157,11 +157,13 @@ class BestFlights:
                 return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
-                    f"{seconds:g} s is too short: {unfinished}; give {_LONGER * seconds:.3g} s or "
-                    "more, or leave it out"
+                    f"the horizon of {seconds:g} s is too short: {unfinished}; give "
+                    f"{_LONGER * seconds:.3g} s or more, or leave seconds out"
                 )
             horizon *= _LONGER
-        raise NoSolutionError(f"no flight found: after {horizon / _LONGER:.3g} s {unfinished}")
+        raise NoSolutionError(
+            f"no flight found with a horizon of {horizon / _LONGER:.3g} s: {unfinished}"
+        )
 
     def _unfinished(self, proposal: Proposal) -> str:
         """Return the reason why a proposal must not end at its horizon, or "" if it may.
@@ -171,11 +173,11 @@ class BestFlights:
         """
         share = proposal.tail / proposal.cost
         if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
-            return f"{100 * share:.2g} % of the cost is left at the end"
+            return f"{100 * share:.2g} % of the cost remains at the end"
         end = proposal.z[-1, -1, : len(proposal.start)]
         after = self.flights.linear(end, AFTER * float(proposal.lengths.sum()))
         if after.departure is not None:
-            return "the linear policy leaves the limits after the end"
+            return "the linear policy leaves the limits after the horizon"
         return ""
 
     def horizon(self, start: np.ndarray) -> float:

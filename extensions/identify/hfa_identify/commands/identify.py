@@ -25,7 +25,7 @@ def _names(text: str) -> tuple[str, ...]:
     """Return the comma-separated names in a text. Raises BadInputError if a name is empty."""
     names = tuple(name.strip() for name in text.split(","))
     if not all(names):
-        raise BadInputError(f"is {text!r}; give names between commas")
+        raise BadInputError(f"is {text!r}; give names separated by commas")
     return names
 
 
@@ -85,7 +85,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         default="linear",
     )
     validate: Path | None = option(
-        "record left out of the fit, to test its prediction (Theil's coefficient)",
+        "record that is not fitted; its prediction is tested (Theil's coefficient)",
         "RECORD.csv",
         input_file(*RECORDS),
     )

@@ -19,7 +19,7 @@ def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
     """
     if not known.covariance.size:
         raise BadInputError(
-            "samples need parameters with their covariance, such as the parameters.toml of"
+            "random samples need parameters with a covariance; use the parameters.toml written by"
             " `python -m studies.identification`"
         )
     refuse_unless_whole("count", count, 1)
@@ -28,7 +28,8 @@ def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
     for name, value in spread.values.items():
         if value == 0.0:
             raise BadInputError(
-                f"{name} is identified as 0, so its logarithm cannot be sampled; fix {name}"
+                f"{name} is identified as 0, and its logarithm cannot be sampled; give {name} a"
+                " fixed value"
             )
     samples = []
     for row in spread.draws(count, seed).tolist():

@@ -57,7 +57,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=120.0,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, replacing its flight envelope; repeatable",
+        "limits of a state, replacing those of the flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
@@ -129,7 +129,7 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     request.refuse(
         ("plant",),
-        "is a linear plant; the certificate is about a nonlinear aircraft; name it by --aircraft",
+        "is a linear plant, but the certificate is about a nonlinear aircraft; use --aircraft",
     )
     request.refuse(("weights", "basis", "design"), "does not apply to a bound; leave it out")
     own = request.model if request.own else None

@@ -47,7 +47,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     to: Mapping[str, float] = option(
-        "value at the final trim; the other options give the initial trim; repeatable",
+        "value imposed at the final trim; other options describe the initial trim; repeatable",
         "NAME=VALUE",
         OfModel(quantity),
         named=True,
@@ -64,7 +64,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         whole(1, _MOST_STARTS),
     )
     weights: Path | None = option(
-        "compare with this gain K, critic W or P, or network", "FILE", critic_path
+        "compare with the policy of this gain K, critic W or P, or network", "FILE", critic_path
     )
     policy: Path | None = option(
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
@@ -76,14 +76,14 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         rare=True,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, replacing its flight envelope; repeatable",
+        "limits of a state, replacing those of the flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; compare with its lower bound on the cost",
+        "certificate of `hfa prove cost`; compare the best cost found with its lower bound",
         "FILE",
         input_file(".json"),
     )
@@ -110,7 +110,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         for name in held:
             if name in self.model.parameters:
                 raise BadInputError(
-                    f"--to {name}: it is a parameter, which is constant in flight; name a state"
+                    f"--to {name}: {name} is a parameter, which is constant in flight; give a state"
                 )
         at = held.pop(self.model.schedule, self.at)
         return replace(self, at=at, hold={**self.hold, **held})
