@@ -335,7 +335,7 @@ def test_wrong_state_dicts_are_refused() -> None:
             "1.weight": np.ones(4),
         },
         "has more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
-        "the layer before has 1 outputs": {"0.weight": good, "1.weight": good},
+        "the layer before it has the output size 1": {"0.weight": good, "1.weight": good},
     }
     for said, tensors in wrong.items():
         assert said in refusal(torch_file("wrong.pt", tensors)), said

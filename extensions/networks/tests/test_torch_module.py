@@ -118,7 +118,7 @@ def test_what_is_not_read_is_refused() -> None:
         (_network(_module("ELU", alpha=2.0)), "ELU has alpha = 2.0; only 1.0 is supported"),
         (_sequential(_module("Tanh"), layer), "activation Tanh without a linear layer"),
         (_sequential(_module("Identity")), "no linear layer"),
-        (_sequential(layer, _linear(np.ones((1, 3)), None)), "layer 1 has 3 inputs"),
+        (_sequential(layer, _linear(np.ones((1, 3)), None)), "layer 1 has the input size 3"),
         (_sequential(_linear(None, None)), "layer 0 has weights of the type torch.bfloat16"),
         (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
         (_sequential(_linear(np.ones((1, 5)), None)), "5"),

@@ -28,11 +28,12 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Names of requirements, with their units.
+#: Name of a requirement -> sentence if it is not satisfied. The cost is in continuous time and
+#: sampled.
 NEEDS = {
-    "delay": "s",
-    "margin": "disk margin",
-    "cost": "percent over the linear optimum, continuous and sampled",
+    "delay": "a delay of {:g} s is not tolerated",
+    "margin": "the disk margin is not at least {:g}",
+    "cost": "the linear cost is not within {:g} % of the optimum",
 }
 #: Largest number of columns of the first line.
 _FIRST_LINE = 100
@@ -108,13 +109,13 @@ class Assessment(Result, Reported):
         """
         sentences = []
         for name, need in self.needs.items():
-            refuse_unknown("unknown need", name, NEEDS)
+            refuse_unknown("unknown requirement", name, NEEDS)
             wrong = [point for point in self.points if not _meets(point, name, need)]
             if wrong:
-                where = f"at {len(wrong)} of {len(self.points)} trims"
+                where = f" at {len(wrong)} of {len(self.points)} trims"
                 if len(self.points) == 1:
-                    where = "here"
-                sentences.append(f"{name} {need:g} ({NEEDS[name]}) is not met {where}")
+                    where = ""
+                sentences.append(f"{NEEDS[name].format(need)}{where}")
         if "cost" in self.needs and self.deployed.deployment.cost is None:
             raise BadInputError(
                 "--need cost requires weights; add [cost] with the Q and R of the training "
@@ -395,7 +396,7 @@ class Assessment(Result, Reported):
         """
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
-            return "no flight was made"
+            return "no flight was simulated"
         starts = sum(flights.starts for flights in flown)
         inside = starts - sum(flights.lost for flights in flown)
         count = inside - sum(flights.returned for flights in flown)

@@ -226,7 +226,10 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
     layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
-            reason = f"has {layer.inputs} inputs, but the layer before has {before.outputs} outputs"
+            reason = (
+                f"has the input size {layer.inputs}, but the layer before it has the output size "
+                f"{before.outputs}"
+            )
             name = f"{layer.name}.weight".removeprefix(".")
             raise _no_chain(name, layer.weight, reason, tensors)
     return layers

@@ -59,7 +59,7 @@ def _need(name: str, text: str) -> float:
     """
     from hfa_policy.assessment_report import NEEDS
 
-    refuse_unknown("is unknown:", name, NEEDS)
+    refuse_unknown("names an unknown requirement,", name, NEEDS)
     value = number(text)
     if value < 0.0:
         raise BadInputError(f"is {text}; give a number of at least 0")
