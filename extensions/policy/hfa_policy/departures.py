@@ -86,6 +86,6 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
             which, side = ("lowest", "above") if at_lowest[index] else ("highest", "below")
             raise BadInputError(
                 f"the trim is at the {which} limit of {name}, "
-                f"{model.describe(name, float(values[index]))}, so that every flight leaves the "
-                f"envelope at once; hold {name} {side} this limit"
+                f"{model.describe(name, float(values[index]))}, so every flight leaves the "
+                f"envelope immediately; hold {name} {side} this limit"
             )

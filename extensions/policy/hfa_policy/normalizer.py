@@ -55,7 +55,7 @@ class Normalizer:
         if not is_finite(self.epsilon) or np.any(self.variance + self.epsilon <= 0.0):
             raise BadInputError("every variance of the normalizer plus epsilon must be positive")
         if not self.clip > 0.0:
-            raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
+            raise BadInputError(f"clip of the normalizer is {self.clip}; give a number above 0")
 
     def of_frames(self, count: int) -> Normalizer:
         """Return the normalizer for the observations of `count` samples."""

@@ -51,7 +51,7 @@ def open_workers(workers: int | str = 1) -> Iterator[Run]:
         with _cluster(workers) as run:
             yield run
     elif workers < 1:
-        raise BadInputError(f"the number of workers is {workers}; it must be at least 1")
+        raise BadInputError(f"the number of workers is {workers}; give at least 1")
     elif workers == 1:
         yield _run_here
     else:

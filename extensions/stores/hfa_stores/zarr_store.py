@@ -345,7 +345,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
     if begun != VERSION:
         raise BadInputError(
             f"{path} was started by version {on_one_line(begun)} and this is version "
-            f"{VERSION}; finish it with version {on_one_line(begun)}, or start again"
+            f"{VERSION}; finish it with the former version, or start again"
         )
     other = _first_difference(path, expected)
     if other:

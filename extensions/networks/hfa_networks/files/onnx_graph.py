@@ -447,14 +447,16 @@ def _inputs_of(
             shapes[item.name] = [axis.dim_value for axis in axes]  # 0 for an open dimension
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
-            f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; it must "
-            "have an output, and the state as input, or for a Q the state and the input"
+            f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a "
+            "graph with the state as input (for a Q, the state and the input) and at "
+            "least one output"
         )
     rows = {}
     for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
         if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
             raise BadInputError(
-                f"the graph's input has the shape {sizes}; it must be one row of states"
+                f"the graph's input has the shape {sizes}; give a graph whose input is one "
+                "row of states"
             )
         columns = sizes[-1] or width
         if len(shapes) == 1:

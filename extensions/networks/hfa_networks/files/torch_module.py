@@ -60,8 +60,8 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
             raise BadInputError(
-                f"layer {layer.name} has the input size {layer.inputs}, but the layer before it has the "
-                f"output size {before.outputs}; correct the network"
+                f"layer {layer.name} has the input size {layer.inputs}, but the layer before it "
+                f"has the output size {before.outputs}; correct the network"
             )
     function, on_rows = composed(steps, None)
     widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
