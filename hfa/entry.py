@@ -28,7 +28,7 @@ def main() -> int:
         from hfa.main import main as run
     except ImportError as error:
         print(
-            f"hfa: {error} (a file here with the name of one of our packages hides it)",
+            f"hfa: {error} (a file in this folder may hide the package; rename the file)",
             file=sys.stderr,
         )
         return 2

@@ -46,7 +46,7 @@ class CommandEntry(NamedTuple):
         if not (isinstance(found, Command) and hasattr(found.request, "declared")):
             raise BadInputError(
                 f"{self.command} is not a command; write @command(OPTIONS) above the function, "
-                "OPTIONS a dataclass that extends hfa.extend.Request"
+                "where OPTIONS is a dataclass that extends hfa.extend.Request"
             )
         return found._replace(install=self.install, example=self.example)
 
@@ -65,7 +65,7 @@ CORE = {
     ),
     "linearize": CommandEntry(
         "model",
-        "compute the exact A, B at a trim, with modes and bands",
+        "compute the exact A and B at a trim, modes and error bands",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
         results=(
@@ -96,7 +96,7 @@ CORE = {
     ),
     "learn": CommandEntry(
         "critic",
-        "learn the value and the gain of the game with a critic",
+        "learn the value and gain of the game",
         "hfa.commands.game:learn",
         example="hfa learn --dihedral 15 -o learned.npz",
         results=(
@@ -146,7 +146,7 @@ def command_named(name: str) -> CommandEntry:
     entry = loaded(offer)
     if not isinstance(entry, CommandEntry):
         raise BadInputError(
-            f"{offer.value} offers `hfa {name}` but is not a CommandEntry; correct that package"
+            f"{offer.value}, declared for `hfa {name}`, is not a CommandEntry; correct the package"
         )
     return entry
 
@@ -181,7 +181,9 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     later = [name for name in both[1:] if name in offered(COMMANDS)]
     if later and words[1].startswith("-"):
         name = later[0].replace(".", " ")
-        raise BadInputError(f"name what to {first} first: hfa {name} {shortened(words[1])} ...")
+        raise BadInputError(
+            f"options follow both words of the command: hfa {name} {shortened(words[1])} ..."
+        )
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):
         what = f"word {shortened(words[1])!r} after `hfa {first}`"

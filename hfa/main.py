@@ -99,7 +99,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
         case UnicodeError():
             return (
                 "a name contains an incomplete character, which is not allowed in files; choose "
-                "another",
+                "another name",
                 BAD_INPUT,
             )
         case MemoryError():
@@ -107,7 +107,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
         case OSError(filename=None):
             return f"cannot write the output: {error.strerror or error}", BAD_INPUT
         case OSError():
-            return f"{error.filename}: {error.strerror}; choose another place", BAD_INPUT
+            return f"{error.filename}: {error.strerror}; choose another path", BAD_INPUT
     return str(error), BAD_INPUT
 
 
@@ -144,7 +144,7 @@ def _run(words: list[str], find: Find) -> int:
         except SystemExit as error:
             raise BadInputError(
                 f"the equations of {request.model.name} end the program (sys.exit); raise a "
-                "ValueError there"
+                "ValueError instead"
             ) from error
         except ModuleNotFoundError as error:
             if not command.install:
@@ -206,7 +206,9 @@ def _refuse_to_overwrite(request: Request) -> None:
     for path in paths:
         refuse_read(path)
     if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise BadInputError(f"{paths[0]} is named twice; give each output its own name")
+        raise BadInputError(
+            f"{paths[0]} is given for two outputs; give each output a different name"
+        )
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:

@@ -40,7 +40,7 @@ def offered(group: str) -> dict[str, EntryPoint]:
         if other.value != entry.value:
             raise BadInputError(
                 f"{_package(other)} and {_package(entry)} both offer {entry.name} in {group};"
-                " remove one of them"
+                " remove one package"
             )
     return found
 

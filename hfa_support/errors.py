@@ -183,11 +183,11 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     except ValueError:  # rows that differ in length
         array = np.empty(0, dtype=object)
     if array.dtype.kind not in "iuf":
-        rule = f"{what} does not consist of rows of real numbers, all of one length"
+        rule = f"{what} does not consist of rows of real numbers, all of equal length"
         raise BadInputError(rule + _faulty_row(values))
     mask = getattr(values, "_mask", None)  # numpy.ma takes 10 ms to load
     if mask is not None and np.any(mask):
-        raise BadInputError(f"{what} has masked entries; fill them or leave them out")
+        raise BadInputError(f"{what} has masked entries; replace them by numbers")
     return array.astype(float)
 
 

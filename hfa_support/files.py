@@ -80,7 +80,9 @@ def refuse_read(path: Path) -> None:
     if _identity(real) in read:
         raise BadInputError(f"{path} is an input of this run; name another file")
     if _identity(real.parent) in read:
-        raise BadInputError(f"{path} lies in an input of this run; name another file")
+        raise BadInputError(
+            f"{path} is in a folder that this run reads as input; choose another folder"
+        )
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
@@ -225,7 +227,7 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
     if target.exists() and not target.is_file():
-        raise BadInputError(f"cannot write {target}: it is not a regular file; name another")
+        raise BadInputError(f"cannot write {target}: it is not a regular file; name another file")
     refuse_read(target)
     temporary = _temporary_path(target.parent)
     waits = False

@@ -32,7 +32,7 @@ class LinearTable(ByValue):
         )
         if not increasing or len(values) != len(breakpoints):
             raise BadInputError(
-                "the breakpoints of a table must increase, with one value for each; sort them"
+                "the breakpoints of a table must increase, with a value for each; correct the table"
             )
         object.__setattr__(self, "breakpoints", breakpoints)
         object.__setattr__(self, "values", values)

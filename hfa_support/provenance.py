@@ -122,6 +122,6 @@ def now() -> str:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
     except (ValueError, OverflowError, OSError) as error:
         raise BadInputError(
-            f"SOURCE_DATE_EPOCH is {shown(epoch)}; give seconds before the year 10000"
+            f"SOURCE_DATE_EPOCH is {shown(epoch)}; give seconds since 1970, before the year 10000"
         ) from error
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -99,7 +99,7 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise BadInputError(
-            f"{where}: {entry or 'it'} is {shown(value)}; make it the table [{entry}]"
+            f"{where}: {entry or 'it'} is {shown(value)}; make it a table{entry and f' [{entry}]'}"
         )
     kinds = {
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
@@ -146,7 +146,7 @@ def read_named(
         data = read_toml(path)
     except OSError as error:
         raise BadInputError(
-            f"{name}: no {what} of that name and no readable file; the names are "
+            f"{name}: there is no {what} of this name and no readable file; choose from "
             f"{', '.join(packaged)}"
         ) from error
     return checked(name, data, declared)

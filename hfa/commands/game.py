@@ -34,12 +34,12 @@ class SolveRequest(GameRequest):
 
 @command(SolveRequest)
 def solve(request: SolveRequest) -> int:
-    """Solve the zero-sum game exactly, with a certificate, the smallest delta, the cost of the
-    policies and their margins.
+    """Solve the zero-sum game exactly, and report a certificate, the smallest delta, the cost of
+    the policies and their stability margins.
 
-    Exit code 1 without a certified solution. A --model with B1, B2, C1, D12 and optionally C2, D21,
-    D11, D22 is a generalized plant, as for `hinfsyn`. Its controller has a gain below delta, by
-    default 1.01 delta_min."""
+    If --model contains B1, B2, C1, D12 and optionally C2, D21, D11, D22, it is a generalized plant,
+    as for `hinfsyn`. The H-infinity norm of its closed loop is below delta, by default 1.01
+    delta_min. The exit code is 1 if there is no certified solution."""
     from controller.riccati import solution_report
 
     arrays = None
@@ -50,7 +50,10 @@ def solve(request: SolveRequest) -> int:
         arrays = read_arrays(request.plant)
         if has_all(arrays, "B2"):
             request.refuse_of_the_aircraft()
-            request.refuse(("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
+            request.refuse(
+                ("Q", "R"),
+                "cannot change a generalized plant, whose C1 and D12 define the cost; leave it out",
+            )
             report = part(PARTS, "solve.plant", f"{request.plant} has B2 and")(
                 request.plant, arrays, request.delta
             )
@@ -75,11 +78,10 @@ class LearnRequest(GameRequest, LearningOptions):
 
 @command(LearnRequest)
 def learn(request: LearnRequest) -> int:
-    """Learn the value and the gain of the game with a critic.
+    """Learn the value and gain of the game, and compare them with the exact solution.
 
-    -o FILE saves the weights for `hfa verify`. The learned critic is compared with the exact
-    solution. A plant in discrete time is learned by Q-learning from recorded steps. Exit code 1
-    when a check fails.
+    -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
+    steps is used. The exit code is 1 if a check fails.
     """
     from verification.critic.critic_check import check_critic
 

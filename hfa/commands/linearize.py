@@ -81,14 +81,16 @@ class LinearizeRequest(OneTrimRequest):
 @command(LinearizeRequest)
 def linearize(request: LinearizeRequest) -> int:
     """Linearize exactly at a trim, and report matrices, modes, handling qualities, transfer
-    functions, error bands and the difference from the printed matrices."""
+    functions, error bands and differences from the printed matrices."""
     aircraft = request.flown_aircraft()
     point = trimmed(request, aircraft)
     usual = aircraft.linear
     follow = request.residualize
     states = request.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
-        raise BadInputError(f"{min(both)} is in --states and in --residualize; name it once")
+        raise BadInputError(
+            f"{min(both)} is in --states and in --residualize; give it in one of them"
+        )
     full = _with_winds(aircraft, point, request.outputs or states, (*states, *follow))
     model = full.select(states, request.inputs, residualize=follow)
     if not hfa_model.is_hfa(aircraft):

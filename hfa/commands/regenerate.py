@@ -19,10 +19,10 @@ class RegenerateRequest(HfaOptions, OutputOptions):
 
 @command(RegenerateRequest)
 def regenerate(request: RegenerateRequest) -> int:
-    """Regenerate both printed pairs (A, B) from one aircraft and compare them with the printed
-    ones, entry by entry.
+    """Compute both printed matrix pairs (A, B) from one aircraft, and compare them with the print
+    entry by entry.
 
-    Exit code 1 when a check fails.
+    The exit code is 1 if a check fails.
     """
     from verification.regeneration import regenerate_all
 

@@ -83,7 +83,9 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         named=True,
     )
     condition: TrimCondition | Path | None = option(
-        lambda model: f"{condition_help(model)}; or points (.csv): a row of names, then of values",
+        lambda model: (
+            f"{condition_help(model)}, or a .csv file of points: a row of names, rows of values"
+        ),
         "FILE",
         OfModel(condition_or_list),
         rare=True,
@@ -131,8 +133,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
             varied = [name for name, values in axes.items() if np.ptp(values) > 0]
             if len(varied) > 1:
                 raise BadInputError(
-                    f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; "
-                    "fix all but one"
+                    f"--picture needs a sweep in one variable, but {' and '.join(varied)} vary; "
+                    "fix all variables but one"
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and self.model.extras.names_schedule and not is_named:
@@ -156,8 +158,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         for name, values in {**self.hold, **ranges}.items():
             if name in axes or not (isinstance(values, tuple) and len(values) == 1):
                 raise BadInputError(
-                    f"{name} has a column or a range in addition to the list {listing}; give one "
-                    "value"
+                    f"{name} needs either a column of {listing} or an option with one value; "
+                    "correct the options"
                 )
         for name, values in ranges.items():
             axes[name] = np.full(rows, values[0])
@@ -168,14 +170,14 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 def sweep(request: SweepRequest) -> int:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
-    Every variable of a trim can be swept (--hold speed=60:70:2), and so can every parameter of the
-    aircraft (--hold NAME=9:11:1). A point without a trim is a row that gives the reason. Exit
-    code 1 when no point has a trim. --resume continues an interrupted sweep into a store."""
+    Any variable of a trim (--hold speed=60:70:2) and any parameter of the aircraft
+    (--hold NAME=9:11:1) can be swept. For a point without a trim, the row contains the reason. The
+    exit code is 1 if no point has a trim. --resume continues an interrupted sweep into a store."""
     if not request.stored:
         stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{stores}")
         return _in_memory(request)
-    request.refuse(("picture",), "is not available with a store; leave it out")
+    request.refuse(("picture",), "is not available for a sweep into a store; leave it out")
     return _in_store(request)
 
 
@@ -231,7 +233,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     model = condition.model
     if not rows or len({*names}) < len(names):
         raise BadInputError(
-            f"{path}: give a row of names, each once, and a row of their values for each point"
+            f"{path}: a name is repeated or there are no values; give a row of names, each once, "
+            "and a row of values for each point"
         )
     for name in names:
         what = f"{path}: the column of row 1 is unknown:"
@@ -240,7 +243,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     for index, row in enumerate(rows):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}: row {index + 2} has {len(row)} cells for {len(names)} columns; correct it"
+                f"{path}: row {index + 2} has {len(row)} cells for {len(names)} names; "
+                "correct the row"
             )
         for column, (name, text) in enumerate(zip(names, row, strict=True)):
             try:

@@ -61,7 +61,7 @@ def _critics(text: str) -> list[Path]:
     note_read(folder)
     if not paths:
         raise BadInputError(
-            f"{text}: the folder contains no critic ({' '.join(suffixes)}); name another"
+            f"{text}: the folder contains no critic ({' '.join(suffixes)}); name another folder"
         )
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
@@ -71,8 +71,8 @@ def _about_weights(_: Model) -> str:
     others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
     networks = f", or a network of V, dV/dx or u ({' '.join(others)})" if others else ""
     return (
-        f"critics to judge: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)})"
-        f"{networks}; several files or a folder of checkpoints give one table"
+        f"critic to check: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)})"
+        f"{networks}; several files or a folder of checkpoints are reported in one table"
     )
 
 
@@ -88,8 +88,8 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         count="+",
     )
     set: Mapping[str, Any] = setting_option(
-        "setting of the learning law; of a critic over time: predefined_time=S; of a network: "
-        "scale=a,b,... (factor on each state); of a state dict: activation=HIDDEN[,OUTPUT]",
+        "setting of the learning law or of a critic: predefined_time=S (critic over time), "
+        "scale=a,b,... (network: factor on each state), activation=HIDDEN[,OUTPUT] (state dict)",
         _SETTINGS,
     )
     discount: float | None = option(
@@ -99,10 +99,10 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "sample time, s; needs --discount", "S", positive, part="verify.discounted"
     )
     limit_error: float = option(
-        f"largest relative error that passes; default {LIMIT:g}", "X", positive, default=LIMIT
+        f"largest accepted relative error; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
-        "exit 0 if the cost is at most this percentage above the optimum", "PERCENT", positive
+        "exit code 0 if the cost is at most this percentage above the optimum", "PERCENT", positive
     )
     region: float | None = option(
         "add the region of attraction of the saturated loop, searched for S seconds",
@@ -111,27 +111,27 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         part="verify.region",
     )
     flights: int | None = option(
-        "add N flights of the nonlinear aircraft, compared with the best found",
+        "add N flights of the nonlinear aircraft, compared with the best flights found",
         "N",
         whole(1),
         part="verify.flights",
     )
     draws: int | None = draws_option()
     picture: Path | None = picture_option(
-        "learned and exact P, their difference, and errors over time; errors of several critics"
+        "P, the exact P, their difference and errors over time, or errors of several critics"
     )
 
 
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:
-    """Compare a critic with the exact game solution: a law of hfa, or your own weights, P, K or
-    network.
+    """Compare a critic with the exact solution of the game.
 
-    Exit code 0 only when every check passes, or when the cost is within --limit-cost."""
+    The critic is read from --weights, or learned as by `hfa learn`. The exit code is 0 only if
+    every check passes or the cost is within --limit-cost."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     if request.draws is not None and len(paths) > 1:
-        raise BadInputError("--draws needs one critic; leave it out")
+        raise BadInputError("--draws needs one critic; leave --draws out, or give one file")
     named = request.game(may_be_discrete=bool(paths))
     if named.discrete is not None:
         code: int = part(PARTS, "verify.steps", IN_STEPS)(request, named, paths)
@@ -246,13 +246,17 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     if request.discount is not None:
         request.refuse(("picture",), "cannot be used with --discount; leave it out")
         if len(paths) != 1:
-            raise BadInputError("--discount needs one critic; add --weights FILE")
+            raise BadInputError("--discount needs one critic; give one file by --weights")
         if "predefined_time" in request.set:
-            raise BadInputError("--discount excludes --set predefined_time; leave it out")
+            raise BadInputError(
+                "--set predefined_time cannot be used with --discount; leave it out"
+            )
     if not paths:
-        request.refuse(("basis",), "applies only to --weights; for a law, use --set basis=...")
+        request.refuse(
+            ("basis",), "applies only to --weights; for a learning law, use --set basis=..."
+        )
         return
-    request.refuse(("law", "seed"), "applies only to a law; leave it out with --weights")
+    request.refuse(("law", "seed"), "applies only to learning; leave it out with --weights")
     for name in request.set:
         refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
@@ -274,7 +278,7 @@ def _check_file(
         return _check_history(path, critics, request, named, scope)
     if "predefined_time" in request.set:
         raise BadInputError(
-            f"--set predefined_time applies only to a critic over time; {path} has no time"
+            f"--set predefined_time applies only to a critic over time; {path} has no time entry"
         )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)

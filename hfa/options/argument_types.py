@@ -53,7 +53,7 @@ def breakpoint_value(model: Model, text: str) -> float:
     """
     if "," in text or ":" in text:
         raise BadInputError(
-            f"is {shortened(text)!r}; give one number: `hfa sweep` accepts lists and ranges"
+            f"is {shortened(text)!r}; give one number (`hfa sweep` accepts lists and ranges)"
         )
     return quantity(model, model.schedule, text)
 
@@ -69,7 +69,7 @@ def span(model: Model, name: str, text: str) -> tuple[float, float]:
     lowest = quantity(model, name, low)
     highest = quantity(model, name, high)
     if not lowest < highest:
-        raise BadInputError(f"is {shortened(text)!r}; the first limit must be the lower one")
+        raise BadInputError(f"is {shortened(text)!r}; the first limit must be less than the second")
     return lowest, highest
 
 
@@ -130,7 +130,7 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
                 f"{text}: the suffix {path.suffix!r} is unknown; use {', '.join(suffixes)}"
             )
         if not path.is_file():
-            raise BadInputError(f"{text}: no such file")
+            raise BadInputError(f"{text}: no such file; name an existing file")
         note_read(path)
         return path
 
@@ -154,7 +154,7 @@ def output_file(
         if folder and text and not path.suffix:
             if not path.is_dir() and (path.exists() or not path.parent.is_dir()):
                 raise BadInputError(
-                    f"{where}: cannot make the folder; choose another, in a folder that exists"
+                    f"{where}: cannot make the folder; choose another path in an existing folder"
                 )
             return path
         if path.suffix.lower() not in (*suffixes, *stores):
@@ -169,7 +169,7 @@ def output_file(
         store = path.is_dir() and path.suffix.lower() in stores
         if path.exists() and not path.is_file() and not store:
             kind = "a folder" if path.is_dir() else "not a regular file"
-            raise BadInputError(f"{where}: it is {kind}; name another")
+            raise BadInputError(f"{where}: it is {kind}; name another file")
         return path
 
     return convert

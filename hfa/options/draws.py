@@ -13,7 +13,7 @@ from hfa_support.reporting.report import Report
 def draws_option() -> Any:
     """Return the field `draws` of a request, with the option --draws."""
     return option(
-        "add the spread over N aircraft with random parameters",
+        "add the spread of the result for N aircraft with random parameters",
         "N",
         whole(1),
         part="draws",

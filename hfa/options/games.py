@@ -107,7 +107,7 @@ def law_option(*laws: str) -> Any:
     laws: accepted names besides the default learning law
     """
     choices = (*laws, DEFAULT_LAW)
-    about = f"learning law; {DEFAULT_LAW} is the only one"
+    about = f"learning law; the only choice is {DEFAULT_LAW}"
     if laws:
         about = f"policy: {', '.join(choices)}; default {DEFAULT_LAW}"
     return option(about, "NAME", one_of(*choices), default=DEFAULT_LAW)
@@ -174,7 +174,7 @@ def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
 def plant_option() -> Any:
     """Return the field `plant`, whose option --model names a plant file."""
     return option(
-        f"your plant: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
+        f"file of your plant: A, B and optionally E, Q, R ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",
@@ -206,12 +206,12 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             named = self._game_of_file(self.plant, read)
             if named.discrete is not None and not may_be_discrete:
                 raise BadInputError(
-                    f"{self.plant} is in discrete time; hfa solve, learn and verify --weights"
-                    " accept it"
+                    f"{self.plant} is in discrete time; give a plant in continuous time, or use hfa"
+                    " solve, hfa learn or hfa verify --weights"
                 )
             return named
         if not self.own and self.dynamics in VARIANTS and self.at is None:
-            raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
+            raise BadInputError("no plant is given; add --dihedral DEG or --model FILE")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         linear = point.linearize()
@@ -254,7 +254,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
     def refuse_of_the_aircraft(self) -> None:
         """Raise BadInputError if an option of the aircraft or its trim is combined with --model."""
         if self.at is not None:
-            raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
+            raise BadInputError("--dihedral and --model both name the plant; give only one option")
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
         self.refuse(of_the_aircraft, "applies only to the aircraft; leave it out with --model")
 

@@ -32,7 +32,9 @@ def value_range(model: Model, name: str, text: str) -> Range:
     if step <= 0:
         raise BadInputError(f"step is {step:g}; it must be positive")
     if stop < start:
-        raise BadInputError(f"runs backwards from {start:g} to {stop:g}; give the lower end first")
+        raise BadInputError(
+            f"runs backwards from {start:g} to {stop:g}; give the lower number first"
+        )
     intervals = (stop - start) / step
     if intervals >= MOST_POINTS:
         points = f"{np.floor(intervals) + 1.0:,.15g}"

@@ -130,7 +130,7 @@ class Request:
     line: str = ""
     date: str = ""
     typed: frozenset[str] = frozenset()
-    quiet: bool = option("print no notes and no progress", names="-q --quiet", rare=True)
+    quiet: bool = option("suppress notes and progress messages", names="-q --quiet", rare=True)
 
     @classmethod
     def declared(cls) -> dict[str, Option]:

@@ -66,7 +66,7 @@ class UnitsOption(Request):
     units: str = option(
         of_hfa(
             "units of input and output: english (ft, slug, lbf; default) or si (m, kg, N)",
-            "units of input and output: si (m, kg, N); by default those of the aircraft",
+            "units of input and output: si (m, kg, N); default: units of the aircraft",
         ),
         "UNITS",
         one_of(*SYSTEMS),
@@ -186,7 +186,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         for name in ("dynamics", "parameters"):
             if name in typed:
                 raise BadInputError(
-                    f"--{name} applies only to the HFA; use --hold for parameters of --aircraft"
+                    f"--{name} applies only to the HFA; leave it out with --aircraft, or use --hold"
                 )
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])
@@ -223,7 +223,9 @@ def scheduled(
 
     def convert(model: Model, text: str) -> Any:
         if not model.schedule:
-            raise BadInputError(f"needs a scheduling variable; {model.name} declares none")
+            raise BadInputError(
+                f"needs a scheduling variable, but {model.name} declares none; leave it out"
+            )
         return kind(model, text)
 
     def unit(model: Model) -> str:
@@ -251,8 +253,8 @@ def _usual(model: Model) -> str:
         for name, value in model.trim.items()
         if name != model.schedule
     ]
-    usual = f", by default {', '.join(held[:4])}" if held else ""
-    return f"hold a variable at a value{usual}; repeatable"
+    usual = f"; default: {', '.join(held[:4])}" if held else ""
+    return f"hold a variable at a value (repeatable){usual}"
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
@@ -346,7 +348,9 @@ class TrimOptions(HfaOptions):
         model = self.model
         usual = self.condition or usual_condition(model)
         if isinstance(usual, Path):
-            raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` accepts it")
+            raise BadInputError(
+                f"--condition {usual} is a list of points; give one condition, or use `hfa sweep`"
+            )
         held: dict[str, float] = {}
         for name, value in self.hold.items():
             if name in model.parameters:
@@ -371,20 +375,19 @@ class TrimOptions(HfaOptions):
         """
         for name in self.free:
             if name in self.hold:
-                raise BadInputError(f"{name} is both set free and held; name it once")
+                raise BadInputError(f"{name} is both set free and held; give it in one option")
         if self.at is None:
             return
         variable = self.model.schedule
         option_name = f"--{called_at(self.model)}"
         if variable in self.hold:
             raise BadInputError(
-                f"{variable} is given twice, by {option_name} and by --hold; give it once"
+                f"{variable} is given by both {option_name} and --hold; give it in one option"
             )
         # One value is where the search for a free one begins.
         if variable in self.free and not isinstance(self.at, float):
             raise BadInputError(
-                f"{variable} is given by {option_name} and set free by --free;"
-                " leave one of them out"
+                f"{variable} is given by both {option_name} and --free; give it in one option"
             )
 
     def is_constant(self, name: str) -> bool:

@@ -25,7 +25,7 @@ class BoundFunction:
             array.size for array in (*self.inputs, *self.results)
         ):
             raise ValueError(
-                f"{function.name()}: arguments and results must be dense to be bound to memory"
+                f"{function.name()}: arguments and results must be dense; call densify on them"
             )
         buffer: Any
         buffer, self._evaluate = function.buffer()

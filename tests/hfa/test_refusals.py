@@ -69,7 +69,7 @@ REFUSED = {
         ),
         (
             "--dihedral 15 --hold dihedral=10",
-            "dihedral is given twice, by --dihedral and by --hold",
+            "dihedral is given by both --dihedral and --hold",
         ),
         ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both set free and held"),
     ],
@@ -77,7 +77,7 @@ REFUSED = {
         ("--dihedral 95", "dihedral is 95 deg"),
         (
             "--dihedral 0:20:1",
-            "dihedral is '0:20:1'; give one number: `hfa sweep` accepts lists and ranges",
+            "dihedral is '0:20:1'; give one number (`hfa sweep` accepts lists and ranges)",
         ),
         (
             "--dihedral 15 --dynamics aristotle",
@@ -99,10 +99,10 @@ REFUSED = {
         ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
         ("--dihedral 0::1", "--dihedral is ''; give a finite number"),
         ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "points"),
-        ("--dihedral 5 --free dihedral", "dihedral is given by --dihedral and set free by --free"),
+        ("--dihedral 5 --free dihedral", "dihedral is given by both --dihedral and --free"),
     ],
     "solve": [
-        ("", "either --dihedral DEG or --model FILE"),
+        ("", "no plant is given; add --dihedral DEG or --model FILE"),
         ("--dihedral 15 --delta 0", "delta is 0.0; it must be a positive number"),
         (
             "--dihedral 15 --R 100,400,400,400,0",
@@ -131,7 +131,7 @@ REFUSED = {
         ("--dihedral 15 --basis quadratic", "use --set basis="),
         (
             "--dihedral 15 --weights given.npz --law certified",
-            "--law applies only to a law; leave it out with --weights",
+            "--law applies only to learning; leave it out with --weights",
         ),
     ],
 }
@@ -176,8 +176,8 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
     [
         ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
         ("--dihedral 10 trim", "the command comes first: hfa trim --dihedral"),
-        ("trim --at 10 --dihedral 12", "--dihedral is given twice, 10 and 12; give it once"),
-        ("trim --hold speed=70 --hold speed=71", "speed is given twice, 70 and 71; give it once"),
+        ("trim --at 10 --dihedral 12", "--dihedral is given twice (10 and 12); give it once"),
+        ("trim --hold speed=70 --hold speed=71", "speed is given twice (70 and 71); give it once"),
         ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),
         ("linearise", "unknown command 'linearise'; did you mean linearize?"),
         ("x" * 5000, "unknown command 'xxxx"),

@@ -143,11 +143,11 @@ def test_a_critic_over_time_keeps_its_time() -> None:
     )
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")
-    assert_refused(refused, BAD_INPUT, "single.npz has no time")
+    assert_refused(refused, BAD_INPUT, "single.npz has no time entry")
     refused = hfa(
         "verify", "--model", plant, "--weights", single, "--set", "predefined_time=2", *discounted
     )
-    assert_refused(refused, BAD_INPUT, "--discount excludes --set predefined_time")
+    assert_refused(refused, BAD_INPUT, "--set predefined_time cannot be used with --discount")
     refused = hfa("verify", "--model", plant, "--set", "predefined_time=2")
     assert refused.err == ""
 

@@ -87,7 +87,7 @@ def test_an_interruption_keeps_what_is_found() -> None:
         ([], "give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
         (["--start", "height=3"], "height is unknown; choose from speed"),
         (["--start", "speed"], "'speed' is not NAME=VALUE"),
-        (["--start", "speed=1,speed=2"], "speed is given twice, 1 and 2"),
+        (["--start", "speed=1,speed=2"], "speed is given twice (1 and 2)"),
         (["--start", "speed=500"], "begin within the limits"),
         (["--start", "speed=1", "--limit", "mass=0:1"], "mass"),
         (["--start", "speed=1", "--seconds", "0.5"], "s is too short"),

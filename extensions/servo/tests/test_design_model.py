@@ -63,7 +63,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
         ),
         (
             "[actuators]\nthrottle = 3",
-            "actuators.throttle is 3; make it the table [actuators.throttle]",
+            "actuators.throttle is 3; make it a table [actuators.throttle]",
         ),
         (
             "[actuators.throttle]\neffectiveness = 0.0",
@@ -84,7 +84,7 @@ def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: st
 def test_a_name_that_is_neither_is_said() -> None:
     with pytest.raises(
         BadInputError,
-        match="no design of that name and no readable file; the names are paper, servo",
+        match="there is no design of this name and no readable file; choose from paper, servo",
     ):
         load_design("nobody", hfa.aircraft())
 

@@ -217,9 +217,9 @@ LISTS = [
         "dihedral,spd\n5,64\n",
         "the column of row 1 is unknown: 'spd'; did you mean speed? choose from speed, ",
     ),
-    ("dihedral,dihedral\n5,64\n", "give a row of names, each once"),
-    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells for 2 columns; correct it"),
-    ("dihedral,speed\n", "give a row of names, each once"),
+    ("dihedral,dihedral\n5,64\n", "a name is repeated or there are no values; give a row of names"),
+    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells for 2 names; correct the row"),
+    ("dihedral,speed\n", "a name is repeated or there are no values; give a row of names"),
 ]
 
 
@@ -256,13 +256,11 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
     stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
     assert json.loads(stored.out)["counts"]["trimmed"] == 2
-    assert_refused(
-        hfa(*words, "--hold", "speed=60"), 2, "speed has a column or a range in addition to "
-    )
+    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed needs either a column of ")
     assert_refused(
         hfa("trim", "--dihedral", "5", *words[1:3]),
         2,
-        "is a list of points; `hfa sweep` accepts it",
+        "is a list of points; give one condition, or use `hfa sweep`",
     )
     path.write_text("dihedral,speed\n5,64\n10,680\n", encoding="utf-8")
     assert_refused(hfa(*words[:3]), 2, "speed is 680 ft/s")
