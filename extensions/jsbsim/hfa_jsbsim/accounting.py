@@ -41,15 +41,15 @@ _IDLE = (
 _STORED = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: Properties of JSBSim that a file may set, and what is left out then.
 _NOTED = {
-    "propulsion/tank/external-flow-rate-pps": "tank contents are constant",
-    "simulation/integrator/": "the motion is never stopped",
+    "propulsion/tank/external-flow-rate-pps": "without effect, as tank contents are constant",
+    "simulation/integrator/": "without effect, as the motion is never stopped",
 }
 #: Statements of notes.
 _OF_FILTERS = "?filters=states after the aircraft's name makes these states"
 _NEVER = "these are omitted; `hfa fly --method jsbsim` includes them"
-_SET_TWICE = "set here and by the pilot; components before this read the pilot's value"
-_NO_FORCE = "no force in flight depends on them"
-_NOT_READ = "JSBSim does not read them either"
+_SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
+_NO_FORCE = "as no force in flight depends on them"
+_NOT_READ = "as JSBSim ignores them too"
 
 
 def account(parts: Parts, equations: Equations) -> list[Note]:
@@ -61,7 +61,7 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
     notes = _of_writers(equations)
     _refuse_readers(equations)
     for unset, where in reached.unset.items():
-        notes.append(Note("nothing sets these; they are 0", unset, where))
+        notes.append(Note("these properties are never set and are 0", unset, where))
     for component, what, is_never in reached.left_out.values():
         name = shortened(component.attributes.get("name", ""))
         subject = f"<{component.name}> {name}: {what}"
@@ -73,7 +73,7 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
             left.setdefault(reason, []).append(element)
     for reason, elements in left.items():
         if elements:
-            notes.append(Note(f"left out, {reason}", _listed(elements), rank=IDLE))
+            notes.append(Note(f"omitted, {reason}", _listed(elements), rank=IDLE))
     return notes
 
 
@@ -197,7 +197,7 @@ def _of_writers(equations: Equations) -> list[Note]:
             raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
         reason = _of_prefix(without_numbers(name), _NOTED)
         if reason:
-            notes.append(Note(f"set, but {reason}", shortened(name), mine[-1].where, MOTION))
+            notes.append(Note(f"set {reason}", shortened(name), mine[-1].where, MOTION))
             continue
         if of_component(name):
             if not all(_is_zero(writer) for writer in mine):

@@ -90,7 +90,7 @@ class Aerodynamics:
             low, high = (math.degrees(band[name]) for name in ("min", "max"))
             where = self.element.need("hysteresis_limits").where if self.element else ""
             span = f"between alpha {low:g} and {high:g} deg the flow is attached"
-            self.hysteresis = Note("no hysteresis of the stall", span, where)
+            self.hysteresis = Note("the hysteresis of the stall is omitted", span, where)
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:

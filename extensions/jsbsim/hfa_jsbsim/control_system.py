@@ -257,14 +257,16 @@ def _actuator(component: Element, properties: Properties) -> Any:
     """
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
-        properties.leave_out(component, "its limit of rate", is_never=True)
+        properties.leave_out(component, "its rate limit", is_never=True)
     width = component.value_of("deadband_width", 0.0)
     if width:
         value = beyond(value, width)
     play = component.value_of("hysteresis_width", 0.0)
     if play:
         name = shortened(component.attributes.get("name", ""))
-        statement = "no hysteresis; in JSBSim these actuators may stop this far from their command"
+        statement = (
+            "hysteresis is omitted; in JSBSim these actuators may stop this far from their command"
+        )
         properties.notes.append(Note(statement, f"{name} by {0.5 * play:g}", component.where))
     return value + component.value_of("bias", 0.0)
 
@@ -278,7 +280,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
     if child is None:
         return value
     if not properties.has_filter_states:
-        properties.leave_out(component, "its lag is left out")
+        properties.leave_out(component, "its lag is omitted")
         return value
     rate = properties.value(child.text, child)
     state = properties.add_state(component)
@@ -311,7 +313,7 @@ def _lag(component: Element, properties: Properties) -> Any:
     """Return the output of c1 / (s + c1), which is the input in steady state."""
     rate = settling(component, properties)
     if not properties.has_filter_states:
-        properties.leave_out(component, "its lag is left out")
+        properties.leave_out(component, "its lag is omitted")
         return input_of(component, properties)
     state = properties.add_state(component)
     properties.set_rate(state, lambda: rate * (input_of(component, properties) - state))
@@ -322,7 +324,7 @@ def _washout(component: Element, properties: Properties) -> Any:
     """Return the output of s / (s + c1), which is 0 in steady state."""
     rate = settling(component, properties)
     if not properties.has_filter_states:
-        properties.leave_out(component, "it is 0, as for a steady input")
+        properties.leave_out(component, "its output is 0, as for a constant input")
         component.find("input")
         return 0.0
     state = properties.add_state(component)
@@ -340,7 +342,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     if is_constant(c4) and float(c4) == 0.0:
         raise component.error("<c4> is 0; the filter has no steady-state value; give another value")
     if not properties.has_filter_states:
-        properties.leave_out(component, "its dynamics are left out")
+        properties.leave_out(component, "its dynamics are omitted")
         return value * c2 / c4
     if is_constant(c3) and float(c3) == 0.0:
         raise component.error("<c3> is 0; the filter differentiates its input; give another value")
@@ -359,7 +361,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
     if is_constant(c6) and float(c6) == 0.0:
         raise component.error("<c6> is 0; the filter has no steady-state value; give another value")
     if not properties.has_filter_states:
-        properties.leave_out(component, "its dynamics are left out")
+        properties.leave_out(component, "its dynamics are omitted")
         return value * c3 / c6
     if is_constant(c4) and float(c4) == 0.0:
         raise component.error("<c4> is 0; the filter is of first order; use a lead_lag_filter")

@@ -540,7 +540,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         turns = getattr(around.states, f"rpm{file.number}") / 60.0
         most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
         power = ca.fmin(power, most + _BEYOND * (power - most))
-        statement = "torque is limited to this value; in JSBSim the limiter oscillates about it"
+        statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
         around.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
     dragged = ca.if_else(engine_rpm(file, around) > 5.0, -0.012, 0.0)
     return ca.if_else(running(file, around), power, dragged)

@@ -90,7 +90,7 @@ class Parts:
             if isinstance(engine, EngineFile):
                 self.engines.append(engine)
             elif choices.partial:
-                self.notes.append(Note("left out", refusal(engine), engine.where))
+                self.notes.append(Note("omitted", refusal(engine), engine.where))
             else:
                 raise engine.error(refusal(engine))
 

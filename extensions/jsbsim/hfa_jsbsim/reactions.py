@@ -93,7 +93,7 @@ class Reactions:
         try:
             return function_value(function, self._properties)
         except LoopError as error:
-            statement = f"this {element.name} from outside is omitted"
+            statement = f"this external {element.name} is omitted"
             name = shortened(element.attributes.get("name", ""))
             note = Note(statement, f"{name} ({error.cause})", element.where)
             self._properties.notes.append(note)

@@ -59,7 +59,7 @@ def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Ite
         return
     idle = solve({"throttle": 0.0}, ("speed_dot",))
     if idle is not None and idle["speed_dot"] * mass > least:
-        yield f"idle gives {idle['speed_dot'] * mass:.0f} lb of thrust too much"
+        yield f"at idle the thrust is {idle['speed_dot'] * mass:.0f} lb too large"
 
 
 def _is_power(name: str) -> bool:
@@ -88,7 +88,7 @@ def _of_moments(solve: Solve) -> Iterator[str]:
         if values is not None:
             left = values["pitch_rate_dot"]
             if abs(left) > _SOME:
-                yield f"no elevator balances the pitching moment: {left:.3g} rad/s^2 are left"
+                yield f"the elevator cannot balance the pitching moment: {left:.3g} rad/s^2 remain"
             return
 
 
@@ -105,10 +105,10 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
     """Yield a sentence on each unusual property of an engine."""
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
-        yield f"the {file.dry_of} tank of {name} is empty: glide"
+        yield f"the {file.dry_of} tank of {name} is empty; the trim is a glide"
     solid = file.engine.find("thrust_table")
     if solid is not None:
-        yield f"{solid.where}: {name} burns solid fuel; it is not lit"
+        yield f"{solid.where}: {name} burns solid fuel and is not ignited"
     if file.kind == "turbine_engine" and file.has_propeller:
         yield f"{name} is a turbine engine on a propeller; its thrust is interpreted as power"
     diameter = file.thruster.find("diameter")
@@ -116,7 +116,7 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
         return
     if diameter.number() > _LONGEST_BLADES:
         length = f"propeller diameter {diameter.number():.0f} ft"
-        yield f"{diameter.where}: {length}; the file states no unit"
+        yield f"{diameter.where}: {length}, because the file gives no unit"
 
 
 #: No propeller is wider, ft.

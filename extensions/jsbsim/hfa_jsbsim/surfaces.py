@@ -66,7 +66,7 @@ def cut_surfaces(
             key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
             if key not in inputs:
                 properties.replace(name, properties.read_centered(name, commands))
-                statement = "these keep their values with the stick centered"
+                statement = "these have their values for centered controls"
                 notes.append(Note(statement, f"{name} ({error.cause})", error.where))
                 continue
             sign = -1.0 if surface.startswith("right-aileron") else 1.0
@@ -141,6 +141,6 @@ def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca
             reached = False
         if not reached:
             properties.replace(name, throttle)
-            statement = "the input is the throttle position; throttle-cmd-norm does not reach"
+            statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
             notes.append(Note(statement, f"engine {number}"))
     return notes

@@ -175,7 +175,9 @@ def test_property_that_nothing_sets_is_zero_and_listed(tmp_path):
     """A note lists a property that is read but never set, and states that it is 0."""
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
     notes = [note for note in model.extras.notes if "sim/gust" in note]
-    assert re.search(r"nothing sets these; they are 0: .*glider.xml: \d+ sim/gust", notes[0])
+    assert re.search(
+        r"these properties are never set and are 0: .*glider.xml: \d+ sim/gust", notes[0]
+    )
 
 
 def test_a_second_axis_of_one_name_replaces_first(tmp_path):

@@ -145,7 +145,10 @@ def test_a_washout_is_state_where_that_is_asked(tmp_path):
     damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
     path = written(tmp_path, glider(LIFT + REST + damper, control))
     steady = load_model(path)
-    assert any("yaw damper: it is 0, as for a steady input" in note for note in steady.extras.notes)
+    assert any(
+        "yaw damper: its output is 0, as for a constant input" in note
+        for note in steady.extras.notes
+    )
     model = load_model(f"{path}?filters=states")
     assert list(model.states)[-1] == "yaw_damper"
     condition = release(usual_condition(model), hold={"speed": 120.0})

@@ -105,12 +105,13 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
 
 @command(IdentifyRequest)
 def identify(request: IdentifyRequest) -> int:
-    """Identify parameters of an aircraft from flight records, by output error or filter error with
-    maximum likelihood.
+    """Identify parameters of an aircraft from flight records by maximum likelihood.
 
-    The report gives estimates with 95 % bands corrected for colored residuals, correlations, and
-    the fit of each measured quantity. Exit code 0 if the records determine every parameter;
-    else 1, and the first line names the others."""
+    The method is output error or, with --turbulence, filter error. The report contains estimates
+    with 95 % bands corrected for colored residuals, their correlations, and the quality of the fit.
+    Exit code 0 if there are no findings. Exit code 1 with findings, such as parameters that the
+    records do not determine; the first line names the most important ones.
+    """
     from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.estimation import identify as identified_of
     from hfa_support.files import write_text

@@ -94,12 +94,13 @@ def _part(text: str) -> float:
 def cost(request: CostRequest) -> int:
     """Prove a lower bound on the cost of every flight of the nonlinear aircraft to its trim.
 
-    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Every flight within the
-    envelope and the limits of the inputs that ends at the trim costs at least the smaller of W and
-    the proved level, where W is a polynomial in the initial condition. -o FILE.json writes a
-    certificate, also when the run is interrupted. --check FILE verifies a certificate. `hfa
-    optimize --bound FILE` compares flights with it. Exit code 0 when the bound is proved. The
-    command needs `pip install .[proof]`."""
+    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. W is a polynomial in the
+    initial condition. Every flight that ends at the trim, within the envelope and the limits of the
+    inputs, costs at least the smaller of W and the proved level. -o FILE.json writes a certificate,
+    also if the run is interrupted. --check FILE verifies a certificate. `hfa optimize --bound FILE`
+    compares flights with it. Exit code 0 if the bound is proved. The command needs `pip install
+    .[proof]`.
+    """
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

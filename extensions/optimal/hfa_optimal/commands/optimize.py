@@ -150,12 +150,13 @@ def optimize(request: OptimizeRequest) -> int:
     """Search for the best flight of the nonlinear aircraft to its trim, and compare policies.
 
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
-    flights within the limits. The simulator flies them and computes the reported cost. It is not
-    proved that no flight costs less. The policies are the linear optimum and the exact game policy,
-    both saturated at the limits of the inputs, and those of --weights and --policy. --starts N
-    prints a table over many initial conditions. --to flies from one trim to another, with
-    --minimize time as quickly as possible. Exit code 1 when no flight was found, or when the
-    simulation refutes it."""
+    flights within the limits. A simulation of each proposal yields the reported cost. A cheaper
+    flight may exist. The policies are the linear optimum and the exact game policy, both saturated
+    at the limits of the inputs, and those of --weights and --policy. --starts N prints a table for
+    many initial conditions. --to NAME=VALUE searches for flights from one trim to another, and
+    --minimize time for the quickest one. Exit code 1 if no flight was found, or if the simulation
+    refutes it.
+    """
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
         raise BadInputError("give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
