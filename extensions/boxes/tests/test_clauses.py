@@ -225,7 +225,7 @@ def _witness(**entries: Any) -> Callable[[Content], None]:
     return lambda content: content["witness"].update(entries)
 
 
-#: What is wrong -> how, and the message of the clause that refuses it.
+#: Name of the forgery -> change of the certificate, and message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "differs from the stated"),
     "set through the faces": (_through_the_faces, "inequality"),

@@ -188,7 +188,7 @@ FORGED: dict[str, Any] = {
 def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
     content = content_of(proved)
     for each in (content["statement"]["pieces"], content["witness"]["boxes"]):
-        del each[1:-1]  # which are proved alike
+        del each[1:-1]  # the proofs of the others are similar
     read_cost(copy.deepcopy(content), PENDULUM)
     FORGED[name](content["statement"], content["witness"])
     with pytest.raises((NoSolutionError, BadInputError)):

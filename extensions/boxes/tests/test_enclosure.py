@@ -109,7 +109,7 @@ def test_errors_of_two_paths_cancel() -> None:
     traced = program.traced(linear, np.zeros((2, 1)))
     first = np.zeros(1, dtype=int)
     assert program.sharpened(traced, first, first).lowest == pytest.approx([9.0], abs=1e-9)
-    program._row = 1e-3  # rounding of the weights that cancel counts
+    program._row = 1e-3  # a planted rounding error of the weights must be included
     assert program.sharpened(traced, first, first).lowest < 9.0 - 4e-3 * traced.outputs.radius[0, 0]
 
 
@@ -184,7 +184,7 @@ def test_the_chain_rule_holds_every_slope() -> None:
         assert np.all(values <= found.slopes.high + 1e-13)
 
 
-#: Kind -> the function and its slope.
+#: Kind -> the function and its derivative.
 FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
     "tanh": (np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
     "relu": (lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),

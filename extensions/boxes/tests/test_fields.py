@@ -171,7 +171,7 @@ def assert_walked(
         try:
             shown = text_of(other)
         except (BadInputError, NoSolutionError):
-            continue  # refused whatever the user gives
+            continue  # refused for all options
         assert shown != original, name
 
 
@@ -189,7 +189,7 @@ def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, car
     content = statement.content()
     given["policy"] = Given(content["policy"], "--weights", _same_coefficients)
     assert compare(content, FIELDS, given) == []
-    for narrower in CHANGES["limits"][1:]:  # a set that keeps them keeps the model's
+    for narrower in CHANGES["limits"][1:]:  # narrower limits imply the model's limits
         compare(content | {"limits": narrower(content["limits"])}, FIELDS, given)
     del given["limits"]
     assert_walked(content, FIELDS, given, CHANGES, text_of)
@@ -237,7 +237,7 @@ def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
     narrower = COST_CHANGES["limits"][1](content["limits"])
     with pytest.raises(
         NoSolutionError, match="limit of place in the certificate differs"
-    ):  # of fewer flights
+    ):  # a claim about fewer flights
         compare(content | {"limits": narrower}, COST_FIELDS, given)
     del given["limits"]
     assert_walked(content, COST_FIELDS, given, COST_CHANGES, text_of)

@@ -98,7 +98,7 @@ def test_what_may_be_zero_is_not_positive() -> None:
         cover(inequality(ca.SX(0), y), 10**4)
     with pytest.raises(OpenBoxError):
         cover(inequality((y[0] - 0.3) ** 2, y), 10**4)
-    with pytest.raises(OpenBoxError):  # zero at y = 0, which is no hole
+    with pytest.raises(OpenBoxError):  # the function is 0 at y = 0, without a hole there
         cover(inequality(ca.sumsqr(y), y), 10**4)
     assert cover(inequality(ca.sumsqr(y), y, hole=5), 10**4) >= 4
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hfa_proof.subject import Field, FieldTable
 
 _AIRCRAFT = Field("aircraft")
-#: The aircraft, what its trims impose and their limits.
+#: Fields of the aircraft, of the imposed values of its trims, and of the limits.
 _FLIGHT: FieldTable = {
     "flight.dynamics": _AIRCRAFT,
     "flight.source": _AIRCRAFT,

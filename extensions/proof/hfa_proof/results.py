@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
 
-#: What the extents of a set are not.
+#: Note below a table of extents.
 NO_BOX = "The set is {V <= rho}, not a box: a state within all of these ranges may lie outside it."
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: Longest first line of a report.
+#: Largest number of columns of the first line of a report.
 _COLUMNS = 100
 
 
@@ -29,8 +29,8 @@ class Field(NamedTuple):
     shown: bool = True
 
 
-#: Path of an entry of a statement, such as "flight.parameters", -> what becomes of it. An entry
-#: whose path is not in the table is an object, whose entries are.
+#: Path of an entry of a statement, such as "flight.parameters" -> its treatment. If the path of an
+#: object is not in the table, the paths of its entries are.
 FieldTable = Mapping[str, Field]
 
 

@@ -73,7 +73,7 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
         np.savez(weights, dihedral_deg=controller["breakpoints"], K=-np.array(controller["D"]))
     if kind in ("critic", "models"):
         options |= {"delta": 200.0} | {name: np.array(statement["weights"][name]) for name in "QR"}
-    if kind == "second order":  # a controller with memory: nothing is given of it
+    if kind == "second order":  # a controller with states has no gain to give
         del options["weights"]
     return CheckRequest(**options, typed=frozenset(options))
 
@@ -102,7 +102,7 @@ def test_each_field_is_compared_or_shown(kind: str, tmp_path: Path) -> None:
             ):
                 compare(other, table, given)
         if table[path].shown:
-            with suppress(Malformed, BadInputError):  # refused whatever the user gives
+            with suppress(Malformed, BadInputError):  # refused for all options
                 assert text_of(kind, other) != original, path
         assert path in given or table[path].shown, path
 

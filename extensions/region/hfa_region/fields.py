@@ -24,6 +24,6 @@ FIELDS: FieldTable = {
     "disturbances": Field(),
     "terms": Field(),
     "rho": Field(),
-    # Proved; what is printed is the checker's own.
+    # Proved; the printed extents are computed by the checker.
     "extents": Field(shown=False),
 }

@@ -198,7 +198,7 @@ def _thirteen(content: Content) -> None:
 _INSIDE = ("witness", "inside")
 _PART = ("witness", "parts", 0)
 
-#: What is wrong -> how, and the message of the clause that refuses it.
+#: Name of the forgery -> change of the certificate, and message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "low end": (_low_by_the_evidence_of_high, "x low"),
     "high end": (_high_by_the_evidence_of_low, "x high"),
@@ -243,7 +243,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     ),
     "extents of no state": (_put({}, "witness", "extents", "z"), "extents: unknown entry"),
 }
-#: Objects of a certificate in which every entry is read.
+#: Objects of a certificate in which an unknown entry is refused.
 OBJECTS: dict[str, tuple[Any, ...]] = {
     "certificate": (),
     "statement": ("statement",),
@@ -502,7 +502,7 @@ def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) 
         _check_extents(loop, {}, {})
 
 
-# A loop of two states in turned coordinates, against its formulas in doubles.
+# A loop of two states in turned coordinates, compared with formulas in doubles.
 
 
 def _glider(x: Any, u: Any, p: Any, w: Any) -> Any:

@@ -44,7 +44,7 @@ def test_starts_are_drawn_in_set_and_on_edge(tmp_path: Path) -> None:
         [0.25, 0.5, 0.75], abs=0.06
     )
     assert starts_lost(statement, 200) == (0, 0)
-    # Far outside the torque cannot lift it: the simulation does tell.
+    # Far outside, the torque cannot lift the pendulum; the simulation detects this.
     left, late = starts_lost(statement, 200, farther=4.0)
     assert left + late > 20
 

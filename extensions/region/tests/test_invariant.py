@@ -122,7 +122,7 @@ def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Mode
     T = V.coordinates()
     edge = edge_points(V, T, statement.rho)[::20] @ T.T
     assert _highest(DisturbedPlant(statement.loop, V), edge) <= statement.rho + 1e-9
-    # Under a push five times as large some do: the simulation tells.
+    # Under a disturbance five times as large some leave it; the simulation detects this.
     larger = replace(statement.loop, disturbances={"push": 5 * SIZE})
     assert _highest(DisturbedPlant(larger, V), edge) > 1.1 * statement.rho
 
@@ -237,7 +237,7 @@ def test_rates_not_affine_in_disturbance_refused_by_name(
 
 def test_what_happens_between_the_ends_is_not_missed(tmp_path: Path) -> None:
     part = {"b": "free", "gust": HIGHEST}
-    # At 0.1 and at -0.1 the step is not there; between them it is.
+    # The step is between the ends -0.1 and 0.1, not at them.
     with pytest.raises(Undecided):
         _loop(tmp_path, "STEPPED", 0.1).rates(part)
     rates = _loop(tmp_path, "SEEN", 0.05).rates(part)

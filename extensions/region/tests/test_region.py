@@ -181,7 +181,7 @@ def test_starts_in_the_proved_set_return(certificate: Path, model: Model) -> Non
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms)
     assert not _lost_starts(statement, V, 400).any()
-    # Not so four times as far out: the simulation does tell.
+    # Four times as far out, some do not converge; the simulation detects this.
     assert _lost_starts(statement, V, 200, farther=4.0).any()
 
 

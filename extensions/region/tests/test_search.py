@@ -70,7 +70,7 @@ def test_largest_level_of_f16_within_limits_is_proved(
     assert proved is not None
     assert proved.statement.rho == pytest.approx(rho)
     assert proved.parts == 3  # the elevator reaches both of its limits
-    # Not so twice as far out, where alpha leaves its limits.
+    # Twice as far out, alpha exceeds its limits.
     beyond = proved_level(loop, V, 4.0 * rho, SETTING, T)
     assert beyond is None or beyond.statement.rho <= rho / 0.999
 

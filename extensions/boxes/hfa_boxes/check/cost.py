@@ -28,7 +28,7 @@ from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 
-#: More than every underflow of an operation.
+#: Upper bound of the underflow of one operation.
 _TINY = 1e-290
 #: Newton steps that improve an estimate of the best inputs, on which no proof depends.
 _STEPS = 12

@@ -135,7 +135,7 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
     require(len(set(solved)) == len(solved), "witness: solved", list(solved))
     counts = found.array("boxes", len(statement.pieces))
     require(bool(np.all(counts <= _MOST_BOXES)), "witness: boxes", counts.tolist())
-    if found.has("longer"):  # of earlier versions, without use
+    if found.has("longer"):  # entry of earlier versions, not used
         found.array("longer", len(statement.pieces), len(statement.plant.states))
     witness = CostWitness(solved, tuple(int(count) for count in counts))
     found.close()

@@ -16,7 +16,7 @@ import numpy as np
 from hfa_proof.checker.reading import Rejected
 from hfa_support.progress import Progress
 
-#: Mean number of halvings of the edges of a box, at which it is not halved again.
+#: Mean number of halvings of the edges of a box from which on it is not halved again.
 _DEEPEST = 40
 #: Largest number of halvings of an edge, so that centers are doubles.
 _FINEST = 53

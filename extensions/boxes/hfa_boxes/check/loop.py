@@ -21,7 +21,7 @@ from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
 from hfa_proof.arithmetic.balls import hull, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 
-#: The hole about the equilibrium is |y_i| <= 2^-k for the first k that closes, up to this one.
+#: Largest k for which the hole |y_i| <= 2^-k is tried.
 _SMALLEST_HOLE = 30
 
 

@@ -18,7 +18,7 @@ from hfa_boxes.enclosure.program import Argument, Program
 _U = 2.0**-53
 #: Factor that rounds radii upward.
 _UPWARD = 1.0 + 1e-12
-#: More than every underflow of an operation.
+#: Upper bound of the underflow of one operation.
 _TINY = 1e-290
 
 

@@ -31,7 +31,7 @@ _U = 2.0**-53
 _PRODUCT = 16.0 * _U
 #: Factor that rounds radii upward, which are sums of at most some hundred terms.
 _UPWARD = 1.0 + 1e-12
-#: More than every underflow of an operation.
+#: Upper bound of the underflow of one operation.
 _TINY = 1e-290
 #: Approximate number of entries in the arrays of a batch.
 _NUMBERS = 2**18
@@ -214,7 +214,7 @@ class TaylorProgram:
         with np.errstate(all="ignore"):
             total, causes = self._errors(traced, which, boxes)
             model = traced.outputs.part(which, boxes)
-            # the weights are rounded relative to sizes that the radius holds
+            # rounding of the weights is relative to sizes that the radius includes
             bound = (total + 4.0 * self._row * model.radius) * _UPWARD + _TINY
             model = model._replace(radius=np.fmin(bound, model.radius))
             return Sharpened(lowest(model, n)[0], (amounts_by_edge(model, n)[0] + causes).T)
@@ -309,7 +309,7 @@ class TaylorProgram:
         ranges: Ranges = (centre, centre - slack, centre + slack)
         enclosed = ENCLOSED[kind]
         beyond_linear = sizes.square + a.radius
-        # d² = (Σ c_i s_i)² and a rest
+        # bound of d² - (Σ c_i s_i)²
         of_square = beyond_linear * (2.0 * sizes.linear + beyond_linear)
         parabola = None
         for enclose in (enclosed.curve, enclosed.line):

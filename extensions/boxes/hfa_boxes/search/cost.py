@@ -34,11 +34,11 @@ _DRAWN = 4000
 _FLOWN = 120
 #: Number of further flights, from the initial conditions of the largest linear cost.
 _DEAREST = 80
-#: The first levels, over the largest cost of all initial conditions.
+#: The first levels, relative to the largest cost of the initial conditions.
 _SHARES = (0.2, 1.0)
 #: Largest number of levels for initial conditions with poor bounds.
 _FOR_POOR = 6
-#: Least cost that W of such a level is fitted to, over that of the poorest initial condition.
+#: Least cost that the fit of such a level considers, relative to that of the poorest condition.
 _NEAR = 0.75
 #: Weight of the least ratio of W to the cost of a flight, for all initial conditions.
 _OF_ALL = 2.0
@@ -52,7 +52,7 @@ _LEAST_GROWTH = 1.1
 _OF_TIME_LEFT = 0.5
 #: Largest distance of a good bound below the cost of a flight, in margins.
 _GOOD = 1.5
-#: The largest level, over the largest cost of a flight.
+#: The largest level, relative to the largest cost of a flight.
 _ABOVE = 1.05
 #: Factor by which z'P z of samples exceeds the level, for one or two states.
 _BEYOND_FEW = 1.3
@@ -62,7 +62,7 @@ _BEYOND_MANY = 1.6
 _FURTHER = 1.3
 #: Largest factor that is enlarged again.
 _MOST_BEYOND = 2.5
-#: More boxes than are proved in any time that is given.
+#: Number of boxes that is never reached within the time limit.
 _ENDLESS = 10**9
 #: Largest number of refuted points for one level.
 _REFUTED = 60
@@ -210,7 +210,7 @@ class CostSearch:
                     level *= factor
                 else:
                     factor **= 0.5
-        # a flight that does not converge shows nothing of the least cost
+        # a flight that does not converge gives no bound of the least cost
         tried = ~np.isfinite(costs)
         for _ in range(_FOR_POOR):
             ratios = np.where(tried, np.inf, self._bounds(proved) / costs)

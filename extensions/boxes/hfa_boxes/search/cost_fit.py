@@ -33,20 +33,20 @@ _ADDED = 400
 _TURNS = 40
 #: Number of samples in the first linear program.
 _FIRST = 1500
-#: Largest W of the samples in a turn, over the level.
+#: Largest W of the samples in a turn, relative to the level.
 _NEAR_SET = 1.05
-#: A row is violated if its slack, over the running cost, is below minus this share of the
-#: margin; at -_KEPT margins g is 0.
+#: A row is violated if its slack, divided by the running cost, is below minus this share of the
+#: margin. A slack of -_KEPT margins means g = 0.
 _VIOLATED = 0.1
 #: Largest number of rows of a linear program.
 _MOST_ROWS = 6000
 #: Number of rows that are kept when there are more, those of least slack.
 _KEPT_ROWS = 4000
-#: Least s.
+#: Lowest factor s of the quadratic part.
 _LEAST_SQUARE = 0.01
 #: Number of samples over which the functions are orthonormal.
 _ORTHONORMAL = 8000
-#: Largest coefficient of these functions, over the level.
+#: Largest coefficient of these functions, relative to the level.
 _LARGEST = 1000.0
 
 
@@ -211,7 +211,7 @@ class Fit:
         price = problem.Q + (1.0 - problem.margin) * G @ np.linalg.pinv(problem.R) @ G.T
         inner = np.linalg.solve(L, np.linalg.solve(L, price).T)
         turn = np.linalg.eigh(0.5 * (inner + inner.T))[1]
-        # where the ball meets its axes, in z; none of the samples is as far in many dimensions
+        # ends of the axes of the ball, in z, which random samples do not reach in many dimensions
         axes = np.sqrt(self._beyond * self.c) * np.linalg.solve(L.T, turn).T
         samples = np.concatenate([self._ball(4000), axes[problem.in_envelope(axes)]])
         reach = np.abs(samples @ L @ turn).max(axis=0) * 1.02

@@ -27,32 +27,32 @@ from hfa_proof.results import place_in_words
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: Shares of the sampled set of the first V that are tried, linearly, one after the other; where
-#: none is proved, halves of the first, down to the least. Shares of a later V, until one is proved.
+#: Shares of the sampled set, in length, that are tried for the first V, one after the other. If the
+#: first is not proved, it is halved down to the least share. The last tuple is for a later V.
 _RISING = (0.5, 0.8)
 _FALLING = (0.985, 0.95, 0.8, 0.5)
 _LEAST = 0.004
-#: Part of the time that is left in which a first V is chosen or a set grows, that one level gets
-#: while none is proved, that a higher level of the first V gets, and that one of a later V gets.
+#: Parts of the remaining time: for the choice of a first V or the growth of a set, for a level
+#: while none is proved, for a higher level of the first V, and for a level of a later V.
 _OF_GROWTH = 0.4
 _OF_FIRST = 0.3
 _OF_HIGHER = 0.15
 _OF_LATER = 0.8
-#: The least growth of a set that is proved, linearly.
+#: Least growth in length of a set for which a proof is tried.
 _LARGER = 1.01
-#: Extents of a set that is made smaller for a limit of a state, over the limit.
+#: Extents of a set that is scaled to a state limit, relative to the limit.
 _WITHIN = 0.999
-#: Refuted places that become rows of linear programs, for one V.
+#: Largest number of refuted points that become rows of linear programs, for one V.
 _REFUTED = 12
-#: Lyapunov matrices and sums of squares of modes that are tried, and those of them that are sampled
-#: more.
+#: Numbers of Lyapunov matrices and sums of squared modes that are tried, and of those that are
+#: sampled more densely.
 _CANDIDATES = 20
 _SAMPLED = 4
-#: Higher levels than this of a V are not looked at, over that of its set.
+#: Highest level of V that is sampled, relative to the level of its set.
 _HIGHEST = 1.5
-#: More than are proved in any time that is given.
+#: Number of boxes that is never reached within the time limit.
 _ENDLESS = 10**9
-#: Nominal values to which a set may reach.
+#: Largest extents of a set, in nominal values.
 _WIDEST = 100.0
 
 

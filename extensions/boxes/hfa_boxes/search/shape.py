@@ -23,48 +23,49 @@ from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.search.doubles import values_at
 from hfa_boxes.search.monomials import Monomials
 
-#: Rays from the equilibrium for the size of a set; rays for each state and shells of a search, how
-#: often it is refined; the fewest rays, and operations of a loop that has the usual number.
+#: Number of rays from the equilibrium for the size of a set. For a search: number of rays for each
+#: state, their least number, number of operations of a loop above which fewer are used, number of
+#: shells and number of refinements.
 _RAYS = 1000
 _SEARCHED = 250
 _FEWEST = 50
 _OPERATIONS = 6000
 _SHELLS = 25
 _TURNS = 8
-#: The depth below the level that the shells fill, over that of the turn before.
+#: Depth below the level that the shells fill, relative to the previous turn.
 _SHALLOWER = 0.75
-#: Where V is looked for along a ray, over the unit ball, and in how many steps.
+#: Largest factor on a ray at which V is evaluated, and number of steps up to it.
 _FARTHEST = 3.0
 _STEPS = 150
-#: Coordinates of a set are at most 1 over this: above 2 the halves of the cube at its faces are
-#: beyond the set.
+#: Half-width of the cube relative to the set. Above 2, the boxes at the faces after one halving are
+#: outside the set.
 _ROOM = 2.05
-#: The least decay of a direction over the largest, for rays.
+#: Least decay of a direction, relative to the largest, in the distribution of rays.
 _SLOWEST = 1e-9
-#: Extents of a set are so much larger than found, relative.
+#: Relative enlargement of the extents of a set.
 _BEYOND = 1e-3
-#: -V' is at first at least this part of the decay of a mean of squares of modes in the linear loop,
-#: to which a small part of V at the slowest rate is added; what is left of it after each growth,
-#: and the part below which it is not lowered.
+#: Required decay of V, relative to the modal decay of the linear loop: the first value, the share
+#: of V at the slowest rate in the modal decay, the factor after each growth, and the lowest value.
 _DECAY = 0.5
 _SLOWLY = 1e-3
 _FINER = 0.4
 _LEAST_DECAY = 0.02
-#: The nearest of the quarter of samples drawn evenly in the logarithm of their distance from 0,
-#: over the set.
+#: Least distance from 0, relative to the set, of the samples that are uniform in the logarithm of
+#: their distance; they are a quarter of all.
 _NEAREST = 1e-3
-#: How much less V' may fall where V is larger than 1, over the same.
+#: Reduction of the required decay where V is larger than 1, relative to the modal decay.
 _LEEWAY = 2.0
-#: Levels to which a set may grow at once, linearly.
+#: Factors in length by which a set may grow in one step.
 _GROWTHS: tuple[float, ...] = (1.3, 1.12, 1.04)
-#: A fit is kept at once where samples allow so much of its level.
+#: A fit is accepted without a further one if samples allow this share of its level.
 _ENOUGH = 0.97
-#: Fits of one level, and the least growth of a set, linearly.
+#: Largest number of fits of one level, and least growth of a set in length.
 _FITS = 8
 _GAIN = 1.01
-#: A set that is changed where a place refutes it keeps this part of its size, or is not changed.
+#: Least size of a set that is changed at a refuted point, relative to its size before.
 _KEPT = 0.97
-#: Samples of a linear program, rows that a turn adds, turns, and the largest coefficient.
+#: For linear programs: numbers of samples, of rows added per turn and of turns; largest
+#: coefficient.
 _FIRST = 3000
 _CHECKED = 12_000
 _ADDED = 400
@@ -84,7 +85,7 @@ class Samples:
         rates, outputs = loop.rates(x)
         both = ca.Function("f", [x], [ca.vertcat(rates, outputs)])
         self._program = Program(both, loop.model.name)
-        #: Part of the usual number of samples: fewer of a loop with many operations.
+        #: Share of the usual number of samples; below 1 for a loop with many operations.
         self.share = min(1.0, _OPERATIONS / both.n_instructions())
         self._x = equilibrium.x
         at = Intervals(equilibrium.x, np.zeros_like(equilibrium.x))
@@ -514,7 +515,7 @@ class Growth:
             if len(slow):
                 self._slowest = np.concatenate([self._slowest, slow])
                 continue
-            # beyond its level 1 nothing is known
+            # the fit has no samples beyond its level 1
             bound = found.bound(self._samples, 1.0, quick=True)
             if bound.level >= _ENOUGH:
                 bound = found.bound(self._samples, 1.0)

@@ -49,7 +49,7 @@ def imitation(
         at_zero = act(weight @ at_zero + bias[:, None])
         size = width
     wanted = -(points * reach) @ np.asarray(K).T
-    # ridge: small weights, as training leaves them
+    # ridge regression, for small weights as after training
     features = (values - at_zero).T
     left = features.T @ features + 1e-3 * len(points) * np.eye(size)
     weight = np.linalg.solve(left, features.T @ wanted).T

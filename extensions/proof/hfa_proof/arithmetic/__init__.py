@@ -4,8 +4,8 @@ from typing import Any
 
 from hfa_support.errors import BadInputError
 
-#: Bits of a midpoint. Doubles carry 53; what is left absorbs the rounding of some ten thousand
-#: operations.
+#: Bits of a midpoint. Doubles have 53 bits; the other bits absorb the rounding of about ten
+#: thousand operations.
 PRECISION = 192
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, fmpq
 
-#: Relative radius that holds the decimal from which a double was read, also by way of degrees: four
-#: units of 2^-53.
+#: Relative radius about a double that contains the decimal from which it was read, also if it was
+#: converted from degrees: four units of 2^-53.
 READING = 2.0**-51
 
 

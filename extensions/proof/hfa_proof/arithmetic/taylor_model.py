@@ -16,7 +16,7 @@ from flint import arb, arb_series
 #: {s : |s| <= 1} and {s² : |s| <= 1}.
 _ALL = arb(0, 1)
 _SQUARE = arb(0.5, 0.5)
-#: Control points of s² on the four quarters of [-1, 1]: their hull holds (s, s²).
+#: Control points of s² on the four quarters of [-1, 1]; their convex hull contains (s, s²).
 _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0, 1.0))
 
 
@@ -59,7 +59,7 @@ class TaylorModel:
             return self.map(lambda part: part * other)
         a0, a1, a2, a_remainder, *a_errors = self.parts
         b0, b1, b2, b_remainder, *b_errors = other.parts
-        # Of the product of what is off the centers, a1 b1 s² is kept and the rest is enclosed.
+        # Of the product of the deviations from the centers, a1 b1 s² is kept; the rest is enclosed.
         remainder = a_remainder * b0 + a0 * b_remainder
         remainder += self._beyond_slope * other._off_center
         remainder += _ALL * a1 * other._beyond_slope

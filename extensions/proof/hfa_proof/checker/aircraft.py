@@ -9,7 +9,7 @@ from hfa_proof.checker.reading import require
 from hfa_proof.flexible_aircraft import aircraft_of
 from hfa_support.errors import BadInputError, shown
 
-#: A trim is the stated one when it lies this close to it, in nominal values of its unknowns.
+#: Largest difference of a trim from the stated one, in nominal values of its unknowns.
 SAME_TRIM = 1e-6
 
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from hfa_proof.checker.reading import Rejected
 
-#: Lowest and highest value of each coordinate; both ends belong to it.
+#: Lowest and highest value of each coordinate of a closed box.
 Box = Sequence[tuple[float, float]]
 Piece = TypeVar("Piece")
 

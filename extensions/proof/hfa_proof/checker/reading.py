@@ -18,7 +18,7 @@ from flint import arb
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 
 _DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
-#: Larger numbers are refused: their squares are not doubles.
+#: Larger numbers are refused, because their squares overflow.
 _LARGEST = 1e300
 _LARGEST_INTEGER = 2**53
 
@@ -42,7 +42,7 @@ def require(holds: bool, where: str, value: Any = None) -> None:
         raise Malformed(f"invalid entry: {where}{shown_value}")
 
 
-#: What reading and checking raise where an entry is wrong or does not prove what is stated.
+#: Errors of reading and checking for a wrong entry, or for evidence that does not prove the claim.
 NOT_PROVED = (
     NoSolutionError,
     LookupError,

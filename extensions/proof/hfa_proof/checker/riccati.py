@@ -24,7 +24,7 @@ from hfa_proof.checker.roots import root_offsets
 from hfa_proof.checker.statement import Weights
 from hfa_proof.checker.witness import SolutionBox
 
-#: A gain in doubles is that of a value to within this, relative (Frobenius).
+#: Largest relative difference of a gain from the gain of a value (Frobenius norm).
 SAME_GAIN = 1e-9
 
 

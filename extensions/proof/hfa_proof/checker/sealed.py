@@ -14,7 +14,7 @@ from hfa_support.jsonable import jsonable
 from hfa_support.version import VERSION
 
 SCHEMA = "hfa.certificate/9"
-#: What a file holds beside the statement and the witness, none of which is claimed.
+#: Entries of a file besides the statement and the witness. They are not part of the claim.
 _CLOSING = ("digest", "provenance", "checksum")
 
 

@@ -54,7 +54,7 @@ class SolutionRequest(PlantOptions, OutputOptions):
             raise BadInputError(
                 f"a game is defined at one value; give --{called_at(self.model)} with one value"
             )
-        if typed is not None:  # from here on as in the commands of one trim
+        if typed is not None:  # the other commands of one trim store the value in the model's unit
             in_degrees = self.model.schedule_unit == "deg"
             request = replace(self, at=math.radians(typed[0]) if in_degrees else typed[0])
         named = request.game()

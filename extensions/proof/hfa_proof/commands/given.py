@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hfa.options.games import PlantOptions
     from hfa_proof.commands.check import CheckRequest
 
-#: Options by any of which an aircraft is named.
+#: Options that name an aircraft.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
 
 

@@ -25,7 +25,7 @@ from hfa_support.files import MATRIX_FILES
 if TYPE_CHECKING:
     from hfa_proof.search.loops import Intervals
 
-#: Of uncertain actuators.
+#: Options of uncertain actuators.
 _INTERVALS = ("bandwidth", "effectiveness", "delay")
 
 

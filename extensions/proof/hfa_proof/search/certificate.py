@@ -31,11 +31,11 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
 
 Content = dict[str, Any]
-#: Least time between two writings of an unfinished certificate, s, and in writing times: writing
-#: takes a tenth at most.
+#: Least time between two writings of an unfinished certificate, in s and in multiples of the
+#: writing time, so that writing takes at most a tenth of the time.
 _PAUSE = 2.0
 _RARELY = 9.0
-#: Decimals of a ball: the checker's own digits, and some.
+#: Decimal digits of a ball, somewhat more than the checker uses.
 _DIGITS = 55
 
 

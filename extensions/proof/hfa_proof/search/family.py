@@ -36,13 +36,13 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
 Proved = TypeVar("Proved")
-#: Limits farther away than this are none.
+#: Limits beyond this value are treated as infinite.
 _FAR = 1e300
-#: The radius of a trim is so many times what Newton's method leaves, and the root of the number of
-#: unknowns; at least so many nominal values.
+#: Radius of a trim, in Newton steps times the root of the number of unknowns, and its least value
+#: in nominal values.
 _ROOM = 1.5
 _FINEST = 1e-46
-#: Newton's steps from a trim in doubles to one at the precision of the balls.
+#: Number of Newton steps from a trim in doubles to the precision of the balls.
 _STEPS = 4
 
 

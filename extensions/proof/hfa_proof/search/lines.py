@@ -17,7 +17,7 @@ from hfa_proof.checker.modes import least_and_most, modes_right_of
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.witness import Line
 
-#: Eigenvectors are taken for dependent when their condition number is larger.
+#: Condition number above which eigenvectors are treated as dependent.
 _DEPENDENT = 1e12
 
 

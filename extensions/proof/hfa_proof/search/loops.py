@@ -28,12 +28,13 @@ from hfa_servo.scheduled_controller import ScheduledController
 from hfa_support.errors import BadInputError
 from trim.point.linearize import linearize
 
-#: Distance between two gains of `exact_gains`, in steps of the family: of the dihedral 2 deg.
+#: Distance between two breakpoints of `exact_gains`, in steps of the family; 2 deg for the
+#: dihedral.
 _STEP = 2.0
-#: With actuators these are the gains of the LQR on the plant with its slowest actuators, with R so
-#: many times the usual: the usual weights ask for more bandwidth than such actuators have.
+#: Factor on R for the LQR of the plant with its slowest actuators. The usual weights would need
+#: more bandwidth than such actuators have.
 _SLOWER = 300.0
-#: Digits of breakpoints, deg, that were degrees before they became radians.
+#: Digits of breakpoints in degrees, which were converted to radians and back.
 _DIGITS = 10
 
 

@@ -39,19 +39,19 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, told
 
-#: How much wider than what Newton's step shows the solution of the game is sought, one after the
-#: other: a narrow reach gives a sharp bound and may be too narrow.
+#: Factors on the Newton step for the reach of the solution, tried in order. A small reach gives a
+#: sharp bound but may be too small for a proof.
 _REACHES = (2.5, 4.0)
-#: Cells, in steps of the family: every breakpoint of a grid is an end of one.
+#: Width of a cell, in steps of the family. Every breakpoint of a grid is an end of a cell.
 _CELL = 2.0**-4
-#: Narrower cells are not tried.
+#: Width of the narrowest cell, in steps of the family.
 _NARROWEST = 2.0**-8
-#: Part of the tolerance that a cell may use up with breakpoints at its own ends.
+#: Largest error of a cell with breakpoints at its own ends, as a part of the tolerance.
 _LOOSE = 0.5
-#: What the error is stated larger than it is found, relative: radii of balls have 30 bits.
+#: Relative enlargement of stated errors, because radii of balls have only 30 bits.
 _ROUNDING = 1e-7
-#: P is found in doubles at the zeros of Chebyshev's polynomial of third order: 0 and this on either
-#: side.
+#: P is computed in doubles at the zeros of Chebyshev's polynomial of third order, which are 0 and
+#: this value with both signs.
 _ZERO = 0.75**0.5
 _PARTS = ("A", "B", "inputs", "K")
 

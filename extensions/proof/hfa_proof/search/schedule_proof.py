@@ -41,25 +41,25 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
 
-#: Narrower boxes, in steps of the family, are not tried: they stay open. With errors of the
-#: parameters or actuators, which do not become smaller with the box, one gives up earlier.
+#: Widths of the narrowest boxes, in steps of the family; narrower parts remain open. They are
+#: larger with errors of parameters or actuators, which do not decrease with the box.
 NARROWEST = 2.0**-10
 NARROWEST_WITH_ERRORS = 2.0**-5
 NARROWEST_WITH_ACTUATORS = 2.0**-3
-#: Widest box with errors of the parameters, in steps of the family: wider ones are not tried.
+#: Width of the widest box with errors of the parameters, in steps of the family.
 _WIDEST_WITH_ERRORS = 0.25
-#: The part of the middle's decay rate that is claimed for the whole box.
+#: Decay rate that is claimed for a box, relative to the decay rate at its center.
 RATE_SHARE = 0.9
 #: Largest distance between two breakpoints of P, in steps of the family.
 _STEP = 0.125
-#: Parts of the rate that points suggest, tried until one is proved on the whole interval.
+#: Parts of the rate that the points suggest, tried until one is proved on the whole interval.
 _SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-#: Narrower boxes of the motion are not tried, likewise.
+#: Width of the narrowest box of the motion, in steps of the family.
 _NARROWEST_MOVING = 2.0**-6
-#: Steps of the search for W, which goes from point to point at most this many of them apart ..
+#: Number of steps of the search for W, and stride between the points that it uses.
 _TRIES = 16
 _STRIDE = 8
-#: .. and how much the point that allows least counts.
+#: Power that gives the points with the lowest admissible rates the most weight.
 _POWER = 8
 
 

@@ -46,19 +46,19 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 
-#: Relative width of the bracket, where the middle of a wider one can be decided.
+#: Relative width of the bracket at which the bisection ends.
 WIDTH = 1e-6
-#: Distances from the middle of what was found, relative, that are tried on either side.
+#: Relative distances from the value in doubles that are tried on each side.
 _DISTANCES = (1e-7, 2e-7, 5e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-#: Newton's steps on balls, at most: near the solution the number of digits that are right doubles
-#: with each. After one of this relative size the next brings the last digits.
+#: Largest number of Newton steps on balls, and the relative size of a step after which one more
+#: step suffices. Near the solution each step doubles the number of correct digits.
 _STEPS = 20
 _SETTLED = 1e-18
-#: A solution is sought within so many times what Newton's method leaves, and within this part of
-#: it: far below what a statement needs, far above rounding.
+#: Reach of a solution: factor on the last Newton step, plus a part of the norm of P that is far
+#: below the precision of a statement and far above rounding.
 _REACH = 4.0
 _LEAST = 1e-28
-#: Part of a distance by which the certificate states it wider.
+#: Relative enlargement of a distance in the certificate.
 _SHARP = 1e-6
 
 
@@ -425,7 +425,7 @@ def prove_critic(
     parts: dict[str, np.ndarray] = {"K": critic.K}
     if critic.P is not None:
         parts["P"] = critic.P
-        if critic.feedback is not None:  # the gain of a value is that of its P
+        if critic.feedback is not None:  # K follows from P
             parts["K"] = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(critic.P))
     if critic.weights is not None:
         parts["W"] = critic.weights[:, None]
@@ -440,7 +440,7 @@ def prove_critic(
         "solution": _solution_content(box),
         "loop": [vars(line) for line in lines],
     }
-    hurwitz = None  # a mode may lie on the axis
+    hurwitz = None  # open: a mode may be on the imaginary axis
     if loop[0] > 0:
         hurwitz = False
     elif loop[1] == 0:

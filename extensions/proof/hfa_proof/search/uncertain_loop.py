@@ -19,7 +19,7 @@ from hfa_proof.checker.trims import LinearModelBox, Rejected
 from hfa_proof.checker.witness import Piece
 from hfa_proof.search.loops import Loop
 
-#: The interval of bandwidths is halved at most so often.
+#: Largest number of halvings of the interval of bandwidths.
 _HALVINGS = 3
 #: Largest multiplier, in scaled units.
 _LARGEST = 100.0

@@ -56,12 +56,12 @@ def test_what_no_box_proves_refused_unless_said_open(name: str, tmp_path: Path) 
     if name == "motion":
         return
     own["statement"][name] = [[last[0], last[1], 0, 6]]
-    if name == "loop":  # nothing is proved Hurwitz, and nothing decays
+    if name == "loop":  # no run is proved stable, so no decay rate is claimed
         with pytest.raises(Rejected, match="decay_rate"):
             check_certificate(forge(path, own))
         own["statement"]["decay_rate"] = 0.0
     report = checked_report(check_certificate(forge(path, own)))
-    whole = name == "modes"  # a count that is open is no less a proof of the loop
+    whole = name == "modes"  # open numbers of A's modes do not affect the proof of the loop
     assert report.data["proved"] is whole
     assert report.title.startswith(
         "Verified, proved" if whole else "Verified, but not proved on the whole interval"
@@ -119,7 +119,7 @@ def test_where_alpha_is_free_derivative_follows_pitch_with(
         found.append(derivative)
         return whole(residual, derivative, radii)
 
-    # Nothing but the call itself shows the derivatives.
+    # The derivatives are visible only in this call.
     monkeypatch.setattr(trims, "root_offsets", watched)
     entries = Fields("box", {"range": box["range"], "trim": box["trim"]})
     trims.linear_model_on(proof.statement.flight, TrimBox.read(entries, proof.statement.flight))

@@ -140,7 +140,7 @@ def _a_gain_of_other_weights(made: Any) -> None:
     made["statement"]["gain_of_value"] = True
 
 
-#: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
+#: Name -> kind of certificate, change, and message of the clause that refuses it.
 FORGED: dict[str, tuple[str, Change, str]] = {
     "an error of what is scheduled": ("two trims", put({"p": 0.01}, *FLIGHT, "spread"), "spread"),
     "a trim above a limit": ("two trims", put([-9.0, 1.0], *FLIGHT, "limits", "x"), "x may lie"),

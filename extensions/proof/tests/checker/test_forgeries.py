@@ -144,7 +144,7 @@ def test_the_other_trim_has_certificate_of_its_own(tmp_path: Path) -> None:
         assert flight.trims[0].unknowns["x"] == pytest.approx(-np.sqrt(2.0))
 
 
-# One thing that is wrong, and the message that names it.
+# Forgeries with one wrong entry, and the message that names it.
 
 LOOP = ("witness", "loop", 0)
 NAMED: dict[str, tuple[str, Change, str]] = {

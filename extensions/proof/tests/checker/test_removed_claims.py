@@ -36,7 +36,7 @@ from hfa_support.reporting.report import Report
 LARGE_GAMES = [
     pytest.param(kind, marks=pytest.mark.slow) for kind in ("one of two", "solution", "critic")
 ]
-#: Of each kind: removals from the true certificate, at most, and from false statements.
+#: Kind -> largest numbers of removals from the true certificate and from false statements.
 ALONE = 300
 COMBINED = 100
 

@@ -199,7 +199,7 @@ def test_one_lyapunov_function_serves_all_stable_points() -> None:
         assert (found is not None) == exists
         if found is not None:
             for rates, _ in points:
-                form = decrease(rates, rows, *found)[::2, ::2]  # d does nothing
+                form = decrease(rates, rows, *found)[::2, ::2]  # without d, which has no effect
                 assert np.linalg.eigvalsh(form)[0] > 0.0
 
 

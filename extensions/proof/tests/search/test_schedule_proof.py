@@ -119,10 +119,10 @@ def test_instability_between_two_angles_is_found_and_refuted(
     for run in refuted:
         values = np.linalg.eigvals(loop_at(loop, (run.low + run.high) / 2))
         assert run.least == run.most == int(np.sum(values.real > 0.0))
-    # At its own angles the table is stable, and there the interval is proved to be.
+    # At the angles of the table the loop is stable, and the ends of the interval are proved.
     assert (runs[0].low, runs[0].most) == (15.0, 0)
     assert (runs[-1].high, runs[-1].most) == (end, unstable)
-    # What is open are the angles where a mode crosses the axis, and they are narrow.
+    # Only narrow intervals, where a mode crosses the axis, are open.
     still_open = [run for run in runs if run.least < run.most]
     assert 0.0 < sum(run.high - run.low for run in still_open) < 0.03
     assert proof.data["decay_rate"] > 0.0
@@ -166,7 +166,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
     It is interrupted in the proof of the loop, or in that of the modes of A. An edited file is
     refused.
     """
-    # A proof of a test is over before it would be written the first time.
+    # Without this, a short proof ends before its certificate is first written.
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
     monkeypatch.setattr(certificate, "_RARELY", 0.0)
     path = tmp_path / "certificate.json"
@@ -187,7 +187,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
         half = json.loads(path.read_text())["witness"]
         assert (len(half["loop"]), len(half["modes"]) > 0) == (1 + (share > 0.5), share > 0.5)
         assert prove_schedule(family(), loop, 13.75, 14.25, moving=True, file=again).proved
-        assert ctx.prec == PRECISION  # the checker's is another
+        assert ctx.prec == PRECISION  # the checker uses another precision
         assert path.read_bytes() == whole.read_bytes()
     forged = json.loads(path.read_text())
     forged["witness"]["loop"][0]["rate"] = 0.5

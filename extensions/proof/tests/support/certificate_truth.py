@@ -27,9 +27,9 @@ from hfa import (
 from hfa_aircraft.model import Model
 
 Content = dict[str, Any]
-#: Rounding of doubles beside what a certificate states to all digits.
+#: Rounding error of doubles, compared with values that a certificate states with all digits.
 ROUNDING = 1e-6
-#: Nearer to the smallest delta, relative, a solution in doubles is not certified.
+#: Relative distance from delta_min below which a solution in doubles is not certified.
 NEAR = 1e-4
 
 

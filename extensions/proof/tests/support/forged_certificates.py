@@ -45,7 +45,7 @@ def array(function: Callable[[np.ndarray], np.ndarray]) -> Callable[[Any], Any]:
     return lambda values: function(np.array(values, dtype=float)).tolist()
 
 
-# False statements: name -> change of a true one of a kind.
+# False statements: name -> change of a true certificate.
 
 CLAIM = ("statement",)
 FLIGHT = ("statement", "flight")
@@ -183,7 +183,9 @@ def of_games(kind: str) -> dict[str, Change]:
         )
     for factor in (1.001, 2.0, 0.5, 100.0):
         scaled = array(lambda M, factor=factor: factor * M)
-        if has_bracket:  # a critic may by chance be as near to the solution of another game
+        if (
+            has_bracket
+        ):  # without it, a critic may by chance be as close to the solution of another game
             changes[f"Q times {factor}"] = put(scaled, *weights, "Q")
             changes[f"R times {factor}"] = put(scaled, *weights, "R")
     changes["Q not semidefinite"] = put(
@@ -193,7 +195,7 @@ def of_games(kind: str) -> dict[str, Change]:
     changes["unstable loop"] = put([1, 1], *CLAIM, "loop")
     changes["no gain"] = put(array(np.zeros_like), *CLAIM, "critic", "K")
     if kind in ("scalar", "one of two"):
-        del changes["no gain"]  # that is as stable
+        del changes["no gain"]  # the loop without a gain is stable too
         changes["a gain that destabilizes"] = put([[-100.0]], *CLAIM, "critic", "K")
     if has_bracket:
         for share in (1.01, 2.0, 0.5, 0.9):
@@ -221,7 +223,7 @@ def of_models() -> dict[str, Change]:
         changes[f"Q times {factor}"] = put(
             array(lambda Q, factor=factor: factor * Q), *CLAIM, "weights", "Q"
         )
-    del changes["error of inputs times 0.3"]  # the bound of the inputs is not so sharp
+    del changes["error of inputs times 0.3"]  # the bound of the inputs is not this sharp
     return changes
 
 
@@ -318,7 +320,7 @@ def forged(kind: str, statement: str, witness: str) -> Content:
     return made
 
 
-# Removal: every list emptied, every interval made a point, every entry left out, pairs exchanged.
+# Removals: lists emptied, intervals made points, entries omitted, pairs exchanged.
 
 
 def removals(content: Content) -> dict[str, Change]:

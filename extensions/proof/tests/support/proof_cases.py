@@ -29,7 +29,7 @@ from hfa_proof.search.certificate import Proof
 from hfa_proof.search.loops import Intervals, Loop, exact_gains, loop_of_gains
 from hfa_support.provenance import Provenance
 
-#: What the certificates of the tests bear.
+#: Provenance of the certificates of the tests.
 ORIGIN = Provenance("a test", "published")
 
 
@@ -267,7 +267,7 @@ def _critic(game: Game, *flights: Any) -> Proof:
 PLANT = Game(
     A=[[0.0, 1.0], [2.0, -1.0]], B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=50.0
 )
-#: Every kind of certificate, with every part that one may have.
+#: Proofs of every kind, which together contain every optional part.
 PROOFS: dict[str, Callable[[], Proof]] = {
     "rate": lambda: prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True),
     "memory": lambda: prove_schedule(family(), with_memory(), 14.0, 14.0625),

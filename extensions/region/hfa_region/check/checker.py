@@ -82,7 +82,7 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 
     An input is free or at a limit, a disturbance at its lowest or highest value.
     """
-    stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
+    stated = [_ENDS[FREE]]  # a coordinate of all parts, so that a loop without inputs has one
     for name in loop.statement.loop.inputs:
         low, high = loop.reaches(name)
         stated.append((_ENDS[LOWEST if low else FREE][0], _ENDS[HIGHEST if high else FREE][1]))

@@ -259,7 +259,7 @@ class RegionLoop:
             ends = [-size if part[name] == LOWEST else size for name, size in sizes.items()]
             rates, outputs = self._run(part, ends)
             if sizes:
-                # Whatever is compared in the equations is decided for all w between the ends too.
+                # Comparisons in the equations are decided for all w between the ends too.
                 _, outputs = self._run(part, [symmetric(size) for size in sizes.values()])
             self._check_outputs(outputs)
             if all(what == FREE for what in part.values()):
@@ -350,7 +350,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
     for coefficient, exponents in terms:
         product = coefficient
         for value, power in zip(z, exponents, strict=True):
-            for _ in range(power):  # ** of a ball that holds 0 is not a number
+            for _ in range(power):  # ** of a ball that contains 0 gives nan
                 product = product * value
         total += product
     return total

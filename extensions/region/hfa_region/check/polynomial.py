@@ -11,8 +11,8 @@ from flint import arb, fmpq
 
 #: Bits of the exponent of one variable in a key.
 _BITS = 8
-#: The exponents of a monomial in one number, Σ α_i 256^i: keys of a product are the sums of those
-#: of its factors.
+#: The exponents of a monomial in one number, Σ α_i 256^i. The key of a product is the sum of the
+#: keys of its factors.
 Key = int
 
 

@@ -102,7 +102,7 @@ def _given_aircraft(
     given = {name: Given(fact, option) for name, fact in facts_of(model).items()}
     given["parameters"] = Given(parameters, option)
     if tuple(model.linear) != statement.loop.states:
-        return given  # of another model: the comparison of its name says so
+        return given  # another model, which the comparison of its name reports
     states = {**statement.loop.trim, **statement.loop.held}
     given["limits"] = Given(
         model_limits(model, states, parameters), option, _not_wider(tuple(model.inputs))

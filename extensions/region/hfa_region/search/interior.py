@@ -114,7 +114,7 @@ def minimized(
     """
     search = _Search(groups, cost, tolerance)
     end = time.process_time() + seconds
-    with np.errstate(all="ignore"):  # of multipliers that grow where there is no such point
+    with np.errstate(all="ignore"):  # multipliers grow without bound if there is no solution
         for _ in range(_ITERATIONS):
             if search.done(enough) or time.process_time() > end:
                 break

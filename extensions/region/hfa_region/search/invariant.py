@@ -267,7 +267,7 @@ def _at(
         return None
     try:
         return accepted(EdgeSearch(loop, candidate.V, rho, held, setting))
-    except NoSolutionError:  # the equations or outputs on so large a ball
+    except NoSolutionError:  # not enclosed on such a large ball
         return None
 
 

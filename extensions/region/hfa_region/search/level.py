@@ -447,10 +447,10 @@ def proved_level(
         if held is None:
             return None
         try:
-            known = 1.0 / rho if rho > 1.0 else 0.0  # a turn has held in the ball of level 1
+            known = 1.0 / rho if rho > 1.0 else 0.0  # level 1 is proved in its ball
             share = LevelSearch(loop, V, rho, held, setting).largest(known)
             break
-        except NoSolutionError:  # the equations or outputs on so large a ball
+        except NoSolutionError:  # not enclosed on such a large ball
             rho = 1.0 if rho > 1.0 else 0.8 * rho
     for _ in range(6):
         if share == 0.0:

@@ -24,7 +24,7 @@ _STEPS = 3.0
 _FAR = 1e4
 #: Multiples of the largest initial deviation beyond which a trajectory diverges.
 _FAR_OF_STARTS = 1e2
-#: A trajectory is at an equilibrium if it would move by fewer nominal deviations in as long
+#: A trajectory is at an equilibrium if it would move by fewer nominal values in the same time
 #: again.
 _RESTS = 1e-2
 #: Function of deviations (N, n): V (N,), or its slope (N, n).
@@ -265,10 +265,10 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 class Outcome(IntEnum):
     """Outcome of a simulation from an initial condition."""
 
-    RETURNED = 0  # it comes into the proved set
-    UNKNOWN = 1  # none of the others in the time
-    LEFT = 2  # it goes beyond a limit
-    LOST = 3  # it diverges, or comes to rest elsewhere
+    RETURNED = 0  # it enters the proved set
+    UNKNOWN = 1  # no other outcome within the time
+    LEFT = 2  # it exceeds a limit
+    LOST = 3  # it diverges or converges to another equilibrium
 
 
 #: Descriptions of flights that do not enter the proved set.
@@ -300,7 +300,7 @@ def outcomes(
     z = np.array(starts, dtype=float)
     result = np.full(len(z), Outcome.UNKNOWN)
     flying = np.arange(len(z))
-    with np.errstate(all="ignore"):  # of those that run away
+    with np.errstate(all="ignore"):  # diverging states overflow
         for _ in range(int(np.ceil(seconds / step)) + 1):
             now = z[flying]
             returned = holds(now)

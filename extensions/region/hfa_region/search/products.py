@@ -13,7 +13,7 @@ from hfa_region.check.polynomial import exponents_of, monomials
 
 #: Base of the exponents in one whole number.
 BASE = 16
-#: Entries of the matrices of a block; larger arrays are also allocated anew at each use.
+#: Largest number of entries of the matrices of a block; larger arrays do not fit in the cache.
 _ENTRIES = 60_000
 
 

@@ -32,7 +32,7 @@ from hfa_support.reporting.report import Report, Reported
 _GAIN = 1.004
 #: Decreasing levels of a new V that are tried.
 _LEVELS = (1.0, 0.93, 0.85, 0.7, 0.5)
-#: Time of a proof, in steps of the search, which is kept for it.
+#: Time that is reserved for a proof, in steps of the search.
 _TURNS_OF_A_PROOF = 5.0
 #: Highest level of the last V that is tried.
 _GROWTH = 1.6
@@ -151,7 +151,7 @@ class RegionSearch:
         be enclosed.
         """
         refuse_unstable(self.plant.closed_matrix)
-        Equilibrium(self.loop)  # refuses equations that a proof does not take
+        Equilibrium(self.loop)  # raises for equations that a proof does not support
         V = known or self._start()
         if known:
             self._prove(V, 1.0, "V of the certificate", self._settings[0])
@@ -307,7 +307,7 @@ class RegionSearch:
                 search = LevelSearch(self.loop, tried, 1.0, held, setting)
                 if search.proofs is None:
                     continue
-            except NoSolutionError:  # the equations or outputs on so large a ball
+            except NoSolutionError:  # not enclosed on such a large ball
                 continue
             self._tell(f"V of degree {setting.degree}, size {size:.4g}")
             return _Turn(tried, search, size, time.process_time() - begin)
@@ -488,8 +488,9 @@ def settings_of(n: int, degree: int) -> list[Setting]:
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     elif n <= 4:
-        # With half 4 only 0.4 of the level of a quartic V holds, less than that of a quadratic V.
-        # The small turns of half 3 are left to half 4, with which a set grows in fewer turns.
+        # A quartic V needs half = 5. With half = 4 only 0.4 of its level is proved, a smaller set
+        # than with a quadratic V. With half = 3 only large steps are made, since half = 4 needs
+        # fewer.
         first = Setting(6, 3, 2, reaches=(1.35,))
         tried = [first, Setting(7, 4, 2), Setting(9, 5, 4, 200.0)]
     else:

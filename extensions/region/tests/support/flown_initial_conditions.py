@@ -16,13 +16,13 @@ from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.invariant import DisturbedPlant
 from hfa_region.search.plant import Plant
 
-#: Steps in the time constant of the fastest mode, and time constants of the slowest that are flown.
+#: Steps per time constant of the fastest mode, and duration in time constants of the slowest mode.
 _STEPS = 4.0
 _CONSTANTS = 4.0
-#: Part of the level at which a start has returned, and by how much a step may be above it.
+#: Part of the level below which a flight has converged, and tolerance of leaving the level.
 _RETURNED = 0.1
 _ABOVE = 1e-6
-#: Starts that are flown at a time.
+#: Number of flights that are simulated together.
 _CHUNK = 20_000
 
 

@@ -250,7 +250,7 @@ def _edge_everywhere(content: Content, generator: np.random.Generator) -> None:
         multipliers["level"], multipliers["edge"] = multipliers["edge"], multipliers["level"]
 
 
-#: Of a set that is invariant under a disturbance, beside the others.
+#: Further forgeries, of a set that is invariant under a disturbance.
 DISTURBED_KINDS: dict[str, Forgery] = {
     "disturbance larger": _disturbance_larger,
     "disturbance negative": _disturbance_negative,

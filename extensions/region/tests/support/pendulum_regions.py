@@ -29,7 +29,7 @@ from hfa_region.search.plant import saturated_loop
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 VAN_DER_POL = f"{EXAMPLES / 'pendulum.py'}:VAN_DER_POL"
-#: Which a search has found for the pendulum.
+#: V of a region of the pendulum, found by a search.
 V = PolynomialFunction.quadratic(np.array([[2.648, 0.1393], [0.1393, 0.06878]]))
 
 
