@@ -139,7 +139,9 @@ def test_a_critic_over_time_keeps_its_time() -> None:
     )
     discounted = ("--discount", "0.99", "--dt", "0.1")
     assert_refused(
-        hfa(*words, *discounted), BAD_INPUT, "--discount needs one critic, not a history"
+        hfa(*words, *discounted),
+        BAD_INPUT,
+        "the file contains a history, but --discount needs one critic",
     )
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")

@@ -93,7 +93,7 @@ class _Files:
         if variable.name in self._outputs:
             other = self._outputs[variable.name][0].path
             raise document.error(
-                f"variable {variable.key}", f"is also an output of {other}; remove one"
+                f"variable {variable.key}", f"is also an output of {other}; remove one of the two"
             )
         self._outputs[variable.name] = (document, variable)
 
@@ -303,13 +303,13 @@ def _unit(document: Document, variable: Variable) -> tuple[str, float]:
     known = names.model_unit(variable.units)
     if known is None:
         raise document.error(
-            place, f"its unit {shortened(variable.units)!r} is unknown; use one of S-119"
+            place, f"the unit {shortened(variable.units)!r} is unknown; use a unit of S-119"
         )
     expected = names.UNIT_OF.get(variable.name, known[0])
     if known[0] != expected:
         raise document.error(
             place,
-            f"{variable.name} in {variable.units!r} cannot be converted to {expected!r};"
-            " correct its unit",
+            f"{variable.name} is in {variable.units!r}, which cannot be converted to {expected!r};"
+            " correct the unit",
         )
     return known

@@ -154,6 +154,7 @@ def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
     if len(set(units)) > 1:
         raise document.error(
             place,
-            f"{signal.name} is in {signal.units}, its variable in {variable.units}; use one unit",
+            f"{signal.name} is in {signal.units} here but in {variable.units} in its definition;"
+            " use the same unit",
         )
     return variable

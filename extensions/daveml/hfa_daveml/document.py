@@ -149,7 +149,7 @@ def read_document(path: str) -> Document:
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
         raise BadInputError(
-            f"{path}: has entities or is not UTF-8; save it as UTF-8 without entities"
+            f"{path} contains entities or is not UTF-8; save it as UTF-8 without entities"
         )
     try:
         root = ElementTree.fromstring(content)
@@ -158,7 +158,9 @@ def read_document(path: str) -> Document:
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     if root.tag != "DAVEfunc":
-        raise BadInputError(f"{path}: begins with <{shortened(root.tag)}>; give a DAVE-ML file")
+        raise BadInputError(
+            f"{path}: the root element is <{shortened(root.tag)}>; give a DAVE-ML file"
+        )
     return _Reader(path, root).document()
 
 
@@ -204,10 +206,10 @@ class _Reader:
             for key in (function.result, *(axis.key for axis in function.axes)):
                 if key not in document.variables:
                     place = f"function for {function.result}"
-                    raise document.error(place, f"{key} is not defined; define it")
+                    raise document.error(place, f"variable {key} is not defined; define it")
             if document.variables[function.result].formula is not None:
                 place = f"variable {function.result}"
-                raise document.error(place, "has a table and a formula; leave one out")
+                raise document.error(place, "has both a table and a formula; remove one")
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
@@ -234,7 +236,7 @@ class _Reader:
         if calculation is not None:
             math_element = calculation.find("math")
             if math_element is None or len(math_element) != 1:
-                raise self._error(place, "<calculation> needs one <math> with one formula")
+                raise self._error(place, "<calculation> must contain one <math> with one formula")
             formula = math_element[0]
         initial = element.get("initialValue")
         return Variable(
@@ -254,20 +256,20 @@ class _Reader:
         if result is None:
             raise self._error(
                 f"function {element.get('name', '')}",
-                "has no <dependentVarRef>; only functions of variables are supported",
+                "has no <dependentVarRef>; add it to name the variable that it defines",
             )
         key = self._attribute(result, "varID")
         axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
         definition = element.find("functionDefn")
         found = None if definition is None else self._table_of(definition)
         if found is None:
-            raise self._error(f"function for {key}", "its table is not defined; define it")
+            raise self._error(f"function for {key}", "the table is not defined; define it")
         table = self._ungridded(found, key) if found.find("dataPoint") is not None else None
         table = table or self._gridded(found, key)
         if len(axes) != len(table.ends):
             raise self._error(
                 f"function for {key}",
-                f"has {len(axes)} arguments, its table {len(table.ends)} axes; make them equal",
+                f"has {len(axes)} arguments, but its table has {len(table.ends)} axes; correct one",
             )
         return Function(key, axes, table)
 
@@ -275,11 +277,13 @@ class _Reader:
         place = f"function for {result}"
         way = element.get("interpolate", "linear")
         if way != "linear":
-            raise self._error(place, f'interpolate="{shortened(way)}"; only "linear" is supported')
+            raise self._error(
+                place, f'interpolate="{shortened(way)}" is not supported; use "linear"'
+            )
         extrapolate = element.get("extrapolate", "neither")
         if extrapolate != "neither":
             raise self._error(
-                place, f'extrapolate="{shortened(extrapolate)}"; only "neither" is supported'
+                place, f'extrapolate="{shortened(extrapolate)}" is not supported; use "neither"'
             )
         return Axis(
             self._attribute(element, "varID"),
@@ -318,7 +322,8 @@ class _Reader:
         if {row.size for row in rows} not in ({2}, {3}):
             raise self._error(
                 place,
-                "each <dataPoint> of an ungridded table needs one or two arguments and a value",
+                "the <dataPoint>s must have the same number of arguments, one or two, and a value;"
+                " correct the ungridded table",
             )
         table = np.array(rows)
         try:
@@ -330,22 +335,25 @@ class _Reader:
         place = f"function for {result}"
         keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
         missing = [key for key in keys if key not in self._breakpoints]
-        if missing or not keys:
+        if not keys:
+            raise self._error(place, "the table has no <bpRef>; add one for each argument")
+        if missing:
             raise self._error(
-                place, f"breakpoints {', '.join(missing) or '(none)'} are not defined; define them"
+                place, f"breakpoints {', '.join(missing)} are not defined; define them"
             )
         breakpoints = tuple(self._breakpoints[key] for key in keys)
         for key, points in zip(keys, breakpoints, strict=True):
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
-                    f"breakpoints {key}", "do not increase; give two or more in order"
+                    f"breakpoints {key}", "do not increase; give at least two increasing numbers"
                 )
         values = self._numbers(element, "dataTable")
         shape = tuple(points.size for points in breakpoints)
         if values.size != math.prod(shape):
             raise self._error(
                 place,
-                f"the table has {values.size} values; its breakpoints need {math.prod(shape)}",
+                f"the table has {values.size} values, but its breakpoints require"
+                f" {math.prod(shape)}; correct one",
             )
         return GriddedTable(breakpoints, values.reshape(shape))
 
@@ -359,7 +367,9 @@ class _Reader:
 
     def _signals(self, group: ElementTree.Element | None, case: str) -> Iterator[Signal]:
         if group is None:
-            raise self._error(f"check case {case}", "needs <checkInputs> and <checkOutputs>")
+            raise self._error(
+                f"check case {case}", "<checkInputs> or <checkOutputs> is missing; add it"
+            )
         for signal in group.iter("signal"):
             texts = {child.tag: (child.text or "").strip() for child in signal}
             name = texts.get("signalName") or texts.get("varID") or texts.get("signalID", "")

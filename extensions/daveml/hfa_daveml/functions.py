@@ -44,7 +44,9 @@ class Expressions:
         variable = self._document.variables.get(key)
         asked = self._asked[-1] if self._asked else key
         if variable is None:
-            raise self._document.error(f"variable {asked}", f"{key} is not defined; define it")
+            raise self._document.error(
+                f"variable {asked}", f"variable {key} is not defined; define it"
+            )
         if key in self._asked:
             circle = ", ".join(self._asked[self._asked.index(key) :])
             raise self._document.error(

@@ -100,7 +100,7 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
     if name in _OF_MANY and count >= 1:
         return reduce(_OF_MANY[name], arguments)
     raise BadInputError(
-        f"<{shortened(name)}> of {count} argument(s) is not supported in a formula; rewrite it"
+        f"<{shortened(name)}> with {count} argument(s) is not supported; rewrite the formula"
     )
 
 
@@ -129,11 +129,13 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     """
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
-        raise BadInputError("<piecewise> has no <otherwise>; add the value where no piece applies")
+        raise BadInputError(
+            "<piecewise> has no <otherwise>; add one with the value if no piece applies"
+        )
     value = expression(otherwise[0], value_of)
     for piece in reversed(element.findall("piece")):
         if len(piece) != 2:
-            raise BadInputError("<piece> needs a value and a condition")
+            raise BadInputError("<piece> must contain a value and a condition; correct it")
         chosen, condition = (expression(each, value_of) for each in piece)
         value = ca.if_else(condition, chosen, value)
     return value

@@ -97,12 +97,12 @@ def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | Un
     from scipy.spatial import Delaunay, QhullError
 
     if len(np.unique(points, axis=0)) < len(points):
-        raise ValueError("two of its points are equal")
+        raise ValueError("two points are equal")
     if points.shape[1] == 1:
         order = np.argsort(points[:, 0])
         return GriddedTable((points[order, 0],), values[order])
     try:
         triangulation = Delaunay(points)
     except QhullError as error:
-        raise ValueError("its points lie on a line") from error
+        raise ValueError("all points lie on a line") from error
     return UngriddedTable(points, values, triangulation.simplices, triangulation.convex_hull)

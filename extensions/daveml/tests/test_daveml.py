@@ -192,9 +192,9 @@ def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "its points lie on a line"),
-        (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), "two of its points are equal"),
-        (np.eye(3), "needs one or two arguments"),
+        (np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "all points lie on a line"),
+        (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), "two points are equal"),
+        (np.eye(3), "same number of arguments, one or two"),
     ],
 )
 def test_a_bad_ungridded_table_is_named(points: np.ndarray, message: str, tmp_path: Path) -> None:
@@ -251,10 +251,10 @@ def checked_and_loaded(path: str) -> None:
     [
         ('extrapolate="neither"', 'extrapolate="both"', "extrapolate"),
         ("<bpVals>-10, 0, 10", "<bpVals>-10, 10, 0", "do not increase"),
-        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10", "its breakpoints need 2"),
+        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10", "its breakpoints require 2"),
         ('units="kgm2"', 'units="stone"', "stone"),
         ("<griddedTableDef", "<ungriddedTableDef", "is not XML"),
-        ('varID="m" units="kg"', 'varID="m" units="ft_s"', "totalMass in 'ft_s'"),
+        ('varID="m" units="kg"', 'varID="m" units="ft_s"', "totalMass is in 'ft_s'"),
         ('initialValue="0.55"', 'initialValue="0"', "referenceWingArea is 0; give a positive"),
         ('varID="b"', 'varID="S"', "variable S: is defined twice"),
         ("<DAVEfunc", "<!DOCTYPE a [<!ENTITY b 'c'>]><DAVEfunc", "entities"),
@@ -263,7 +263,7 @@ def checked_and_loaded(path: str) -> None:
             '</function><function name="b"><independentVarRef varID="alpha"/>'
             '<dependentVarRef varID="CL"/><functionDefn><griddedTableRef gtID="wing"/>'
             "</functionDefn></function>",
-            "variable CL: has a table and a formula",
+            "variable CL: has both a table and a formula",
         ),
         ("<signalValue>35.0", "<signalUnits>ft_s</signalUnits><signalValue>35.0", "in ft_s"),
     ],

@@ -32,7 +32,9 @@ def changed_aircraft(path: str) -> Model | None:
         raise BadInputError(f"{path}: unknown entry {shown(unknown[0])}; use {', '.join(_KNOWN)}")
     other = data["aircraft"]
     if not isinstance(other, str) or Path(other).name == Path(path).name:
-        raise BadInputError(f"{path}: aircraft is {shown(other)}; name another aircraft's file")
+        raise BadInputError(
+            f"{path}: aircraft is {shown(other)}; give the file of another aircraft"
+        )
     values = _table(path, data, "parameters")
     if not all(map(is_finite, values.values())):
         raise BadInputError(f"{path}: parameters are {shown(values)}; give numbers by name")
@@ -58,7 +60,9 @@ def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
             raise BadInputError(f"{path}: the band of {name} is {shown(band)}; give [low, high]")
         low, high = band
         if not low <= high:
-            raise BadInputError(f"{path}: the band of {name} is {shown(band)}; exchange its ends")
+            raise BadInputError(
+                f"{path}: the band of {name} is {shown(band)}; give the low end first"
+            )
         if not (is_finite(values[name]) and low <= values[name] <= high):
             raise BadInputError(
                 f"{path}: {name} is {shown(values[name])}, outside its band {shown(band)}; correct"
@@ -73,7 +77,7 @@ def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
     """
     table = data.get(name, {})
     if not isinstance(table, dict):
-        raise BadInputError(f"{path}: {name} is {shown(table)}; give entries by name")
+        raise BadInputError(f"{path}: {name} is {shown(table)}; give a table of entries")
     return table
 
 

@@ -82,23 +82,27 @@ def completed(linear: LinearModel) -> dict[str, Any]:
     m = B.shape[1]
     for name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
         if matrix.shape != shape or not matrix.size:
-            raise BadInputError(f"{name} is {shape_text(matrix.shape)}; give {shape_text(shape)}")
+            raise BadInputError(
+                f"{name} is {shape_text(matrix.shape)}; it must be {shape_text(shape)}"
+            )
     names = PlantNames(tuple(linear.states), tuple(linear.inputs)).completed(n, m)
     C = np.eye(n) if linear.C is None else checked_matrix("C", linear.C, LARGEST)
     D = np.zeros((len(C), m)) if linear.D is None else checked_matrix("D", linear.D, LARGEST)
     for name, matrix, width in (("C", C, n), ("D", D, m)):
         if matrix.shape != (len(C), width):
             wanted = shape_text((len(C), width))
-            raise BadInputError(f"{name} is {shape_text(matrix.shape)}; give {wanted}")
+            raise BadInputError(f"{name} is {shape_text(matrix.shape)}; it must be {wanted}")
     usual = names.states if linear.C is None else numbered("y", len(C))
     outputs = tuple(linear.outputs) or usual
     if len(outputs) != len(C):
         raise BadInputError(
-            f"outputs has {len(outputs)} names and C {len(C)} rows; give a name for each row"
+            f"outputs has {len(outputs)} names, but C has {len(C)} rows; give a name for each row"
         )
     disturbances = tuple(linear.disturbances)
     if disturbances or linear.E is not None:
-        raise BadInputError("a model of matrices has no disturbances; give E to hfa.game")
+        raise BadInputError(
+            "a linear model from matrices cannot have disturbances; pass E to hfa.game"
+        )
     model = plant_model(_NAME, names, A, B, dict(zip(outputs, zip(C, D, strict=True), strict=True)))
     origin = OperatingPoint(
         record(names.states)(*np.zeros(n).tolist()),

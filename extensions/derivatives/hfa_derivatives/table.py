@@ -213,12 +213,12 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
         unit = "lbf" if system == "english" else "N"
     if not name.isidentifier() or name in UNITS or len(entry.value) != 2:
         raise entry.error(
-            f"{shown(name)} = {shown(entry.value)}: only limits of an input are two values; give"
-            " one"
+            f"{shown(name)} is {shown(entry.value)}; only the limits of an input are two values, so"
+            " give one"
         )
     low, high = (_number(name, Entry(value, entry.where), unit) for value in entry.value)
     if low >= high:
-        raise entry.error(f"{name}: its lowest value is not below its highest; exchange them")
+        raise entry.error(f"{name}: the lower limit is not below the upper limit; exchange them")
     return low, high
 
 
@@ -233,7 +233,7 @@ def _number(name: str, entry: Entry, unit: str) -> float:
     if isinstance(value, str):
         match = re.fullmatch(r"\s*([-+.\deE]+)\s*(.*?)\s*", value)
         if match is None:
-            raise entry.error(f"{name} is {shown(value)}; give a number with or without its unit")
+            raise entry.error(f"{name} is {shown(value)}; give a number, optionally with a unit")
         stated = match[2]
         value = _float(match[1])
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -276,7 +276,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
-        return entry.error(f"{name} needs two values, its limits")
+        return entry.error(f"{name} needs two values: its lower and upper limit")
     alike = [each for each in known if each[:2] == name[:2]]  # lift CL is not rolling moment Cl
     if near := advice(name, alike or known):
         return entry.error(f"unknown entry {shown(name)}{near}")
@@ -303,7 +303,7 @@ def _refuse_missing(
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
     if missing:
-        raise BadInputError(f"{where}: {', '.join(missing)} missing; add them")
+        raise BadInputError(f"{where}: missing entries: {', '.join(missing)}; add them")
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
@@ -318,5 +318,5 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         raise entries["weight"].error("both mass and weight are given; leave one out")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
         raise entries["Ixz"].error(
-            "these Ixx, Izz and Ixz are not those of a rigid body; correct them"
+            "Ixx, Izz and Ixz do not satisfy Ixx Izz > Ixz^2, as for a rigid body; correct them"
         )

@@ -80,7 +80,9 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     from verification.critic.scope import Scope
 
     if len(paths) != 1:
-        raise BadInputError("a plant in discrete time needs one critic; add --weights FILE")
+        raise BadInputError(
+            "a discrete-time plant needs exactly one critic; give --weights FILE once"
+        )
     request.refuse(("discount", "dt", "region", "flights", "draws", "picture"), _CONTINUOUS)
     (path,) = paths
     problem: DiscreteGame = named.discrete
@@ -109,7 +111,9 @@ def verify_discounted(
 
     assert request.discount is not None
     if critic.time is not None:
-        raise BadInputError(f"{path}: --discount needs one critic, not a history; give one row")
+        raise BadInputError(
+            f"{path}: the file contains a history, but --discount needs one critic; give one row"
+        )
     scope = replace(scope, progress=ProgressLine("prove"))
     return check_discounted(
         game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope

@@ -38,8 +38,7 @@ class DiscreteGame(Reported):
         """Check discount and N, and replace None by zeros. `Game` has checked the step."""
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
-                f"discount is {self.discount}; it must be above 0 and at most 1, the factor of one"
-                " step"
+                f"discount is {self.discount}; the factor of a step must be above 0 and at most 1"
             )
         shape = self.step.B.shape
         N = np.zeros(shape) if self.N is None else checked_matrix("N", self.N, LARGEST)
@@ -119,8 +118,8 @@ class DiscreteGame(Reported):
             shapes["(x, u, w)"] = (n + m + self.step.E.shape[1],) * 2
         H = checked_matrix("H", H, LARGEST)
         if H.shape not in shapes.values():
-            rules = [f"over {names} {shape_text(shape)}" for names, shape in shapes.items()]
-            raise BadInputError(f"H is {shape_text(H.shape)}; it must be {', '.join(rules)}")
+            rules = [f"{shape_text(shape)} over {names}" for names, shape in shapes.items()]
+            raise BadInputError(f"H is {shape_text(H.shape)}; it must be {' or '.join(rules)}")
         asymmetry = np.abs(H - H.T)
         if asymmetry.max() > 1e-6 * np.abs(H).max():
             row, column = np.unravel_index(asymmetry.argmax(), H.shape)
@@ -131,7 +130,7 @@ class DiscreteGame(Reported):
             gains = np.linalg.solve(H[n:, n:], H[n:, :n])
         except np.linalg.LinAlgError as error:
             raise BadInputError(
-                "the block of H over the inputs is singular, so no optimal input exists"
+                "the block of H over the inputs is singular, so no optimal input exists; correct H"
             ) from error
         parts = {"P": H[:n, :n] - H[:n, n:] @ gains, "K": gains[:m]}
         if len(H) > n + m:

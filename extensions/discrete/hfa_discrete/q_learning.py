@@ -55,7 +55,7 @@ class Steps(Reported):
             object.__setattr__(self, name, matrix)
             if len(matrix) != len(self.states):
                 raise BadInputError(
-                    f"recorded {name} has {len(matrix)} rows, states {len(self.states)}; "
+                    f"recorded {name} has {len(matrix)} rows, but states has {len(self.states)}; "
                     "give one row per step"
                 )
 
@@ -139,9 +139,9 @@ def learn_steps(
                     return Learned(_training_run(learner, rows, seed), after)
                 before = after
     raise NoSolutionError(
-        f"Q-learning has not converged in {iterations} steps; the plant may have no stabilizing"
-        " policy, delta may be too small, or the steps may move the state too far; `hfa solve`"
-        " reports the cause"
+        f"Q-learning has not converged in {iterations} iterations; the plant may have no"
+        " stabilizing policy, delta may be too small, or the steps may move the state too far;"
+        " `hfa solve` reports the cause"
     )
 
 
@@ -181,12 +181,12 @@ class _QLearner:
         cost = problem.q_function(np.zeros_like(problem.step.A))
         if together.shape[1] != len(cost):
             raise BadInputError(
-                f"the steps have {together.shape[1]} columns of x, u and w; the game needs"
+                f"the steps have {together.shape[1]} columns of x, u and w, but the game needs"
                 f" {len(cost)}"
             )
         scales = np.sqrt(np.mean(together**2, axis=0))
         if not scales.all():
-            raise BadInputError("a column of x, u and w is 0 in every step; excite it")
+            raise BadInputError("a state, input or disturbance is 0 in every step; excite it")
         features = _products(together / scales)
         refuse_poor(rank(unit_rows(features)), features.shape[1], "the recorded steps")
         costs = np.einsum("ji,ik,jk->j", together, cost, together)

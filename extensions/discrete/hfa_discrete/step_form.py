@@ -186,7 +186,7 @@ class StepForm(NormalForm):
         if gain > self.delta * (1.0 + SHOWN):
             kind = "alternating" if sign > 0.0 else "constant"
             raise NoValueError(
-                f"against every input a disturbance of {kind} sign gains at least {gain:.6g}"
+                f"for every input, a disturbance of {kind} sign has a gain of at least {gain:.6g}"
             )
         rates = moved @ (Y - by_input @ cost[:m])
         loop, disturbance, Q = without_feedthrough(

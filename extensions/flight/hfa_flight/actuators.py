@@ -88,8 +88,8 @@ class ActuatorBank:
                 )
             if not lowest < highest:
                 raise BadInputError(
-                    f"the positions of {name} go from {lowest} to {highest}; give the lower one"
-                    " first"
+                    f"the position limits of {name} are {lowest} and {highest}; the lower limit"
+                    " must be less than the upper limit"
                 )
         if self.order not in (1, 2):
             raise BadInputError(f"the order of the actuators is {self.order}; it must be 1 or 2")
@@ -122,8 +122,8 @@ class ActuatorBank:
         for name, value, lowest, highest in rows:
             if not lowest <= value <= highest:
                 raise BadInputError(
-                    f"{name} is {value:.6g} at trim, outside its actuator's"
-                    f" {lowest:.6g} to {highest:.6g}; widen its limits"
+                    f"{name} is {value:.6g} at trim, outside the limits of its actuator,"
+                    f" {lowest:.6g} to {highest:.6g}; widen them"
                 )
 
     @property

@@ -36,7 +36,9 @@ def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
     x = np.atleast_2d(np.asarray(states, dtype=float))
     u = np.atleast_2d(np.asarray(inputs, dtype=float))
     if x.shape[1:] != (n,) or u.shape != (len(x), m):
-        raise BadInputError(f"states {x.shape} and inputs {u.shape} must be (N, {n}) and (N, {m})")
+        raise BadInputError(
+            f"states and inputs are {x.shape} and {u.shape}; they must be (N, {n}) and (N, {m})"
+        )
     function = model.functions(()).map(len(x))
     f, _, A, B, *_ = function(x.T, u.T, np.tile(model.p[:, None], (1, len(x))))
     # CasADi lays the results of the states side by side.

@@ -65,7 +65,7 @@ def from_control(
     """
     name = str(system.name)
     if getattr(system, "updfcn", None) is None:
-        raise BadInputError(f"{name} has no update function; give a system of control.nlsys")
+        raise BadInputError(f"{name} has no update function; give a system made by control.nlsys")
     if system.dt:
         raise BadInputError(f"{name} is in discrete time; give a system in continuous time")
     states = system.state_labels
@@ -105,10 +105,10 @@ def from_control(
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
         rates, seen = values(time, *columns)  # CasADi warns of functions of NumPy
     if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
-        raise BadInputError(f"{name} depends on time; make its dependence on time an input")
+        raise BadInputError(f"{name} depends on time; make the time-dependent term an input")
     if model.layout.has_nan:
         raise BadInputError(
-            f"{name} cannot be traced: float or math converts symbols to numbers; use NumPy's"
+            f"{name} cannot be evaluated with symbols, because it uses float or math; use NumPy's"
             " functions"
         )
     return model

@@ -106,7 +106,7 @@ def flight_envelope(
         if not within:
             lowest, highest = (model.describe(name, limit) for limit in pairs[name])
             raise BadInputError(
-                f"the trim has {name} {model.describe(name, value)}, outside the envelope's"
+                f"the trim has {name} {model.describe(name, value)}, outside the envelope,"
                 f" {lowest} to {highest}; widen the envelope or choose another trim"
             )
     return envelope
@@ -159,9 +159,12 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
     """
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
-        beyond = _beyond(start.value, start.limit, start.unit)
+        value = short_number(start.value, start.unit)
+        limit = short_number(start.limit, start.unit)
+        unit = "" if start.unit == "1" else f" {shown_unit(start.unit)}"
         raise BadInputError(
-            f"the flight begins with {start.state} {beyond}; begin inside the envelope, or widen it"
+            f"the initial {start.state} is {value}{unit}, beyond the limit of {limit}; begin inside"
+            " the envelope, or widen it"
         )
 
 

@@ -35,8 +35,8 @@ from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, said_o
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
-    "give a gain K, a critic, a solution, a Deployment, a file of one of them, steps of inputs "
-    "{name: [(time, value), ...]} or a function of (t, X)"
+    "give a gain K, a critic, a solution, a Deployment, a file that contains one of these, input "
+    "steps {name: [(time, value), ...]} or a function of (t, X)"
 )
 
 

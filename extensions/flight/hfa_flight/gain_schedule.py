@@ -52,7 +52,8 @@ class GainSchedule(Reported):
         n = len(self.model.linear)
         if np.shape(self.gains) not in ((count, m, n), (count, m, n + m)):
             raise BadInputError(
-                f"K is {np.shape(self.gains)}; with {count} values it must be ({count}, {m}, {n})"
+                f"K is {np.shape(self.gains)}; with {count} breakpoints it must be"
+                f" ({count}, {m}, {n})"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
             raise BadInputError(
@@ -90,7 +91,9 @@ class GainSchedule(Reported):
             name = self.model.schedule
             covered = f"{self.model.describe(name, first)} to {self.model.describe(name, last)}"
             flown = f"{self.model.describe(name, lowest)} to {self.model.describe(name, highest)}"
-            raise BadInputError(f"the gains cover {covered}, not {flown}; fly within that range")
+            raise BadInputError(
+                f"the gains cover {covered}, not {flown}; use values within the covered range"
+            )
 
 
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
@@ -137,7 +140,8 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
         units = words(stored, "state_units")[:n]
         if np.any(file_scales({"state_units": units}, plant) != 1.0):
             raise BadInputError(
-                f"its states are in {', '.join(units)}; give them in {', '.join(plant.state_units)}"
+                f"K is for states in {', '.join(units)}; convert it to"
+                f" {', '.join(plant.state_units)}"
             )
         if model.schedule_unit == "deg":
             breakpoints = np.radians(breakpoints)

@@ -95,14 +95,14 @@ class MonteCarlo(StatesAndInputs, Reported):
                 raise BadInputError(f"the {name} of a Monte Carlo simulation must be a Waveform")
         if self.scenario.samples is not None:
             raise BadInputError(
-                "the scenario of a Monte Carlo simulation is already drawn; give one that is not "
-                "drawn"
+                "the random quantities of the scenario are already drawn; give a scenario in which "
+                "they are not"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(
-                    f"{name} is 0, so that a relative error has no effect; leave it out"
+                    f"{name} is 0, so a relative error has no effect; remove its error"
                 )
         self.loop()  # what cannot be flown is refused here rather than in a worker
 

@@ -147,7 +147,7 @@ def _happening(model: Model, given: Scenario, seconds: float | None, initial: An
     """
     if given.uncertainty != Uncertainty():
         raise BadInputError(
-            "part of the scenario is random; simulate scenario.drawn(seed, member, point)"
+            "the scenario has random quantities; draw them: scenario.drawn(seed, member, point)"
         )
     scenario = given if seconds is None else replace(given, duration=float(seconds))
     if isinstance(initial, Mapping):

@@ -107,7 +107,7 @@ def fraction(text: str) -> float:
 
 def weights_option() -> Any:
     """Return the option `--weights` as a dataclass field."""
-    about = "gain K, critic W or P, or network in place of --law"
+    about = "file with a gain K, critic W or P, or network, in place of --law"
     return option(about, "FILE", critic_path)
 
 
@@ -228,7 +228,7 @@ def card_option() -> Any:
 
 def controller_option() -> Any:
     """Return the option `--controller` as a dataclass field."""
-    about = "controller of `hfa design`, or scheduled gains"
+    about = "file of `hfa design`, or with scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
@@ -267,7 +267,7 @@ def _turbulence(text: str) -> Turbulence:
     """
     word, *typed = text.split(":")
     if not word[:1].isalpha() and len(typed) == 1:  # the form of 0.3
-        raise BadInputError(f"is {text!r}; give own:{text}, which moves u, v and w")
+        raise BadInputError(f"is {text!r}; write own:{text} for turbulence of this intensity")
     spectrum, _, level = word.rpartition("-")
     least, most = (2, 3) if level == "own" else (0, 2)
     known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
@@ -331,7 +331,7 @@ def gust_at(
     length, peak, begin = typed
     if not 0 <= begin < duration:
         raise BadInputError(
-            f"--gust begins at {begin:g} s; begin it from 0 s to the duration, {duration:g} s"
+            f"--gust begins at {begin:g} s; it must begin during the flight, 0 to {duration:g} s"
         )
     return OneMinusCosine(length, peak, gust_speed(point), begin)
 
@@ -395,7 +395,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, replacing its flight envelope (alpha: relative to the air), degrees "
+        "limits of a state in place of its default envelope (alpha: through the air), degrees "
         "for angles; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
@@ -469,14 +469,15 @@ class FlightOptions(ScenarioOptions):
     )
 
     method: str = option(
-        f"integration: {RUNGE_KUTTA} (default), or {JSBSIM} (frames of JSBSim, for its aircraft)",
+        f"integration: {RUNGE_KUTTA} (default), or {JSBSIM} (JSBSim's own steps; JSBSim aircraft "
+        "only)",
         "NAME",
         one_of(*METHODS),
         default=RUNGE_KUTTA,
         rare=True,
     )
     frame: float | None = option(
-        f"frame time of --method {JSBSIM}, s; default 1/120",
+        f"step of --method {JSBSIM}, s; default 1/120",
         "S",
         fraction,
         names="--step",
@@ -587,7 +588,7 @@ def actuators_of(
     lag, degrees_per_second, order = typed
     if degrees_per_second <= 0:
         raise BadInputError(
-            f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive"
+            f"the rate limit of --actuators is {degrees_per_second:g} deg/s; it must be positive"
         )
     rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
     inputs = model.inputs

@@ -32,7 +32,7 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
     step: value of --step, or None
     """
     if method not in METHODS:
-        raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
+        raise BadInputError(f"unknown method {shortened(method)}; {choice_of(method, METHODS)}")
     if method != JSBSIM and step is not None:
         raise BadInputError(
             f"--step (step= in Python) applies only to --method {JSBSIM}; leave it out, or use"
@@ -40,8 +40,8 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
         )
     if method == JSBSIM and not hasattr(model.equations, "jsbsim_steps"):
         raise BadInputError(
-            f"{model.name}: --method {JSBSIM} supports only aircraft of JSBSim in their own units;"
-            f" use --method {RUNGE_KUTTA}"
+            f"{model.name}: --method {JSBSIM} supports only JSBSim aircraft without unit"
+            f" conversion; use --method {RUNGE_KUTTA}"
         )
 
 
@@ -59,8 +59,8 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
     frames = scenario.duration / frame
     if round(frames) < 1 or abs(frames - round(frames)) > _WHOLE * frames:
         raise BadInputError(
-            f"--duration is {scenario.duration:g} s; --method {JSBSIM} needs whole frames of --step"
-            f" {frame:.6g} s: change one of them"
+            f"--duration {scenario.duration:g} s is not a multiple of --step {frame:.6g} s, as"
+            f" --method {JSBSIM} requires; change --duration or --step"
         )
     return replace(scenario, step=frame, tick=frame)
 

@@ -232,7 +232,8 @@ class Scenario(Reported):
         initial = self.initial if np.size(self.initial) else np.zeros(n)
         if np.shape(initial) != (n,):
             raise BadInputError(
-                f"initial has shape {np.shape(initial)}; {model.name} has {n} states"
+                f"initial has shape {np.shape(initial)}; give {n} numbers, one for each state of"
+                f" {model.name}"
             )
         return replace(
             self,

@@ -134,8 +134,8 @@ def scheduled_gains(
     model = schedule.model
     if model.schedule not in model.linear:
         raise BadInputError(
-            f"{model.name} is scheduled over {model.schedule or 'nothing'};"
-            " a schedule of gains needs a state of the linear model"
+            f"the scheduling variable of {model.name} is {model.schedule or 'not declared'};"
+            " a gain schedule needs a state of the linear model"
         )
     if schedule.gains.shape[-1] != len(model.linear):
         raise BadInputError(

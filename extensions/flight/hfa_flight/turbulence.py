@@ -116,7 +116,9 @@ class Turbulence:
                     f"the {name} of turbulence is {shown(value)}; give a positive number"
                 )
         if "scale" in numbers and self.altitude is not None:
-            raise BadInputError("turbulence of your own intensity has no altitude; leave it out")
+            raise BadInputError(
+                "with your own intensity, turbulence does not depend on altitude; leave it out"
+            )
 
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
         """Return the turbulence of a flight that begins at the trim `point`.
@@ -147,7 +149,7 @@ class Turbulence:
         if not taken:
             needed = ", ".join(missing_states(model, "w"))
             raise BadInputError(
-                f"{model.name}: its equations have no gust input (no state {needed});"
+                f"{model.name} has no gust input and no state {needed};"
                 f" declare a disturbance {UPDRAFT}"
             )
         return TurbulentAir(
@@ -178,7 +180,8 @@ class Turbulence:
         if altitude == model.trim.get("altitude"):
             unit = model.unit("altitude")
             raise BadInputError(
-                f"turbulence at the default altitude, {altitude:g} {unit}, is refused; {give}"
+                f"turbulence needs an explicit altitude, not the default of {altitude:g} {unit};"
+                f" {give}"
             )
         return altitude
 
@@ -215,9 +218,8 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
-            f"turbulence is requested at {altitude:g} ft; MIL-F-8785C defines it from 10 to 80000 "
-            "ft: give"
-            " another altitude"
+            f"turbulence is requested at {altitude:g} ft, but MIL-F-8785C defines it from 10 to"
+            " 80000 ft; give another altitude"
         )
     high_length = _LENGTH[spectrum]
     high_intensity = float(np.interp(max(altitude, _HIGH), _ALTITUDES, _INTENSITIES[level]))

@@ -152,12 +152,10 @@ def stated(row: str) -> tuple[float, ...]:
     return tuple(float(number) for number in found[0])
 
 
-@pytest.mark.parametrize("degrees", [15.0, 16.0])
+@pytest.mark.parametrize("degrees", [15.0])
 def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None:
     """The closed loop is stable at the documented lag and unstable with 1 ms more."""
-    for weights, limit in zip(
-        WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
-    ):
+    for weights, limit in zip(WEIGHTS, stated(f"eigenvalues at {degrees:g} deg"), strict=True):
         model = model_at(degrees, "newton")
         K = gain(weights)
         assert (
@@ -173,5 +171,5 @@ def test_flights_of_200_s_confirm_the_largest_lag(
     """A flight of 200 s stays inside the envelope at the documented lag and leaves it with 2 ms
     more.
     """
-    limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
+    limit = stated("simulation of 200 s")[WEIGHTS.index(weights)]
     assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

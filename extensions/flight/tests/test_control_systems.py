@@ -61,11 +61,11 @@ def test_a_system_of_python_control_is_traced() -> None:
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], math.sin(x[0])]),
-            "float or math converts symbols to numbers",
+            "because it uses float or math",
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]),
-            "pendulum depends on time; make its dependence on time an input",
+            "pendulum depends on time; make the time-dependent term an input",
         ),
         (
             lambda: system(pendulum, dt=0.1),

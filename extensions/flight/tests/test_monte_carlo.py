@@ -184,8 +184,8 @@ def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
     row = member_row(plan, at_once)
     assert (row["left"], row["flown"], row["effort"].tolist()) == (ALPHA, 0.0, [0.0] * 5)
     for scenario, said in (
-        (at_once.loop.scenario, "begins with angle_of_attack"),
-        (plan.scenario, "is random"),
+        (at_once.loop.scenario, "the initial angle_of_attack is"),
+        (plan.scenario, "has random quantities"),
     ):
         with pytest.raises(BadInputError, match=said):
             fly(

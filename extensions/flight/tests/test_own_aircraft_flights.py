@@ -173,7 +173,7 @@ def test_exports_have_its_names() -> None:
         ("fly --law none --delta 100", "applies only to a law"),
         ("fly --disturbance rain=1", "rain is unknown; choose from"),
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
-        ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
+        ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope, "),
         ("fly --delay 0.0105", "make it a whole number of ticks"),
     ],
 )
@@ -238,5 +238,7 @@ def test_a_controller_is_scheduled_over_the_users_speed() -> None:
         "gtm.npz",
     )
     assert_refused(hfa(*prove), 2, "a proof does not support a measurement of elevator_position")
-    assert_refused(hfa("design", "gtm.toml", *gtm), 2, "give the values of speed by --at RANGE")
+    assert_refused(
+        hfa("design", "gtm.toml", *gtm), 2, "values of speed are missing; give --at RANGE"
+    )
     assert_refused(hfa("design", "gtm.toml"), 2, "unknown input 'elevator'")

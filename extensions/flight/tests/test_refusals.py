@@ -24,10 +24,13 @@ from hfa.main import BAD_INPUT
         ),
         ("fly --dihedral 15 --delay 1e-9", "delay is 1e-09 s; make it a whole number of ticks"),
         ("fly --dihedral 15 --resume", "--resume applies only to --samples"),
-        ("fly --dihedral 15 -o a.zarr", "a.zarr is the store of many members; add --samples N"),
+        ("fly --dihedral 15 -o a.zarr", "a.zarr is a store for many flights; add --samples N"),
         ("fly --dihedral 15 --samples 2 --resume", "-o FILE.zarr"),
-        ("fly --dihedral 15 --samples 2 -o a.json", "the members of --samples go to a store"),
-        ("fly --dihedral 15 --samples 2 --picture a.png", "--picture shows one flight"),
+        ("fly --dihedral 15 --samples 2 -o a.json", "members are written to a Zarr store"),
+        (
+            "fly --dihedral 15 --samples 2 --picture a.png",
+            "--picture needs a single flight or --draws",
+        ),
         ("export ", "the following arguments are required: --output"),
         (
             "export -o aircraft.zip",

@@ -154,7 +154,7 @@ def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         ),
         (
             lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)),
-            "positions of elevator_center",
+            "position limits of elevator_center",
         ),
         (lambda: replace(ACTUATORS, order=3), "the order of the actuators is 3"),
         (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
@@ -166,7 +166,7 @@ def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         ),
         (
             lambda: GainPolicy("bad", np.full((5, 6), np.nan)),
-            "the gain has shape .*; give finite numbers, inputs x states",
+            "the gain has shape .*; give finite numbers, inputs by states",
         ),
         (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
     ],

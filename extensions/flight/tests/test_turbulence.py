@@ -254,9 +254,15 @@ def test_flight_meets_what_was_drawn() -> None:
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        ("fly --turbulence light", "turbulence at the default altitude, 40000 ft, is refused"),
+        (
+            "fly --turbulence light",
+            "turbulence needs an explicit altitude, not the default of 40000 ft",
+        ),
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
-        ("fly --turbulence 3:1750", "is '3:1750'; give own:3:1750, which moves u, v and w"),
+        (
+            "fly --turbulence 3:1750",
+            "is '3:1750'; write own:3:1750 for turbulence of this intensity",
+        ),
         ("fly --turbulence own:3", "or own:SIGMA:SCALE[:SPAN]"),
         ("fly --turbulence light:-3", "is '-3'; give a finite number above 0"),
         ("fly --turbulence light:90000", "MIL-F-8785C defines it from 10 to 80000 ft"),
@@ -284,7 +290,7 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
     found = AirFilter.of(air)
     spread = np.sqrt(np.diag(found.C @ found.covariance @ found.C.T))
     np.testing.assert_allclose(0.3048 * spread[:3], 2.0, rtol=1e-9)
-    with pytest.raises(BadInputError, match="has no altitude; leave it out"):
+    with pytest.raises(BadInputError, match="turbulence does not depend on altitude; leave it out"):
         Turbulence((2.0, 300.0), 100.0)
 
 

@@ -196,12 +196,15 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ("[bands]\nCm_q = [-30.0, -40.0]", "band of Cm_q is [-30.0, -40.0]; exchange its ends"),
+        (
+            "[bands]\nCm_q = [-30.0, -40.0]",
+            "band of Cm_q is [-30.0, -40.0]; give the low end first",
+        ),
         ("[bands]\nCm_q = [-2.0, -1.0]", "outside its band [-2.0, -1.0]; correct the value or the"),
         ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
         ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
         ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),
-        ("bands = 3.0", "bands is 3.0; give entries by name"),
+        ("bands = 3.0", "bands is 3.0; give a table of entries"),
         ("[sensors]\nbias_alpha = 2.0\n[bands]\nbias_alpha = [0.0, 1.0]", "bias_alpha is 2.0, out"),
     ],
 )

@@ -199,7 +199,7 @@ def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("", "--output FILE.html or --output FOLDER"),
+        ("", "--output FILE.html, --output FOLDER or --json"),
         ("-o file", "cannot make the folder"),
         ("-o a.html --free dihedral", "the angles of a report are given by --dihedral and --sweep"),
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),

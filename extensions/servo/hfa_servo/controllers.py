@@ -90,8 +90,8 @@ def design_controller(
     if by not in model.linear:
         choices = f"one of {', '.join(model.linear)}"
         raise BadInputError(
-            f"a controller is scheduled over a state of the linear model; declare schedule=NAME"
-            f" in {model.name}, {choices}"
+            f"{model.name} is not scheduled over a state of its linear model; declare"
+            f" schedule=NAME, {choices}"
         )
     design = design.of(model)
     controllers: list[LinearController] = []

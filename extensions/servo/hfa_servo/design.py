@@ -395,7 +395,8 @@ def _shaping_of(
     for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
         if game_entry in entries:
             raise BadInputError(
-                f"{name}: {game_entry} applies to a game, not to [shaping]; leave one of them out"
+                f"{name}: the entry {game_entry} belongs to a game and excludes [shaping]; remove"
+                " one of them"
             )
     table = dict(entries["shaping"])
     values = [float(value) for value in table.pop(breakpoints)]

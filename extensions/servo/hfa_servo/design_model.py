@@ -119,8 +119,8 @@ class DesignModel(Reported):
         for k, name in enumerate(names):
             alone = _full_rank(rows[[*range(plant), plant + k]])
             if not alone or not _full_rank(rows[: plant + k + 1]):
-                others = f" apart from {', '.join(names[:k])}" if alone else ""
-                why = f"no input moves its steady value{others} (a transmission zero at 0)"
+                others = f" independently of {', '.join(names[:k])}" if alone else ""
+                why = f"no input changes its steady value{others} (a transmission zero at 0)"
                 raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
 
 
@@ -209,7 +209,7 @@ def _refuse_seen_disturbances(
             continue
         for sensor, row in zip(design.sensors, columns[source], strict=True):
             if np.any(row):
-                why = f"sensor {sensor} sees the {source} itself"
+                why = f"sensor {sensor} depends directly on the {source}"
                 raise BadInputError(f"design {design.name}: {why}; measure a state instead")
 
 

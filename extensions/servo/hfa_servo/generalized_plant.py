@@ -127,8 +127,8 @@ class GeneralizedPlant(Reported):
         for name in needed:
             if name not in matrices:
                 raise BadInputError(
-                    f"there is no {name}; a plant has A, B1, B2, C1, D12,"
-                    " with measurements C2 and D21"
+                    f"{name} is missing; a plant needs A, B1, B2, C1, D12"
+                    " and, with measurements, C2 and D21"
                 )
         n = len(matrices["A"])
         k = matrices["B1"].shape[1]
@@ -154,7 +154,7 @@ class GeneralizedPlant(Reported):
                 )
             object.__setattr__(self, name, matrix)
         if 0 in (n, m):
-            raise BadInputError("a plant needs a state and an input u")
+            raise BadInputError("the plant has no state or no input u; give at least one of each")
         _check_rank("D12", self.D12, "column", "every u needs its own cost in z")
         if p:
             _check_rank("D21", self.D21.T, "row", "every y needs its own noise from w")
@@ -307,12 +307,13 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
     empty = np.flatnonzero(sizes == 0.0)
     if empty.size:
         raise BadInputError(
-            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; give it an entry"
+            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; add an entry"
         )
     rank = np.linalg.matrix_rank(matrix / sizes, rtol=RANK)
     if rank < matrix.shape[1]:
         raise BadInputError(
-            f"{name} has rank {rank} and {matrix.shape[1]} {kind}s: {needed}; give more"
+            f"{name} has rank {rank}, but {matrix.shape[1]} {kind}s: {needed}; make the"
+            f" {kind}s independent"
         )
 
 
@@ -396,7 +397,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
     """
     answer = conditions(plant, delta)
     if not answer.exists:
-        verdict = "is open" if answer.exists is None else "fails"
+        verdict = "is undecided" if answer.exists is None else "fails"
         raise NoSolutionError(f"the {answer.condition} {verdict}: {answer.reason}")
     values: list[np.ndarray] = []
     checks: list[Check] = []
@@ -500,7 +501,7 @@ def central_controller(
     known = np.eye(len(Dk)) + Dk @ plant.D22
     if np.linalg.cond(known) > 1.0 / RANK:
         raise NoSolutionError(
-            "the central controller and D22 make an algebraic loop without a solution; change delta"
+            "the central controller and D22 form an algebraic loop without a solution; change delta"
         )
     Ck = np.linalg.solve(known, Ck)
     Dk = np.linalg.solve(known, Dk)

@@ -59,7 +59,7 @@ def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
         return ca.SX(0)
     if not moved.numel():
         raise BadInputError(
-            f"the law measures the {what} of its actuators, which this flight does not have;"
-            " give actuators"
+            f"the controller measures actuator {what}, which this flight does not have;"
+            " give actuators that have them"
         )
     return ca.mtimes(ca.DM(matrix), moved)

@@ -107,15 +107,17 @@ class ScheduledController(ByValue, Reported):
         self._check_arrays(where)
         if not self.name.isprintable():
             raise BadInputError(
-                f"the name of a controller is {shown(self.name)}; give letters on one line"
+                f"the name of a controller is {shown(self.name)}; use printable characters"
             )
         for name in self.states:
             if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
                 raise BadInputError(
-                    f"{where} a state is called {shown(name)}; give letters, digits and _ as in C"
+                    f"{where} a state is called {shown(name)}; use letters, digits and _, as in C"
                 )
         if len({name.upper() for name in self.states}) < len(self.states):
-            raise BadInputError(f"{where} two states have the same name; give each its own")
+            raise BadInputError(
+                f"{where} two names of states are equal or differ only in capitals; rename one"
+            )
 
     def _check_names(self, where: str) -> None:
         """Raise BadInputError if the model lacks a measurement, a command or an input."""
@@ -162,7 +164,7 @@ class ScheduledController(ByValue, Reported):
             )
         if count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
-                f"{where} {self.model.schedule}s must increase, with at least one value"
+                f"{where} {self.model.schedule}s must be at least one value, in increasing order"
             )
 
     def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -197,12 +199,12 @@ class ScheduledController(ByValue, Reported):
                 choose = f", or choose --dynamics {self.dynamics}"
             raise BadInputError(
                 f"controller {self.name} was designed for {self.called}, but the"
-                f" aircraft is {model.title}; design it for this one{choose}"
+                f" aircraft is {model.title}; design it for this aircraft{choose}"
             )
         if identity(model) != self.parameters:
             raise BadInputError(
                 f"controller {self.name} was designed for an aircraft with other parameters"
-                f" ({self.parameters}); design it for this one"
+                f" ({self.parameters}); design it for this aircraft"
             )
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])

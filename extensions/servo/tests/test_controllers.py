@@ -139,11 +139,14 @@ def test_matrices_are_linear_between_angles_and_constant_beyond(
     [
         ({"A": np.zeros((3, 2, 2))}, r"A is \(3, 2, 2\); it must be \(3, 1, 1\)"),
         ({"D": np.full((3, 1, 4), math.nan)}, "D has an entry that is not finite"),
-        ({"breakpoints": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
+        (
+            {"breakpoints": np.array([0.2, 0.1, 0.3])},
+            "dihedrals must be at least one value, in increasing order",
+        ),
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         (
             {"states": ("A = 1000",)},
-            "a state is called 'A = 1000'; give letters, digits and _ as in C",
+            "a state is called 'A = 1000'; use letters, digits and _, as in C",
         ),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
         ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping ratio"),

@@ -150,13 +150,13 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
             SENSORS,
             {"delta = inf": 'disturbance = "updraft"'},
             2,
-            "sensor load_factor sees the updraft itself",
+            "sensor load_factor depends directly on the updraft",
         ),
         (
             "",
             {"vertical_acceleration_short_period": "pitch_rate"},
             2,
-            "output pitch_rate: no input moves its steady value",
+            "output pitch_rate: no input changes its steady value",
         ),
     ],
 )

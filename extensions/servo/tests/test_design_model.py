@@ -254,7 +254,7 @@ def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Mode
     np.testing.assert_array_equal(built.E[:, :2], 2.0 * built.B)
     np.testing.assert_array_equal(built.game().E, built.E)
     at_once = replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE)
-    with pytest.raises(BadInputError, match="sensor load_factor sees the commands itself"):
+    with pytest.raises(BadInputError, match="sensor load_factor depends directly on the commands"):
         design_at(published_aircraft, at_once, 11.0)
 
 
@@ -281,7 +281,7 @@ def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> N
         **BARE,
     )
     with pytest.raises(
-        BadInputError, match="gamma: no input moves its steady value apart from dihedral"
+        BadInputError, match="gamma: no input changes its steady value independently of dihedral"
     ):
         design_at(published_aircraft, replace(one, integrals=("dihedral", "gamma")), 11.0).game()
 

@@ -294,7 +294,7 @@ def test_names_and_filter_of_the_controller() -> None:
         ),
         (
             ("[shaping]\n", "[sensors]\npitch_rate = 1.0\n[shaping]\n"),
-            "sensors applies to a game, not to [shaping]",
+            "the entry sensors belongs to a game and excludes [shaping]",
         ),
         (("[actuators.throttle]", "[actuators.flap]"), "unknown actuator 'flap'"),
     ],

@@ -112,7 +112,7 @@ def test_transfer_functions_have_the_response_of_the_model() -> None:
     found = linear.transfer_function("elevator_center", "pitch_rate")
     expected = linear["pitch_rate", "elevator_center"].to_control()(2j)
     assert found(2j) == pytest.approx(expected)
-    with pytest.raises(BadInputError, match="inputs: 5, outputs: 1"):
+    with pytest.raises(BadInputError, match="one input and one output, not 5 and 1"):
         linear.transfer_function(None, "pitch_rate")
 
 
@@ -558,7 +558,7 @@ def test_wrong_calls_are_one_line() -> None:
         (lambda: hfa.load("nofile.toml"), "nofile.toml"),
         (lambda: hfa.verify(5, 6), "game is 5"),
         (lambda: hfa.sweep(LinearModel([[0.0]], [[1.0]]).model, at=[1.0]), "cannot sweep 'at'"),
-        (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "plot draws names"),
+        (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "plot needs names"),
         (lambda: hfa.linearize(MODEL, None), "point is None"),
         (lambda: hfa.identify(Table()), "model is a Table; give a Model"),
     ):

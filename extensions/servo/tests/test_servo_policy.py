@@ -78,7 +78,7 @@ def test_outputs_are_those_of_the_linear_model(
         model.C[1] @ x + model.D[1] @ a,
     ]
     np.testing.assert_allclose(y, expected, rtol=SAME_FORMULA)
-    with pytest.raises(BadInputError, match="positions of its actuators"):
+    with pytest.raises(BadInputError, match="controller measures actuator positions"):
         outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
 
 

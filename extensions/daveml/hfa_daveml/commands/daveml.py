@@ -37,9 +37,11 @@ class DavemlRequest(OutputOptions):
 
 @command(DavemlRequest)
 def daveml(request: DavemlRequest) -> int:
-    """Compute the check cases of a DAVE-ML file and compare every output with its tolerance.
+    """Recompute the check cases of a DAVE-ML file and compare each output with its printed value.
 
-    Exit code 0 if every output agrees; 1 if one does not, or if there is no check case."""
+    Exit code 0 if every output agrees within its tolerance. Exit code 1 if one does not, or if the
+    file has no check case.
+    """
     checked = checked_document(read_document(str(request.file)))
     show(checked.report(), request)
     return 0 if checked.ok else 1

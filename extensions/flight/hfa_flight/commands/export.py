@@ -46,7 +46,8 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
     at: float | None = scheduled(breakpoint_value)
     output: Path = option(
-        "folder (C source), FILE.fmu (FMU) or FILE.m (function that reads models from .mat files)",
+        "folder for C source, FILE.fmu for an FMU, or FILE.m for a function that reads models from "
+        ".mat files",
         "PLACE",
         output_file(".fmu", ".m", folder=True),
         names="-o --output",
@@ -66,14 +67,16 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
 @command(ExportRequest)
 def export(request: ExportRequest) -> int:
-    """Write the aircraft for other tools; -o selects the format.
+    """Export an aircraft and its controller to other tools; -o selects the format.
 
-    A folder contains C source without dependencies: the equations, the trim of --at, A, B, a
-    gain, and a 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
-    closed loop; it needs a C compiler. --controller FILE replaces the policy. --policy
-    DEPLOYMENT.toml writes only a function that computes one sample's command of a deployed policy,
-    including its normalizer, clipping and mapping. FILE.m is a MATLAB and Octave function that
-    creates state-space systems from the .mat files of `hfa sweep` and `hfa linearize`."""
+    A folder receives C source without dependencies: equations, trim at --at, A, B, a gain and an
+    example 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, in closed loop if a
+    policy is given; it needs a C compiler. FILE.m is a MATLAB and Octave function that makes
+    state-space systems from the .mat files of `hfa sweep` and `hfa linearize`. --controller FILE
+    replaces the gain by a controller. With --policy DEPLOYMENT.toml, only one function is written:
+    it computes the command of a deployed policy at a sample, with its normalizer, clipping and
+    mapping.
+    """
     names_no_policy = (
         not request.law
         and request.weights is None
@@ -117,8 +120,8 @@ def _write_function(request: ExportRequest) -> int:
     target = request.output
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
-            f"{target}: the file's name is the name of the function; use letters, digits and _, as "
-            "in hfa_models.m"
+            f"{target}: the name of the file is also that of the function; use only letters, digits"
+            " and _, as in hfa_models.m"
         )
     write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
     print_report(_report([target]), request)

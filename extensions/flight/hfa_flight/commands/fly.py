@@ -37,13 +37,16 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     """Options of `hfa fly`."""
 
     samples: int | None = option(
-        "simulate N members, each with its own errors, noise and turbulence",
+        "simulate N flights, each with its own random errors, noise and turbulence",
         "N",
         whole(1, _MOST_MEMBERS),
         rare=True,
     )
     draws: int | None = option(
-        "simulate N aircraft drawn from the uncertain parameters", "N", whole(1), rare=True
+        "simulate N aircraft whose uncertain parameters are drawn at random",
+        "N",
+        whole(1),
+        rare=True,
     )
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight, or the flights of --draws")
@@ -63,27 +66,26 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
 
 @command(FlyRequest)
 def fly(request: FlyRequest) -> int:
-    """Simulate a policy on all states of the nonlinear aircraft and compare with the prediction of
-    its linear model.
+    """Simulate a policy on the nonlinear aircraft and compare with the prediction of its linear
+    model.
 
-    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without control. With
-    scheduled gains, a --command of the scheduling variable is followed along its trims.
-    --samples N simulates N members: --error and --noise are then standard deviations, and each
-    member has its own turbulence. Member k depends only on --seed and k. --draws N simulates N
-    aircraft drawn from the uncertain parameters of --aircraft, at its trim and with its policy.
-    --model FILE simulates a plant in discrete time.
-
+    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. With
+    scheduled gains, a --command of the scheduling variable follows the trims. --samples N
+    simulates N flights, with --error and --noise as standard deviations and turbulence determined
+    by --seed and the number of the flight. --draws N simulates N aircraft with random parameters,
+    from the trim and with the policy of --aircraft. --model FILE simulates a discrete-time plant.
     --Q and --R add the cost of the flight.
 
-    --method jsbsim simulates an aircraft of JSBSim with JSBSim's frames and its model of the earth.
-
-    Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
-    oscillation does not decay (--samples: in every member, --draws: in any)."""
+    Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
+    oscillation does not decay (--samples: in every flight; --draws: in any).
+    """
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.members is not None:
         many = "--samples" if request.draws is None else "--draws"
-        request.refuse(("method", "frame"), f"simulates one flight; leave it out with {many}")
+        request.refuse(
+            ("method", "frame"), f"applies only to a single flight; leave it out with {many}"
+        )
         return _fly_members(request)
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
@@ -93,7 +95,7 @@ def fly(request: FlyRequest) -> int:
 
     request.refuse(("workers", "resume"), "applies only to --samples or --draws; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
-        raise BadInputError(f"{request.output} is the store of many members; add --samples N")
+        raise BadInputError(f"{request.output} is a store for many flights; add --samples N")
     refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
     if request.at is None and request.model.extras.names_schedule:
@@ -184,9 +186,11 @@ def _fly_members(request: FlyRequest) -> int:
         request.refuse(("samples",), "and --draws both set the number of flights; leave one out")
     target = request.output
     if request.draws is None:
-        request.refuse(("picture",), "shows one flight or drawn aircraft; leave it out")
+        request.refuse(
+            ("picture",), "needs a single flight or --draws; leave it out with --samples"
+        )
     if target is not None and target.suffix != ".zarr":
-        raise BadInputError(f"{target}: the members of --samples go to a store; use -o FILE.zarr")
+        raise BadInputError(f"{target}: members are written to a Zarr store; use -o FILE.zarr")
     if request.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
     spread = None if request.draws is None else spread_of(request)

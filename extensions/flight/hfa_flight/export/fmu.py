@@ -61,7 +61,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
     compiler = c_compiler()
     if compiler is None:
         raise NoSolutionError(
-            "an FMU needs a C compiler and none was found: install gcc or clang, or name one in "
+            "an FMU needs a C compiler, but none was found; install gcc or clang, or name one in "
             "the environment variable CC"
         )
     sources = {

@@ -75,14 +75,14 @@ class InterpolatedModel:
         """
         variables = self.sweep.variables
         if {*values} != {*variables}:
-            raise BadInputError(f"give {', '.join(variables)}, by name")
+            raise BadInputError(f"give exactly the arguments {', '.join(variables)}, by name")
         columns = np.broadcast_arrays(*(values[name] for name in variables))
         for name, axis, column in zip(variables, self.axes, columns, strict=True):
             if not np.all((axis[0] <= column) & (column <= axis[-1])):
                 describe = self.sweep.model.describe
                 raise BadInputError(
-                    f"{name} lies outside the sweep, which goes from {describe(name, axis[0])} "
-                    f"to {describe(name, axis[-1])}; choose a value within it"
+                    f"{name} is outside the sweep, {describe(name, axis[0])} to"
+                    f" {describe(name, axis[-1])}; choose a value within this range"
                 )
         flat = self._interpolator(np.stack(columns, axis=-1))
         shapes = [table.shape[len(self.axes) :] for table in self._tables]

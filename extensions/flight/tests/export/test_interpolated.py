@@ -85,11 +85,9 @@ def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> No
 
 
 def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
-    with pytest.raises(
-        BadInputError, match="speed lies outside the sweep, which goes from 60 ft/s to 76 ft/s"
-    ):
+    with pytest.raises(BadInputError, match="speed is outside the sweep, 60 ft/s to 76 ft/s"):
         model.at(dihedral=0.1, speed=50.0)
-    with pytest.raises(BadInputError, match="give dihedral, speed, by name"):
+    with pytest.raises(BadInputError, match="give exactly the arguments dihedral, speed, by name"):
         model.at(speed=68.0)
     with pytest.raises(BadInputError, match="no trim at dihedral 0 deg, speed 5 ft/s"):
         InterpolatedModel(sweep(hfa.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]}))

@@ -57,17 +57,17 @@ class ReportRequest(UnitsOption, TrimOptions):
         default=tuple(SWEEP.tolist()),
     )
     outputs: tuple[str, ...] | None = option(
-        "add C and D of these outputs", "a,b,...", some_of(*STATES, *OUTPUTS)
+        "add C and D for these outputs", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
-        "claims of the paper to show: the claims.json of `python -m studies.section5`, "
-        "or its folder",
+        "show the paper's claims: claims.json written by `python -m studies.section5`, or the "
+        "folder that contains it",
         "FILE",
         _claims,
     )
     flights: Any = option(
-        "flights from the paper's x(0) to show: the best_flights.json of `python -m "
-        "studies.best_flights`, or its folder",
+        "show flights from the paper's x(0): best_flights.json written by `python -m "
+        "studies.best_flights`, or the folder that contains it",
         "FILE",
         _flights,
     )
@@ -83,17 +83,18 @@ class ReportRequest(UnitsOption, TrimOptions):
 
 @command(ReportRequest)
 def report(request: ReportRequest) -> int:
-    """Write one page with the regenerated matrices, linear models over the dihedral angle, and
-    details of selected angles.
+    """Write an HTML page with trims, linear models, games and comparisons with the printed
+    matrices.
 
-    The page compares both printed pairs (A, B) with the regenerated ones. A slider shows the
-    linear models over the dihedral angle. For each selected angle the page shows the trim, the
-    model next to the printed values, the exact game solution and a learned critic. The page
-    contains Plotly (`pip install .[page]`) and loads nothing from any network. Exit code 1
-    when the printed matrices were not regenerated or a learned critic is wrong."""
+    Both printed pairs (A, B) are compared with the regenerated ones. A slider shows trim and
+    linear model at each dihedral angle. For the angles of --dihedral, the page also shows the
+    printed values, the exact game solution and a learned critic. The page contains Plotly
+    (`pip install .[page]`) and loads nothing from a network. Exit code 1 if the printed matrices
+    are not regenerated or a learned critic is wrong.
+    """
     if request.output is None and not request.json:
         raise BadInputError(
-            "give the place of the report, --output FILE.html or --output FOLDER, or --json"
+            "no output is chosen; give --output FILE.html, --output FOLDER or --json"
         )
     if request.output is not None:
         plotly_script()  # refused before anything is computed

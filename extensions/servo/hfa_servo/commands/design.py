@@ -60,7 +60,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
         lambda model: f"default {_RANGE}" if model.extras.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
-        "actuator bandwidths of the margins, rad/s; default 2:10",
+        "actuator bandwidths for which margins are computed, rad/s; default 2:10",
         "A[:B...]",
         _bandwidths,
     )
@@ -85,19 +85,20 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
             return np.array(design.shaping.breakpoints)
         if not self.model.extras.names_schedule:
             raise BadInputError(
-                f"give the values of {by or 'the scheduling variable'} by --at RANGE"
+                f"values of {by or 'the scheduling variable'} are missing; give --at RANGE"
             )
         return array_of(f"--{by}", value_range(self.model, by, _RANGE), _MOST_POINTS)
 
 
 @command(DesignRequest)
 def design(request: DesignRequest) -> int:
-    """Compute the certified controller of a design at every point of --at, or print a controller
-    from its file.
+    """Compute the certified controllers of a design at the points of --at, or print a controller
+    file.
 
-    With --aircraft the controller is scheduled over the model's scheduling variable. Margins are
-    those of one loop at a time, at every input and sensor, with actuators of orders 1 and 2 and the
-    bandwidths of --bandwidth. Exit code 1 when a loop is unstable."""
+    With --aircraft, the controller is scheduled over the scheduling variable of the model.
+    Margins are computed for each input and sensor, with all other loops closed, for actuators of
+    orders 1 and 2 with the bandwidths of --bandwidth. Exit code 1 if a loop is unstable.
+    """
     from hfa_servo.controllers import design_controller
     from hfa_servo.servo_loop import check_margins
 

@@ -67,7 +67,7 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
     """
     shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
     if not isinstance(shown, Sequence) or not shown:
-        raise BadInputError('plot draws names; write plot("alpha", "pitch")')
+        raise BadInputError('plot needs names of variables; write plot("alpha", "pitch")')
     model = value.model
     is_sweep = isinstance(value, Sweep)
     table = sweep_frame(value) if is_sweep else {}

@@ -147,7 +147,9 @@ def load(path: str | Path, *more: Any, **named: Any) -> Any:
     stored = read_arrays(path)
     if "operating_point" not in stored and "residuals" in stored:
         if not more:
-            raise BadInputError(f"{text} is an operating point; write hfa.load(FILE, model)")
+            raise BadInputError(
+                f"{text} is an operating point, which needs its model; write hfa.load(FILE, model)"
+            )
         return OperatingPoint.load(Path(text), *more, **named)
     if {"Q", "R"} <= {*stored} or ("delta" in stored and "A" in stored):
         return hfa.load_game(path, **named)

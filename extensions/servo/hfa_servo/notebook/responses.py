@@ -55,7 +55,9 @@ def simulated(
     if is_named:
         rows = _values("input", named, model.inputs)
         if any(row.shape not in ((), time.shape) for row in rows):
-            raise BadInputError(f"give each input {time.size} values, one for each instant")
+            raise BadInputError(
+                f"an input has a wrong number of values; give {time.size} values, one for each time"
+            )
         u = np.reshape([np.broadcast_to(row, time.shape) for row in rows], (-1, time.size))
     values = np.array(u, dtype=float, ndmin=2)
     wanted = (len(model.inputs), time.size)
@@ -94,7 +96,7 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
     time = np.asarray(time, dtype=float)
     if time.ndim != 1 or time.size < 2:
         raise BadInputError(
-            "time has fewer than two instants; give an array such as np.linspace(0, 10)"
+            "time has fewer than two values; give an array such as np.linspace(0, 10)"
         )
     return time
 
@@ -142,8 +144,8 @@ def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(
-            f"a single loop needs one input and one output; inputs: {len(loop.inputs)}, "
-            f"outputs: {len(loop.outputs)}; set inputs=, outputs="
+            f"a single loop needs one input and one output, not {len(loop.inputs)} and "
+            f"{len(loop.outputs)}; select them with inputs= and outputs="
         )
     return loop
 
