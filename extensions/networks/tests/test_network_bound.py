@@ -161,7 +161,7 @@ def test_halves_are_the_box() -> None:
     assert np.array_equal(widths, [[1.0, 0.25], [0.25, 0.5], [1.0, 0.25], [0.25, 0.5]])
 
 
-# Right policies are proved.
+# Right policies.
 
 
 def judged(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20.0) -> Verdict:
@@ -206,7 +206,7 @@ def test_other_operations_are_searched_alone(game: Game) -> None:
     assert verdict.to_dict()["network"]["proved"] is None
 
 
-# Planted errors are not.
+# Planted errors.
 
 
 def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
@@ -304,7 +304,7 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
 
 
-# Kinks and jumps: |t|, max and min, and their slopes.
+# Kinks and jumps: |t|, max, min and their slopes.
 
 
 def with_hat(game: Game, of_abs: bool) -> Verdict:

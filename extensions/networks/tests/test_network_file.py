@@ -48,7 +48,7 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
     assert critic.precision == "float32"
 
 
-# The order of layers.
+# Order of layers.
 
 
 def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None:
@@ -273,7 +273,7 @@ def test_actors_and_critics_of_one_file_stable_baselines() -> None:
     assert float(found["V"](X[0])) == pytest.approx(inside.sum() + 1.0, rel=1e-12)
 
 
-# Refused in one line.
+# Refused files.
 
 
 class Evil:

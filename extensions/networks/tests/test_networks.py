@@ -49,7 +49,7 @@ def on_the_box(flights: int) -> Scope:
     return Scope(box=ordinary_box(), flights=flights)
 
 
-# Right ones pass.
+# Right networks.
 
 
 def test_a_network_that_is_the_value_passes(game: Game) -> None:

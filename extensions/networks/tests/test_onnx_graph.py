@@ -256,7 +256,7 @@ _NORM = {
 _THREE = ("Reshape", "x three", "h")
 _BACK = ("Reshape", "n flat", "y")
 _SHAPES = {"three": np.array([1, 3, 2]), "flat": np.array([1, 6])}
-#: Of which each operator is read as ONNX Runtime computes it: nodes, constants, outputs.
+#: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
 GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
     "Sign": ([("Sign", "x", "y")], {}, 6),
     "Atan": ([("Atan", "x", "y")], {}, 6),

@@ -209,14 +209,14 @@ def test_what_cannot_be_assessed_is_refused():
 def test_chatter_within_the_ball_is_named():
     calm = card("ppo_gtm").actor
     o = ca.SX.sym("o", 4)
-    at_rest = card("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # of the pitch rate
+    at_rest = card("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # pitch rate
     kink = ca.fmin(ca.fmax(30.0 * (o[2] - at_rest), -0.01), 0.01)
     raw = calm.function(o) + ca.vertcat(kink, 0.0)
     buzzing = Deployment.load(FOLDER / "ppo_gtm.toml")
     vars(buzzing)["actor"] = replace(calm, function=ca.Function("kink", [o], [raw]), rows=None)
     deployed = buzzing.on(aircraft("ppo_gtm"))
     assessed = Assessor(deployed, trims_of(aircraft("ppo_gtm"), [45.0]), 4, 0).assessed()
-    result = Assessment(deployed, tuple(assessed), ())  # without the search for repairs
+    result = Assessment(deployed, tuple(assessed), ())  # without the search for corrections
     (point,) = result.points
     assert point.radius > 1.0
     assert point.flights.returned == 4
@@ -370,7 +370,7 @@ def test_a_lost_flight_names_state_limit_and_time():
     edged = replace(model, states=edge)
     deployed = f16_card().on(edged)
     assessed = Assessor(deployed, trims_of(edged, [502.0]), samples=4).assessed()
-    result = Assessment(deployed, tuple(assessed), ())  # without the search for repairs
+    result = Assessment(deployed, tuple(assessed), ())  # without the search for corrections
     flights = result.points[0].flights
     assert flights.departure.state == "altitude"
     assert flights.departure.limit == -3.0

@@ -11,7 +11,7 @@ from hfa_policy.outcomes import start_box
 from hfa_policy.sampled_loop import chain_of, delays
 
 CASES = [(name, number) for name, (_, values) in AIRCRAFT.items() for number in range(len(values))]
-#: Seconds of a flight; size of the deviation in the box of starts.
+#: Duration of a flight, s, and size of the deviation relative to the initial-condition box.
 END = 60.0
 SMALL = 1e-6
 

@@ -206,7 +206,7 @@ def test_zip_whose_data_calls_refused_and_not_run(folder):
 SHARED_LISTS = b"\x80\x04]\x94" + b"".join(
     b"]\x94(" + 60 * (b"h" + bytes([level])) + b"e" for level in range(12)
 )
-#: A key of 2^32 leaves: each tuple contains the one before twice.
+#: Key with 2^32 leaves: each tuple contains the previous one twice.
 SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
     2 * (b"h" + bytes([level])) + b"\x86\x94" for level in range(32)
 )

@@ -134,7 +134,7 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
         states.append(info["X"])
     expected = flown.states[::every_sample]
     scale = np.abs(expected).max(axis=0)
-    # A delayed command acts from a step of the flight on that rounding may place otherwise.
+    # With a delay, rounding may shift the integration step at which a command begins to act.
     limit = 1e-12 if delay == 0.0 else 1e-9
     assert (np.abs(np.array(states) - expected) / scale).max() < limit
 

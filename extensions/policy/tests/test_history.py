@@ -18,7 +18,7 @@ from hfa_policy.outcomes import FlownRows
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import c_compiler
 
-#: Of three samples, the oldest first: a lead of the pitch rate and a gain of the pitch.
+#: Gain on three samples, the oldest first: a lead on the pitch rate and a gain on the pitch.
 GAIN = np.zeros((2, 12))
 GAIN[0, [2, 6, 10]] = [-0.1, 0.0, 0.3]
 GAIN[0, 11] = 0.4

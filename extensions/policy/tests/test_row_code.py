@@ -92,7 +92,7 @@ def test_what_cannot_written_as_rows_called_by_casadi() -> None:
 
 
 def test_without_a_compiler_casadi_serves(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    # The compiler is found once in a process.
+    # The compiler is searched once per process.
     monkeypatch.setattr(generated, "c_compiler", lambda: None)
     assert isinstance(row_code(of_every_operation()), RowFunction)
     assert "no C compiler found" in capsys.readouterr().err

@@ -111,7 +111,7 @@ def test_margins_are_those_of_python_control(case):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
             gain, phase, *_ = control.stability_margins(single)
-        if math.isfinite(gain):  # at half the sampling rate python-control finds none
+        if math.isfinite(gain):  # at half the sampling rate, python-control finds no margin
             assert found.inputs[loop].gain_high == pytest.approx(gain, rel=1e-9)
         assert found.inputs[loop].phase == pytest.approx(phase, rel=1e-9)
         disk = control.disk_margins(single, grid)[0]

@@ -138,7 +138,7 @@ def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
     places = assessor.places(flight)
     ends = []
     for windows in (outcomes._STANDING, 1000):
-        # Nothing but this number lets such a flight go on to its end.
+        # Only this number lets such a flight continue to its end.
         monkeypatch.setattr(outcomes, "_STANDING", windows)
         flown = FlownRows(
             flight, places, flown_rows(flight, places[0], 24), np.zeros(24, dtype=int)

@@ -23,7 +23,7 @@ from hfa_printed.printed_file import load_printed, read_block
 from hfa_printed.printed_verdict import check_printed
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: A game in discrete time whose A21 lacks a digit: its K and L are those of 0.0741349.
+#: Game in discrete time with a missing digit in A21. Its K and L belong to A21 = 0.0741349.
 MULTIPLAYER = '''
 time = "discrete"
 [plant]
@@ -85,7 +85,7 @@ K = """
 8.9983 0.2031 0.0681 9.2032 -5.0796 0.0180
 """
 '''
-#: K = (√5, √(1 + 2√5)) = (2.236068, 2.339259), cut off.
+#: K = (√5, √(1 + 2√5)) = (2.236068, 2.339259), with further digits cut off.
 INTEGRATOR = """
 time = "continuous"
 [plant]
@@ -96,7 +96,7 @@ R = "1"
 [printed]
 K = "2.23606 2.33925"
 """
-#: The answer of a plant whose texts have four decimals: P in closed form is not needed.
+#: Plant with four decimals, completed with its right answer.
 SMALL = """
 time = "continuous"
 [plant]

@@ -44,7 +44,7 @@ networks = Extension("hfa_networks.files.network")
 
 pytestmark = pytest.mark.usefixtures("folder")
 SLOW = pytest.mark.slow
-#: How many of a hundred random errors may get a cause.
+#: Number of random errors, of a hundred, for which a mistake may be named.
 FALSE_CAUSES = 1
 
 
@@ -110,7 +110,7 @@ def test_a_critic_of_four_digits_is_named_too(game: Game, mistake: str) -> None:
     assert words in named(game, wrong)
 
 
-#: Two states and one input: a few numbers are not explained by as many factors.
+#: Two states and one input: too few numbers to fit several factors.
 SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
 
 
@@ -130,7 +130,7 @@ def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: in
     assert sum(cause != "" for cause in reasons) <= FALSE_CAUSES * draws // 100, set(reasons)
 
 
-#: Right tables, by turns.
+#: Right critics, used in turn.
 RIGHT = (("W", lambda game: weights_of(value(game)), ""), ("P", value, ""), ("K", gain, ""))
 
 
@@ -313,7 +313,7 @@ def layers(
     return reasons
 
 
-#: What was done to which network, how it is read, what must be named.
+#: Mistake -> (change of a network, how it is read, words of the reason).
 MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "outputs swapped": (
         {"name": "policy", "outputs": [0, 2, 1, 4, 3]},
@@ -361,7 +361,7 @@ MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 }
 
 
-#: Planted above without a network, or here in another one.
+#: Mistakes that are planted above without a network, or here in another one.
 RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for tanh, V")
 
 

@@ -87,7 +87,7 @@ def test_task_kills_workers_of_cluster_is_one_line() -> None:
     """A task that kills the workers of a cluster causes an error in one line."""
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
-    # The cluster gives up after one lost worker, not four.
+    # The cluster abandons a task after one lost worker instead of four.
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(
@@ -108,7 +108,7 @@ def test_what_cannot_work_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
         pass
     pytest.importorskip("distributed")
-    # The true wait for a scheduler takes seconds.
+    # The usual time to wait for a scheduler is seconds.
     monkeypatch.setattr(module, "_ANSWER", "0.1s")
     with (
         pytest.raises(BadInputError, match="no Dask scheduler responds"),

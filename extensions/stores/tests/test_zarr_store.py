@@ -137,7 +137,7 @@ def test_only_what_is_missing_is_computed(made: Path, tmp_path: Path) -> None:
     with pytest.raises(Stop):
         fill_store(row_job(), tmp_path / "a.zarr", progress=stop_after_two)
     assert np.isnan(open_store(tmp_path / "a.zarr").square.values[6:]).all()
-    # The first is told before anything is computed.
+    # The first is reported before anything is computed.
     assert resumed(tmp_path / "a.zarr") == [(2, 4), (3, 4), (4, 4)]
     assert contents(tmp_path / "a.zarr") == contents(made)
 
@@ -253,7 +253,7 @@ def test_store_appears_whole_and_takes_no_folder_beside(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
-        # The disk is full at this moment, which a test cannot choose.
+        # The disk is full at this moment, which a test cannot arrange otherwise.
         patched.setattr(xarray.Dataset, "to_zarr", full)
         with pytest.raises(OSError, match="No space left"):
             fill_store(row_job(), tmp_path / "a.zarr")
@@ -283,7 +283,7 @@ def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
     assert writers == {"open": here, "os.mkdir": here}
 
 
-# Stores from strangers.
+# Stores from untrusted sources.
 
 
 def change_metadata(path: Path, file: str, *changes: tuple[tuple[str | int, ...], Any]) -> None:

@@ -18,7 +18,7 @@ import pytest
 from hfa import BadInputError
 from hfa_networks.files.network_file import network_in
 
-#: z'Pz: x P, times x, summed.
+#: Nodes of z'Pz: x P, multiplied by x, summed.
 QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
 ONES = np.ones((6, 1))
 _STORAGE = {

@@ -13,7 +13,7 @@ from hfa_policy.trims import trims_of
 FOLDER = Path(__file__).resolve().parent.parent / "policies"
 ROOT = FOLDER.parent.parent.parent.parent
 GTM = f"{ROOT}/examples/gtm.py:GTM"
-#: Policy -> its aircraft and trims at which it was trained, or nearby.
+#: Policy -> aircraft and trims of its training, or trims nearby.
 AIRCRAFT = {
     "ppo_gtm": (GTM, (38.0, 45.0, 52.0, 60.0)),
     "ppo_raw": (GTM, (38.0, 45.0, 52.0, 60.0)),
@@ -23,7 +23,7 @@ AIRCRAFT = {
     "ppo_c172": ("jsbsim:c172p", (120.0, 135.0, 150.0)),
     "ppo_hfa": ("", (float(np.radians(8.0)),)),
 }
-#: Hardly trained, of conventions that the others do not have.
+#: Policies with other conventions and hardly any training.
 UNTRAINED = {"ppo_squash": (GTM, (45.0,)), "sac_sde": (GTM, (45.0,))}
 
 

@@ -33,7 +33,8 @@ GTM_STARTS = {"speed": 5.0, "alpha": 0.08, "pitch_rate": 0.2, "pitch": 0.15}
 C172_STARTS = {"speed": 10.0, "alpha": 0.05, "pitch_rate": 0.1, "pitch": 0.1, "roll": 0.2}
 HFA_STARTS = {"speed": 3.0, "alpha": 0.03, "pitch": 0.05, "pitch_rate": 0.05, "dihedral": 0.03}
 TANH, RELU = torch.nn.Tanh, torch.nn.ReLU
-#: Name -> class, aircraft, trims, spread of the starts, normalized, activation, layout, steps.
+#: Name -> class, aircraft, trims, spread of the initial conditions, normalized, activation, layout,
+#: steps.
 PLANS = {
     "ppo_gtm": (sb3.PPO, GTM, (38, 45, 52, 60), GTM_STARTS, True, TANH, (16, 16), 60_000),
     "ppo_raw": (sb3.PPO, GTM, (45,), GTM_STARTS, False, RELU, (16, 16), 60_000),
@@ -45,7 +46,7 @@ PLANS = {
     "ppo_squash": (sb3.PPO, GTM, (45,), GTM_STARTS, True, TANH, (16,), 512),
     "sac_sde": (sb3.SAC, GTM, (45,), GTM_STARTS, False, RELU, (16,), 600),
 }  # fmt: skip
-#: Name -> settings that it alone has.
+#: Name -> settings of this policy only.
 ALONE = {
     "ppo_squash": {"use_sde": True, "n_steps": 128, "policy_kwargs": {"squash_output": True}},
     "sac_sde": {"use_sde": True, "policy_kwargs": {}},

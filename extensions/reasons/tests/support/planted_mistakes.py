@@ -78,7 +78,7 @@ FLIPPED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
 ORDER = [0, 2, 1, 3, 5, 4]
 HEAVY = np.diag([3.0, 1.0, 1.0, 1.0, 0.2, 1.0])
 
-#: Name -> (what comes, how it is made from the game, the words).
+#: Name -> (kind of critic, function from the game to the critic, words of the reason).
 NAMED: dict[str, tuple[str, Plant, str]] = {
     "LQR value": (
         "P",
@@ -334,7 +334,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         "of the LQR, in discrete time, a step of 0.05 s of x + (A x + B u) dt",
     ),
 }
-#: Wrong, and without a reason that could be told.
+#: Mistakes that cannot be recognized.
 UNNAMED: dict[str, tuple[str, Plant]] = {
     "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
     "recorded policy": ("P", recorded_policy),
@@ -364,7 +364,7 @@ def second_flipped(game: Game) -> np.ndarray:
     return np.where(np.arange(len(game.A)) == 1, -1.0, 1.0)
 
 
-#: Name -> (what comes, how it is made from a game of any size, the words), for tables with noise.
+#: The same for games of any size, for critics with noise.
 OF_ANY_GAME: dict[str, tuple[str, Plant, str]] = {
     name: NAMED[name]
     for name in (
