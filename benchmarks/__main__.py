@@ -16,7 +16,7 @@ from multiprocessing import get_context
 
 from benchmarks import report
 
-#: Runs of each job: the row of median ratio is stored, with the smallest and largest ratio.
+#: Number of runs. The row with the median ratio is stored, with the smallest and largest ratio.
 _RUNS = 3
 
 
@@ -65,7 +65,7 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
             continue
         start = time.perf_counter()
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
-            # in a process of its own: the threads and memory of one job slow no other
+            # A separate process keeps the threads and memory of one job from slowing another.
             rows[name] = apart.submit(report.rows_of, name, quick).result()
         print(f"run {number}, {name}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     return rows

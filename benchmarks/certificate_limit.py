@@ -11,10 +11,10 @@ from controller.riccati.balancing import units_of
 from controller.riccati.certificate import certified_stack
 from controller.riccati.normal_form import NormalForm
 
-#: The second derivation doubles the time no fewer times, each an inverse and eight products.
+#: Least number of doublings in the second derivation. Each has an inverse and eight products.
 _DOUBLINGS = 5
 _PRODUCTS = 8
-#: Products of the residual of P and of the sizes of its terms.
+#: Products in the residual of P and in the magnitudes of its terms.
 _OF_RESIDUAL = 6
 
 

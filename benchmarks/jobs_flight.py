@@ -39,7 +39,7 @@ from trim.point.solve import find_operating_point
 
 STEP = 1e-4
 STEPS = 200_000
-#: Least part of the cores that a Monte Carlo run keeps busy.
+#: Required efficiency of a Monte Carlo run: speedup divided by the number of cores.
 _EFFICIENCY = 0.85
 
 
@@ -66,7 +66,7 @@ class FlightCase:
     def __init__(self) -> None:
         model = next(model for model in published_models() if model.dihedral_deg == 5.0)
         game = published_game(model.A, model.B)
-        # A stabilizing start: the LQR value, in the paper's basis.
+        # Stabilizing initial weights: the LQR value, in the paper's basis.
         start = tuple(basis("paper", 6).weights(solve_game(game.with_delta(np.inf)).P).tolist())
         settings = PublishedSettings(
             samples=50,

@@ -38,17 +38,17 @@ PARAMETERS = (
     "CL_0", "CL_alpha", "CL_elevator", "CD_0", "CD_CL2", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator",
 )  # fmt: skip
 FREE = (*PARAMETERS, "bias_alpha", "bias_pitch")
-#: Measured state -> standard deviation of its sensor's noise.
+#: Measured state -> standard deviation of its sensor noise.
 SENSORS = {"speed": 0.3, "alpha": 0.003, "pitch_rate": 0.01, "pitch": 0.003}
 #: Time between samples, s.
 _STEP = 0.01
-#: Differences of the peers are these parts of the unknowns. Biases begin away from 0, where such a
-#: part is 0.
+#: Step of the peers' finite differences, relative to the unknowns. Biases start away from 0, where
+#: such a step would be 0.
 _DIFFERENCE = 1e-5
 _BIAS = 1e-3
-#: Estimates are the same where they differ by this part of half their bands.
+#: Two estimates agree if they differ by less than this fraction of the half-width of the band.
 _SAME = 0.01
-#: A peer is given up where its simulation diverges.
+#: Residual returned if the simulation of a peer diverges.
 _DIVERGED = 1e6
 
 
@@ -293,13 +293,13 @@ def _record(quick: bool) -> list[Row]:
     return rows
 
 
-#: What 33 coefficients add to those of examples/uav.toml.
+#: Derivatives added to examples/uav.toml, so that it has 33 coefficients.
 _FLAP = {"flap": ["-5 deg", "25 deg"], "CL_flap": 0.8, "CD_flap": 0.06, "Cm_flap": -0.1}
 _MORE = {
     "CL_q": 6.0, "CD_elevator": 0.03, "CY_0": 0.01, "CY_p": 0.1, "CY_r": 0.3, "CY_aileron": 0.075,
     "Cl_0": 0.001, "Cn_0": -0.001, "Cm_beta": 0.02,
 }  # fmt: skip
-#: Input and amplitude of the 3-2-1-1 of each record, in turn.
+#: Inputs and amplitudes of the 3-2-1-1 maneuvers in each record.
 _MANOEUVRES = (
     (("elevator", 0.035), ("thrust", 8.0)),
     (("aileron", 0.1), ("rudder", 0.12)),

@@ -26,12 +26,12 @@ from trim.point.condition import release, usual_condition
 from trim.point.solve import find_operating_point
 from trim.sweeps.points import TRIMMED, trim_points
 
-#: Frames of JSBSim a second.
+#: JSBSim's frames per second.
 _RATE = 120.0
-#: Episodes of one environment that are timed, as long as JSBSim's run: the first hundred steps
-#: after the work of another program take half as long again.
+#: Timed episodes of a single environment, which take as long as JSBSim's run. The first hundred
+#: steps after the work of another program take half as long again.
 _EPISODES = 20
-#: Rows of a call that is timed: its start is forgotten.
+#: Rows of a timed call, so many that the overhead of the call is negligible.
 _ROWS = 256
 
 

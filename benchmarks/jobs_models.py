@@ -41,7 +41,7 @@ from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
 from trim.sweeps.shared import SharedSystem, without_shared
 
-# python-control counts the states that it is told to hold as constraints, and warns of too many.
+# python-control counts imposed states as constraints and warns of too many.
 warnings.filterwarnings("ignore", "number of constraints", UserWarning)
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
@@ -389,8 +389,8 @@ def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
     return Limit(limit.seconds + seconds, f"{limit.what} and the eigenvectors")
 
 
-#: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack,
-#: pitch, power, throttle and elevator.
+#: Imposed in straight flight. Five unknowns remain of the 12 in a turn: angle of attack, pitch,
+#: power, throttle and elevator.
 _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
 
 

@@ -34,10 +34,10 @@ from trim.point.solve import find_operating_point
 
 _GTM = Path(__file__).parents[1] / "examples" / "gtm.py"
 _INTERVALS = 50
-#: So many starts are to come: the derivatives are machine code where a compiler exists.
+#: Assumed number of initial conditions, for which derivatives are compiled if a compiler exists.
 _STARTS = 50
 _SECONDS = 30.0
-#: Functions that IPOPT evaluates, by their names in CasADi's statistics.
+#: Names of the functions that IPOPT evaluates, in CasADi's statistics.
 _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")
 
 
@@ -91,7 +91,7 @@ def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int)
     H = _drawn(solver.get_function("nlp_hess_l").sparsity_out(0))
     H = H + H.T + sp.diags(1.0 + abs(H + H.T).sum(axis=1).A1)
     kkt = sp.bmat([[H, J.T], [J, -sp.eye(J.shape[0])]], format="csc")
-    # quasi-definite: no pivots are looked for
+    # The matrix is quasi-definite and needs no pivoting.
     of_symmetric = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     factor = partial(splu, kkt, permc_spec="MMD_AT_PLUS_A", **of_symmetric)
     factorizations = stats["iter_count"] * shortest(factor, repeats=repeats)

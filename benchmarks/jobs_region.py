@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dpotrf
 from benchmarks.report import Comparison, Limit, Row, shortest
 from hfa.main import main
 
-#: Seconds that are asked for.
+#: Goal, s.
 _GOAL = 30.0
 
 

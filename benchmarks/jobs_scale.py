@@ -40,7 +40,7 @@ UNCERTAIN = Uncertainty(
     noise={"alpha": 0.001, "pitch_rate": 0.001},
     turbulence=hfa.Turbulence((1.0, 1750.0)),
 )
-#: Job -> its name, the name of its size, and the sizes, the first two of which are quick.
+#: Job -> name in the report, unit of the size, and sizes. A quick run uses the first two.
 _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
     "points": ("sweep into a store", "points", (100, 1_000, 10_000, 100_000, 1_000_000)),
     "flights": ("flights of 0.1 s into a store", "flights", (10, 100, 1_000, 10_000, 30_000)),

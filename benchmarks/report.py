@@ -23,10 +23,10 @@ from hfa_support.reporting.text import Table
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"
-#: The page of rows that miss their target or have stood there before, and that of all others.
+#: Document of rows that miss their target or were listed before, and document of all other rows.
 PAGES = (FOLDER.parent / "docs" / "scaling.md", FOLDER / "README.md")
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
-#: Module of jobs -> the names of its jobs.
+#: Module -> names of its jobs.
 SUBJECTS = {
     "models": ("start", "trim", "angles", "f16", "games", "one_game"),
     "flight": ("loop", "members"),
@@ -36,7 +36,7 @@ SUBJECTS = {
     "region": ("gtm_region",),
     "scale": ("points", "flights", "states", "networks"),
 }
-#: A job at its limit: within this factor of the least time on this machine.
+#: A job is at its limit if its time is within this factor of the least time on this machine.
 AT_LIMIT = 1.3
 _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
@@ -153,7 +153,7 @@ class Row(NamedTuple):
         return "NO"
 
 
-#: The results of some jobs by name.
+#: Name of a job -> its results.
 Results = Mapping[str, Sequence[Row | Growth]]
 
 

@@ -9,9 +9,9 @@ import casadi as ca
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
 
-#: Operations of CasADi that take an angle in radians, by the name that a user writes.
+#: CasADi's operations that require an angle in radians, with their names in Python.
 _OF_ANGLES = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan"}
-#: Operations whose result is in the unit of what they take.
+#: Operations whose result has the unit of their arguments.
 _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
 
@@ -43,7 +43,7 @@ def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[st
     f, y = layout.expressions([components(vector) for vector in vectors], layout.names[4])
     program = ca.Function("equations", vectors, [f, y])
     found: dict[tuple[str, str], None] = {}
-    #: Place in memory -> the signals in degrees that its value is a sum of.
+    #: Index in memory -> signals in degrees whose sum or difference is stored there.
     in_degrees: dict[int, tuple[str, ...]] = {}
     for number in range(program.n_instructions()):
         operation = program.instruction_id(number)

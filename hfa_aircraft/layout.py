@@ -13,7 +13,7 @@ import casadi as ca
 from hfa_aircraft.signals import VECTORS, record
 from hfa_support.errors import BadInputError, refuse_unknown, shown
 
-#: What equations raise that do not take expressions.
+#: Exceptions that equations raise if they do not support expressions.
 _FAILURES = (
     AttributeError,
     TypeError,
@@ -218,7 +218,7 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     """
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
-            # CasADi warns of functions of NumPy.
+            # CasADi issues a FutureWarning for functions of NumPy.
             returned = layout.equations(*arguments)
     except _FAILURES as error:
         from hfa_aircraft.broken_equations import refused

@@ -82,7 +82,7 @@ def load_model(text: str) -> Model:
             f"{where} ends the program (sys.exit) when it is loaded; put its calls under "
             'if __name__ == "__main__":'
         ) from error
-    except Exception as error:  # whatever the user's file raises
+    except Exception as error:  # any exception of the user's file
         raise BadInputError(
             f"{where}: {type(error).__name__}: {error}; correct the file"
         ) from error
@@ -160,8 +160,8 @@ def _executed(file: str) -> types.ModuleType:
     """Execute a Python file and return it as a module."""
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
-    module.__file__ = file  # with which it finds its tables
-    sys.modules[module.__name__] = module  # where its dataclasses look for it
+    module.__file__ = file  # the module finds its data files with it
+    sys.modules[module.__name__] = module  # dataclasses look up their module there
     exec(compile(content, file, "exec"), module.__dict__)
     return module
 

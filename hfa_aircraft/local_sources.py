@@ -16,7 +16,7 @@ from hfa_aircraft.signals import VECTORS
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
 
-#: This project's packages: an installed version is no part of a user's model.
+#: Packages of this project. An installed version does not belong to a user's model.
 _OWN_PACKAGES = {
     "hfa",
     "hfa_support",
@@ -49,7 +49,7 @@ def fingerprint(model: Model, sources: str) -> str:
         parts = [operation, function.instruction_input(number), function.instruction_output(number)]
         if operation == ca.OP_CONST:
             parts.append(function.instruction_constant(number))
-        if operation == ca.OP_CALL:  # of a function whose instructions are not to be seen
+        if operation == ca.OP_CALL:  # the instructions of the called function are not accessible
             return hashlib.sha256(whole.digest() + function.serialize().encode()).hexdigest()
         whole.update(repr(parts).encode())
     return whole.hexdigest()
@@ -112,7 +112,7 @@ def _imported_names(text: bytes, package: str) -> set[str]:
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
-            if node.level:  # 1 is the package itself, 2 the package around it
+            if node.level:  # 1 is the package itself, 2 its parent
                 parents = package.split(".")
                 parents = parents[: len(parents) - node.level + 1]
                 base = ".".join([*parents, base] if base else parents)

@@ -463,8 +463,8 @@ class Model(Reported):
         try:
             return self.layout.equations(*records)
         except (RuntimeError, ArithmeticError):
-            # Some functions of CasADi (pw_lin) take symbols only, and Python's numbers raise where
-            # those of CasADi are inf or nan.
+            # Some CasADi functions (pw_lin) accept only symbols, and numbers in Python raise
+            # exceptions for which CasADi returns inf or nan.
             f, y = self.functions()(*numbers)[:2]
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
             return rates, dict(zip(self.outputs, components(y), strict=True))

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from hfa_support.errors import refuse_unknown
 
-#: The four vectors that a model's equations take, in CasADi's order, and the declarations of their
-#: components.
+#: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
 
 
@@ -39,7 +38,7 @@ class Signal(NamedTuple):
     moving: str = ""
 
 
-#: Names -> the class of the named tuples with these fields.
+#: Field names -> class of named tuples.
 _RECORDS: dict[tuple[str, ...], Any] = {}
 
 

@@ -46,7 +46,7 @@ def _extras_in_si(model: Model, conversion: _Conversion) -> Extras:
         },
         envelope=extras.envelope and _Envelope(conversion, extras.envelope),
         check=extras.check and _Check(conversion, extras.check),
-        explain=None,  # its words are in the units of the declaration
+        explain=None,  # its text has values in the declared units
         begin=extras.begin and _Begin(extras.begin, _factors(model.signals)),
         native=model,
         made_by=in_si,

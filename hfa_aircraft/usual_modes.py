@@ -9,7 +9,7 @@ from hfa_aircraft.signals import Signal
 _ANGLE = ("rad", "deg")
 _RATE = ("rad/s", "deg/s")
 _SPEED = ("ft/s", "m/s", "kt", "kts", "knot", "km/h")
-#: State -> the names, in lower case, and the units by which it is recognized.
+#: State -> names, in lower case, and units by which it is recognized.
 _RECOGNIZED = {
     "alpha": (("alpha", "aoa", "angle_of_attack"), _ANGLE),
     "q": (("q", "pitch_rate"), _RATE),
@@ -20,7 +20,7 @@ _RECOGNIZED = {
     "r": (("r", "yaw_rate"), _RATE),
     "phi": (("phi", "roll", "bank", "roll_angle", "bank_angle"), _ANGLE),
 }
-#: Mode -> the states that take part most, and the mode that must be there beside it.
+#: Mode -> states that dominate it, and another mode whose states must exist.
 _MODES = {
     "short period": (("alpha", "q"), "short period"),
     "phugoid": (("speed", "theta"), "short period"),

@@ -10,24 +10,27 @@ import numpy as np
 
 from hfa_identify.fit import Fit, inverse
 
-#: Half-width of a band of 95 % in standard deviations.
+#: Half-width of a 95 % band, in standard deviations.
 BAND = 1.959964
-#: Lags of the autocorrelation that a test of whiteness looks at.
+#: Lags of the autocorrelation that a test of whiteness uses.
 LAGS = 25
-#: Values of which a smaller share of lags is white are colored.
+#: Residuals are colored if the fraction of white lags is smaller.
 WHITE = 0.8
-#: A quantity is not explained where its residuals vary by so much more than itself.
+#: The model contradicts a quantity if the variance of the residuals exceeds that of the quantity by
+#: this factor.
 _WORSE = 1.5
-#: Highest order of an autoregressive process that residuals are taken to be.
+#: Highest order of the autoregressive model of residuals.
 _MOST_ORDER = 4
-#: Largest sum of its coefficients: the noise has a mean.
+#: Largest sum of the coefficients of an autoregressive model. A process with the sum 1 has no
+#: finite variance.
 _SLOWEST = 0.995
-#: Poles of slow noise beside white noise, and parts of the variance that it may have.
+#: Poles of slow noise in its sum with white noise, and fractions of the variance that it may have.
 _POLES = (0.7, 0.8, 0.9, 0.94, 0.96, 0.97, 0.98, 0.985, 0.99, 0.993)
 _SHARES = (0.02, 0.04, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
-#: Largest part of the variance of the noise that the unknowns are taken to have taken.
+#: Largest fraction of the noise variance that the fitted unknowns are assumed to absorb.
 _MOST_TAKEN = 0.5
-#: Lags at which its autocorrelation is computed, and below which value it is gone.
+#: Length of the period for which an autocorrelation is computed, and value below which it is
+#: negligible.
 _LENGTH = 8192
 _GONE = 1e-3
 
@@ -76,7 +79,7 @@ def covariance(fit: Fit) -> np.ndarray:
     """
     D = inverse(fit.information)
     coloured = D @ sum(V for _, V, _ in weighted_scores(fit)) @ D
-    # A band is no narrower than for white residuals: an estimate of R_vv is noisy itself.
+    # A band is not narrower than for white residuals, because the estimate of R_vv is noisy.
     bound = white_covariance(fit)
     seen = np.isfinite(np.diag(bound))
     grown = np.ones(len(D))
@@ -84,7 +87,7 @@ def covariance(fit: Fit) -> np.ndarray:
     return np.asarray(bound * grown[:, None] * grown)
 
 
-#: Of a part of the records: information, covariance of the score, score.
+#: Information, covariance of the score, and score of a part of the records.
 Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 

@@ -24,9 +24,10 @@ from hfa_identify.search import Search
 from hfa_identify.sensors import SensorError, sensor_errors
 from hfa_support.reporting.results import Result
 
-#: An error whose score has lost all but this part to the parameters cannot be estimated.
+#: An error cannot be estimated if parameters explain all but this fraction of the information on
+#: it.
 _CONFOUNDED = 1e-9
-#: Step of a difference, in nominal sizes.
+#: Step of finite differences, in nominal values.
 _DIFFERENCE = 1e-7
 
 

@@ -2,7 +2,7 @@
 
 from hfa.entry_points import CommandEntry
 
-#: Formats to which `--draws N` adds.
+#: Formats to which `--draws N` adds a section.
 _WITH_DRAWS = (
     "trim",
     "linear-model",

@@ -35,15 +35,15 @@ from hfa_identify.sensors import sensor_errors
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
-#: A record, arrays by name, or the path of a file.
+#: Record, dictionary of arrays, or path of a file.
 AnyRecord: TypeAlias = Record | Mapping[str, Any] | str | Path
-#: Inputs between their samples.
+#: Interpolations of the inputs between samples.
 INPUTS = ("linear", "steps")
-#: Estimates that are correlated by more are named.
+#: Pairs of estimates with a larger correlation are reported.
 _CORRELATED = 0.9
-#: From so many samples on machine code is faster, its compilation included.
+#: Number of samples from which machine code is faster, including its compilation.
 _MANY = 2000
-#: A parameter whose band is wider than this many times its value is not determined.
+#: A parameter is not determined if the half-width of its band exceeds its value by this factor.
 _WIDE = 2.0
 
 
@@ -184,11 +184,11 @@ def _as_records(
         if isinstance(each, str | Path):
             each = read_record(each, model, held, columns)
         elif not isinstance(each, Record):
-            if hasattr(each, "to_pandas"):  # a flight, whose constant states are no frozen sensors
+            if hasattr(each, "to_pandas"):  # the constant states of a flight are not frozen sensors
                 table = each.to_pandas().reset_index()
                 moves = [name in model.inputs or np.ptp(table[name]) > 0.0 for name in table]
                 each = table.loc[:, moves]
-            if hasattr(each, "columns"):  # a table of pandas
+            if hasattr(each, "columns"):  # a pandas table
                 is_index = each.index.name == "time" and "time" not in each.columns
                 each = each.reset_index() if is_index else each
                 each = columns_of_table(each, model, f"record {number}")
@@ -288,7 +288,7 @@ def _identified(
     C = covariance(fit)[first:, first:]
     half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
     white = np.sqrt(np.diag(white_covariance(fit)))
-    # Turbulence and noise of sensors are no parameters, whose bands an error may move.
+    # Turbulence and sensor noise are not parameters whose bands an error of a column can shift.
     white[:first] = np.inf
     estimates = {
         name: Estimate(float(value), float(value - width), float(value + width), *before)

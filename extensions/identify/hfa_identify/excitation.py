@@ -18,9 +18,9 @@ from hfa_identify.response import Responses
 from hfa_identify.search import Search
 from hfa_support.errors import NoSolutionError
 
-#: A quantity moves where its range is at least this part of its nominal size.
+#: A quantity moves if its range is at least this fraction of its nominal value.
 _MOVES = 0.02
-#: A fit explains a quantity where it leaves less than the rest of its variance.
+#: A fit explains a quantity if the coefficient of determination is larger.
 _EXPLAINED = 0.5
 
 

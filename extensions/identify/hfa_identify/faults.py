@@ -21,25 +21,25 @@ from hfa_identify.records import Record, columns_of, is_near_limits, with_column
 from hfa_identify.search import Search
 from hfa_identify.sensors import sensor_errors
 
-#: An outlier is so many robust standard deviations off.
+#: Distance of an outlier from the neighboring residuals, in robust standard deviations.
 _OFF = 8.0
-#: An error of a column is tried where one step estimates it at so many standard deviations, and
-#: named where the search estimates it at so many that chance does so, for any of the errors of one
-#: record, less often than this.
+#: A column error is examined if its estimate exceeds _SEEN standard deviations. It is reported if
+#: the probability of an estimate of this size is less than _CHANCE for all errors of a record
+#: together.
 _SEEN = 2.5
 _CHANCE = 0.005
-#: It matters where an estimate moves by this part of its band of white residuals, or where it is
-#: so clear.
+#: A column error matters if it shifts an estimate by the fraction _MATTERS of its band for white
+#: residuals, or if its estimate exceeds _OBVIOUS standard deviations.
 _MATTERS = 0.3
 _OBVIOUS = 8.0
-#: At most so many are tried.
+#: Largest number of column errors, and of corrections of columns, that are examined.
 _TRIED = 3
-#: A fault explains the records as well as another where residuals differ by less than this part.
+#: Two faults explain the records equally well if L per sample differs by less.
 _ALIKE = 0.02
-#: An error of a column explains them as well where 2 L is larger by less than this, times the
-#: factor of its variance for colored residuals.
+#: Two column errors explain the records equally well if 2 L differs by less than this, times the
+#: factor by which colored residuals increase the variance.
 _LIKELIER = 6.0
-#: Whether inputs were taken for steps -> what fits better.
+#: Whether stepwise inputs were assumed -> advice if the other interpolation fits better.
 _OF_STEPS = {
     False: "inputs are constant between samples; add --inputs steps",
     True: "inputs are linear between samples; leave out --inputs steps",
@@ -47,7 +47,7 @@ _OF_STEPS = {
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
 _POUND = 4.448222  # N
-#: Unit -> by what a column may have been multiplied, and the fault that this is.
+#: Unit -> factor by which a column may have been multiplied -> description of the fault.
 _UNITS = {
     "rad": {
         math.degrees(1.0): "is in degrees, read as radians",
@@ -71,17 +71,17 @@ _UNITS = {
     "N": {1.0 / _POUND: "is in lbf", 0.001: "is in kN"},
     "lbf": {_POUND: "is in N"},
 }
-#: Gauss-Newton steps and windows in which each fault that is undone is tried, and steps in which
-#: the likeliest must converge.
+#: Gauss-Newton steps and windows in which the correction of each fault is tried, and steps in which
+#: the most likely ones must converge.
 _TRIAL = 5
 _WINDOWS = 24
 _STEPS = 10
-#: Steps and windows of a first trial, from which so many faults go on.
+#: Steps and windows of a first trial, and number of faults that are tried further.
 _FIRST_TRIAL = 2
 _FIRST_WINDOWS = 12
 _GO_ON = 8
-#: Parameters that changed by a factor of 8, or in sign, are suspicious; each may change by a factor
-#: of 2.
+#: A change of a parameter is suspicious beyond a factor of 8, or if the sign changes. Factors up to
+#: 2 are usual.
 _USUAL_CHANGE = math.log(2.0)
 _LARGE_CHANGE = math.log(8.0) - _USUAL_CHANGE
 _CHANGED_SIGN = math.log(100.0)
@@ -101,8 +101,8 @@ def faults_of(
     given: names of the parameters with given values
     """
     spikes = list(outliers(search, fit))
-    # A column in another unit leaves residuals that look like outliers. A wrong column must explain
-    # more than another value of a given parameter does.
+    # A column in a wrong unit leaves residuals that look like outliers. A fault of a column must
+    # explain more than another value of a given parameter does.
     freed = {} if spikes else dict(_clear(search, fit, given, len(errors) + len(given)))
     best = min(freed.values(), key=lambda each: each.fit.likelihood, default=None)
     wider = (best.search, best.fit) if best else (search, fit)
@@ -131,14 +131,14 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
             times = record.time[present[:, place]]
             beside = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
             far = np.flatnonzero(beside > _OFF * 1.4826 * np.median(beside))
-            # A spike also lifts the differences of its neighbors, by half.
+            # An outlier also changes the differences of its neighbors, by half as much.
             far = far[beside[far] > 0.7 * beside.max()] if len(far) else far
             if 0 < len(far) <= max(1, len(values) // 50):
                 count = f"{len(far)} outliers" if len(far) > 1 else "an outlier"
                 yield f"{count} of {name} at {times[far[0] + 1]:g} s; leave such samples empty"
 
 
-# Errors of sensors, by a test of the score.
+# Errors of columns, found by a test of the score.
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +269,7 @@ def _clear(
             yield name, _Freed(wider, found, value, widened)
 
 
-# Signs and units of columns, and exchanged columns.
+# Wrong signs and units of columns, and exchanged columns.
 
 
 @dataclass(frozen=True)
@@ -419,7 +419,7 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
     If the sign of a parameter changes, its |ln r| is at least ln 100.
     """
     total = 0.0
-    # Turbulence and noise of sensors come first, where they are unknowns.
+    # Turbulence and sensor noise come first in the unknowns.
     names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
     parameters = search.responses.calm.model.parameters
     for name, value, before in zip(names, theta, begin, strict=True):

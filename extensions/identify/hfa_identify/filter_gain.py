@@ -22,11 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Samples after which the gain is called steady, as a power of two.
+#: Base-2 logarithm of the number of samples after which the gain is assumed to be steady.
 _DOUBLINGS = 12
-#: An interval between samples is halved so often, and more often where the model is fast.
+#: Number of halvings of the sampling interval; fast models need more.
 _HALVINGS = 10
-#: Part of an unknown's size by which derivatives by differences move it.
+#: Step of finite differences, relative to the magnitudes of the unknowns.
 _DIFFERENCE = 1e-5
 
 
@@ -77,7 +77,7 @@ def gain_with_slopes(
     p = len(theta)
     moves = np.diag(_DIFFERENCE * sizes)
     rows = np.vstack([theta, theta + moves, theta - moves])
-    with np.errstate(all="ignore"):  # what is not finite is refused
+    with np.errstate(all="ignore"):  # results that are not finite raise an error
         try:
             K, whiten, variances = _steady(*matrices(rows), interval)
         except np.linalg.LinAlgError:

@@ -29,22 +29,23 @@ from hfa_aircraft.model import Model
 from hfa_identify.records import Record
 from hfa_identify.response import ROUGH_STEP, STEP, Response, Responses, Simulation
 
-#: Before any sample a measured state's start is known to this many of its nominal sizes, another's
-#: to one, and that of a state that no trim balances (altitude, heading) to this small part.
+#: Standard deviations of the guess of an initial state, in nominal values: _MEASURED for a measured
+#: state, 1 for another, and _HELD for one that a trim does not balance (altitude, heading).
 _MEASURED = 10.0
 _HELD = 1e-6
-#: Steps end where the parameters move by less than this part of their standard deviations.
+#: The search converges if the parameters move by less than this fraction of their standard
+#: deviations.
 SMALL = 1e-3
-#: A search that no step improves has ended at a minimum where the undamped step is smaller.
+#: If no step lowers L, the search has still converged if the undamped step is smaller.
 _STUCK = 0.05
-#: A step that lowers L by less than this, which rounding does too, does not improve a search.
+#: A decrease of L below this value may be a rounding error and is not counted.
 _NO_GAIN = 1e-6
 MOST_STEPS = 30
-#: An unknown whose whole range is so small a part of its standard deviation is not moved.
+#: An unknown is kept constant if its range is smaller than this fraction of its standard deviation.
 _LOOSE = 0.1
-#: A step of the parameters (p,), and steps of the initial states (n,).
+#: Step of the parameters (p,), and of each initial state (n,).
 Step: TypeAlias = tuple[np.ndarray, list[np.ndarray]]
-#: Steps that are tried in turn: damping, and part of the step that is taken.
+#: Trials of a step, in this order: damping, and fraction of the step that is made.
 _TRIALS = (
     (0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (1e-4, 1.0), (1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0),
     (1.0, 1.0), (1e1, 1.0), (1e2, 1.0), (1e3, 1.0), (1e4, 1.0),
@@ -260,7 +261,7 @@ class OutputError:
                 lower = self.at(theta, tuple(starts), step)
                 if lower.likelihood <= found.likelihood:
                     if not is_last:
-                        _ = lower.normals  # a step without finite sensitivities is refused
+                        _ = lower.normals  # a step without finite sensitivities is rejected
                     return level, lower
             except (FloatingPointError, np.linalg.LinAlgError):
                 continue
@@ -432,14 +433,14 @@ class OutputError:
             of_start = normal.of_start
             if damping:
                 M = M + damping * np.diag(np.diag(M))
-                with np.errstate(over="ignore", invalid="ignore"):  # such a step is refused
+                with np.errstate(over="ignore", invalid="ignore"):  # such a step is rejected
                     of_start = inverse(normal.A + damping * np.diag(np.diag(normal.A)))
             inverses.append(of_start)
             total += M - normal.B @ of_start @ normal.B.T
             right += normal.g - normal.B @ of_start @ normal.h
         low = (found.theta <= self.bounds[:, 0]) & (right < 0.0)
         high = (found.theta >= self.bounds[:, 1]) & (right > 0.0)
-        with np.errstate(invalid="ignore"):  # no information, no bounds
+        with np.errstate(invalid="ignore"):  # without information, or without bounds
             loose = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
         inside = ~(low | high | loose)
         change = np.zeros(p)
@@ -481,7 +482,7 @@ def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size
 
 
-#: Rows of a product that one thread computes: waking others costs more than it saves.
+#: Rows of a product that a single thread computes, because starting further threads takes longer.
 _TOGETHER = 64
 
 

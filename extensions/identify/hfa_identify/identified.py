@@ -22,15 +22,15 @@ from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: In turbulence the residuals must be white: where a smaller share is, the air moved otherwise.
+#: In turbulence the residuals must be white. A smaller fraction of white lags is a finding.
 _WHITE_ENOUGH = 0.6
-#: Error of a column -> in words.
+#: Kind of column error -> words in reports.
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
-#: Bands that are widened by less are those of white residuals.
+#: A smaller factor is reported as no widening of the bands.
 _WIDENED = 1.05
-#: Bands that are widened by more are not to be trusted: the noise is slower than the maneuver.
+#: With a larger factor the bands are not reliable, because the noise is slower than the maneuver.
 _BEYOND = 8.0
-#: Columns of the first line and of sentences.
+#: Largest number of columns in the first line and in sentences.
 _WIDTH = 100
 
 

@@ -13,16 +13,16 @@ from hfa_identify.bands import weighted_scores, white_covariance
 from hfa_identify.fit import Fit, inverse
 from hfa_identify.search import Search
 
-#: Two minima are as likely as each other where L differs by less, and apart where an estimate
-#: differs by more standard deviations.
+#: Two minima are equally likely if L differs by less than AS_LIKELY. They are distinct if an
+#: estimate differs by more than _APART standard deviations.
 AS_LIKELY = 3.0
 _APART = 5.0
-#: A second minimum is looked for at these multiples of an estimate, and searched where what
-#: differs has fallen to this part of its rise before, at most so often.
+#: A second minimum is searched at these multiples of an estimate, if the difference there is below
+#: the fraction _FALL of its maximum on the way. At most _TRIED searches are made.
 _MULTIPLES = np.linspace(-5.0, 7.0, 49)
 _FALL = 0.5
 _TRIED = 2
-#: Parts disagree where chance explains their difference less often than this.
+#: Parts of records disagree if chance causes their difference with a smaller probability.
 _CHANCE = 1e-4
 
 
@@ -44,7 +44,7 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
     """
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
-        # The second minimum must be apart from the first, which one step finds from the fit.
+        # The second minimum must be distinct from the first, which one step from the fit finds.
         thin = fit if search.responses.turbulent else search.thin(fit.theta, fit.starts, 1)
         if near.converged and _is_apart(near, thin, search.responses.turbulent):
             yield near.theta, near.starts
@@ -161,7 +161,7 @@ def parts_disagree(search: Search, fit: Fit) -> str:
     """
     from scipy.special import chdtrc
 
-    # Turbulence and noise of sensors are taken as known.
+    # Turbulence and sensor noise are assumed to be known.
     first = search.responses.turbulent
     parts = [
         (M[first:, first:], V[first:, first:], g[first:])

@@ -30,7 +30,7 @@ class ParameterSpread:
         sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
         sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly
         variances, axes = np.linalg.eigh(self.covariance / np.outer(sizes, sizes))
-        # The symmetric root, which does not depend on the signs and the order of the axes.
+        # The symmetric square root does not depend on the signs and the order of the eigenvectors.
         root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
         z = np.random.default_rng(seed).standard_normal((count, len(center))) @ root
         return np.asarray(center * np.exp(z) if self.of_logarithms else center + sizes * z)

@@ -21,18 +21,18 @@ from hfa_identify.search import Search
 from hfa_support.reporting.results import Result
 from trim.point.solve import find_operating_point
 
-#: Duration of a maneuver, s, and durations of the unit of doublet and 3-2-1-1, s.
+#: Duration of a maneuver, s, and unit steps of doublet and 3-2-1-1, s.
 _SECONDS = 15.0
 _UNITS = (0.2, 0.4, 0.8, 1.6)
-#: The maneuver begins there, s.
+#: Time at which the maneuver begins, s.
 _BEGIN = 0.5
-#: Frequencies of the multisine: so many multiples of 1 / (duration), Hz.
+#: Number of sines in the multisine, at multiples of 1 / duration.
 _SINES = 24
-#: Largest part of the way from the trim to a limit of the input, halved until no state leaves its
-#: limits, so often.
+#: Largest amplitude, as a fraction of the distance from the trim to the nearer limit, and number of
+#: times that it is halved if a state leaves its limits.
 _PART = 0.5
 _HALVINGS = 6
-#: So many maneuvers are reported.
+#: Number of reported maneuvers.
 _MOST = 10
 
 
@@ -168,7 +168,7 @@ def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
     for unit in _UNITS:
         yield "doublet", unit, _steps(time, unit, (1, 1))
         yield "3-2-1-1", unit, _steps(time, unit, (3, 2, 1, 1))
-    # Schroeder's phases keep the peak of the sum low.
+    # Schroeder's phases keep the peak of the sum small.
     numbers = np.arange(1, _SINES + 1)
     phases = np.pi * numbers * (numbers - 1) / _SINES
     sum_of_sines = np.sin(2.0 * np.pi * np.outer(time, numbers) / time[-1] + phases).sum(axis=1)

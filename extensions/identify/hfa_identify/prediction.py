@@ -29,11 +29,11 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 
-#: Turbulence with which a search begins: change of the speed in 1 s as a part of the speed, of
-#: other states in rad.
+#: Initial turbulence of the search: change of the speed in 1 s relative to the speed, and changes
+#: of other states, rad.
 _BEGIN = 0.02
 _BEGIN_OF = {"alpha": 0.02, "beta": 0.02, "gust_roll": 0.02}
-#: The logarithms of the turbulence and of the sensors' noise change by at most so much.
+#: Largest change of the logarithms of turbulence and sensor noise during the search.
 _WIDEST = 9.0
 
 
@@ -124,7 +124,7 @@ class Predictions(Responses):
       the lag of the air's rotation, and the free ones, in this order.
     """
 
-    # A controller feeds gusts to inputs: the next sample of an input depends on the innovation.
+    # A controller reacts to gusts, so that the next sample of an input depends on the innovation.
     _looks_ahead = False
 
     def __init__(
@@ -188,7 +188,7 @@ class Predictions(Responses):
             signals[LAG] = Signal("1", 1.0, least, most, math.log(BEGIN))
         return signals | self.calm.signals
 
-    # The gain.
+    # Filter gain.
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the variances of the innovations, (k,), and the derivatives of their logarithms,
@@ -234,7 +234,7 @@ class Predictions(Responses):
         W = np.einsum("Ns,si,sj->Nij", powers[:, :sources], self._moves, self._moves)
         return A, C, W, powers[:, sources:]
 
-    # The predictions.
+    # Predictions.
 
     def _correction(self) -> ca.Function:
         """Return a function (x, inputs, θ, z, present, K) -> (corrected x, z - y).
@@ -345,7 +345,7 @@ class Predictions(Responses):
         total = np.empty((len(at_samples), k, p + n))
         samples = max(1, TOGETHER // count)
         S = np.hstack([np.zeros((n, p)), np.eye(n)])
-        with np.errstate(all="ignore"):  # what is not finite is refused
+        with np.errstate(all="ignore"):  # results that are not finite raise an error
             for first in range(0, len(at_samples), samples):
                 rows = slice(first, first + samples)
                 seen = self._observed_slopes(at_samples[rows], driven[rows], rest)

@@ -21,13 +21,14 @@ from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit
 
-#: A record with fewer samples identifies nothing.
+#: Least number of samples in a record.
 FEWEST = 10
-#: A sensor that repeats a value in fewer of its samples is frozen where one value comes more often
-#: in succession.
+#: A sensor that repeats values in less than the fraction _SELDOM of its samples is frozen if it
+#: repeats a value more than _FROZEN times in succession.
 _SELDOM = 0.01
 _FROZEN = 4
-#: A value that is so many half ranges from the middle of its limits is in another unit.
+#: A value is in a wrong unit if its distance from the middle of the limits exceeds this many
+#: half-ranges.
 _FAR = 4.0
 
 
@@ -351,7 +352,8 @@ def _check_measured(
         return
     longest = last - first + 1
     repeated = int((np.diff(seen) == 0.0).sum())
-    # A coarse sensor repeats many values, a fine one none but where it is frozen.
+    # A sensor with coarse resolution repeats many values. One with fine resolution does so only if
+    # it is frozen.
     is_fine = repeated - (longest - 1) <= _SELDOM * len(seen)
     if longest > (_FROZEN if is_fine else max(FEWEST, len(seen) // 5)):
         raise BadInputError(

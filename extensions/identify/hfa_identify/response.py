@@ -26,17 +26,19 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
 
-#: A step of integration is at most this part of the fastest mode's time constant.
+#: Largest integration step, in time constants of the fastest mode.
 STEP = 0.3
-#: The same of a search that need not be accurate.
+#: Largest integration step of a search that need not be accurate.
 ROUGH_STEP = 0.6
-#: At most so many steps of integration between two samples.
+#: Largest number of integration steps between two samples.
 _MOST_STEPS = 10
-#: Steps of integration whose sensitivities are computed together: their memory stays in the cache.
+#: Number of integration steps whose sensitivities are computed together, so that they fit into the
+#: cache.
 TOGETHER = 250
-#: States of a simulation at which rates are compared.
+#: Number of states at which rates are compared.
 _LOOKED_AT = 30
-#: Samples that are so many time constants of the fastest mode apart are not in seconds.
+#: If the sampling interval exceeds this many time constants of the fastest mode, the time is not in
+#: seconds.
 _FAR_TOO_LONG = 60.0
 
 
@@ -84,7 +86,8 @@ class Responses:
     measured: names of the measured states and outputs.
     """
 
-    #: Whether the slope of a late input is that about a sample, or that before it.
+    #: Whether slopes of delayed inputs are centered at the sample. Otherwise they are those before
+    #: it.
     _looks_ahead = True
 
     def __init__(self, model: Model, free: Sequence[str], measured: Sequence[str]) -> None:
@@ -93,7 +96,7 @@ class Responses:
         self.measured = tuple(measured)
         known = sensor_errors(model, (*model.inputs, *self.measured))
         self._errors = {name: known[name] for name in self.free if name in known}
-        # Places in θ of the delays, by the place of the column.
+        # Index of a column -> index of its delay in θ.
         self._late_inputs = self._delays(list(model.inputs))
         self._late_outputs = self._delays(list(self.measured))
         x, u = model.layout.symbols("x", "u")
@@ -117,7 +120,7 @@ class Responses:
         )
         slopes = ca.densify(ca.jacobian(rates, unknowns))
         self._advances: dict[Any, BoundFunction] = {}
-        # Slopes are transposed: a row holds the columns of a matrix one after the other.
+        # Slopes are transposed, so that a row contains the columns of a matrix in succession.
         arguments = [x, driven, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
         self._seen = RowFunction(ca.Function("seen", arguments, [seen]))
@@ -177,7 +180,7 @@ class Responses:
                 signals[name] = self.model.parameters[name]
         return signals
 
-    # Errors of sensors.
+    # Errors of columns.
 
     def _delays(self, columns: list[str]) -> dict[int, int]:
         """Return index in `columns` -> index in θ, for each column whose delay is an unknown."""
@@ -289,7 +292,7 @@ class Responses:
             slopes[:, column] = CubicSpline(record.time, slopes[:, column])(at)
             slopes[:, column, place] = -CubicSpline(record.time, y[:, column])(at, 1)
 
-    # The simulation.
+    # Simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
         """Raise BadInputError if the sampling interval is too long for a time in seconds.
@@ -370,9 +373,9 @@ class Responses:
         at_samples = simulated.at_samples
         total = np.empty((len(at_samples), k, p + n))
         samples = max(1, TOGETHER // count)
-        # S at the first sample of a part of the record.
+        # Sensitivities at the first sample of a part of the record.
         S = np.hstack([np.zeros((n, p)), np.eye(n)])
-        with np.errstate(all="ignore"):  # what is not finite is refused
+        with np.errstate(all="ignore"):  # results that are not finite raise an error
             for first in range(0, len(at_samples), samples):
                 rows = slice(first, first + samples)
                 steps = slice(first * count, (first + samples) * count)
@@ -495,7 +498,7 @@ class Responses:
             np.repeat(thetas, _LOOKED_AT, axis=0),
         )
         moves = moves.reshape(count, -1)
-        with np.errstate(all="ignore"):  # of values where the equations mean nothing
+        with np.errstate(all="ignore"):  # values may be outside the domain of the equations
             return np.asarray(((moves[1:] - moves[0]) ** 2).sum(axis=1))
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:

@@ -24,9 +24,10 @@ import casadi as ca
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 
-#: Parameter that is added: the logarithm of τ in s.
+#: Name of the additional parameter, the logarithm of τ in s.
 LAG = "turbulence_lag"
-#: τ at which a search begins and its limits, s. At the upper one the air does not rotate.
+#: Value of τ at the start of the search, and its limits, s. At the upper limit the air does not
+#: rotate.
 BEGIN = 0.2
 LIMITS = (0.02, 100.0)
 
@@ -47,7 +48,7 @@ class Rotation:
     lag: float
 
 
-#: Rate of the aircraft -> rotation of the air.
+#: Angular rate of the aircraft -> rotation of the air.
 ROTATIONS = {
     "roll_rate": Rotation("gust_roll", "", 1.0, 1.0),
     "pitch_rate": Rotation("gust_pitch", "alpha", -1.0, 1.0),

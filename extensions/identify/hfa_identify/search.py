@@ -16,9 +16,9 @@ from hfa_identify.response import Responses
 
 #: Duration of the windows, s.
 _WINDOW = 1.0
-#: The step, in standard deviations, at which the search in windows or thinned records ends.
+#: The search in windows or thinned records converges if a step is smaller, in standard deviations.
 _ROUGH = 0.5
-#: Steps in which a second fit must become likelier than the first.
+#: Steps after which a second fit must be likelier than the first.
 _SECOND = 10
 
 

@@ -15,9 +15,9 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 
 KINDS = ("bias", "scale", "delay")
-#: Limits of the relative error of a scale: a column may be one with the wrong sign or in degrees.
+#: Limits of a scale error. They include a column with the wrong sign or in degrees.
 _SCALE = (-100.0, 100.0)
-#: Longest delay, s.
+#: Largest delay, s.
 _DELAY = 1.0
 
 

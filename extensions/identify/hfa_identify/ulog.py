@@ -33,9 +33,9 @@ from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.files import read_toml
 
 _ADVICE = 'write alpha = "message.field", or { field = "message.field", scale = 1.0 }'
-#: Keys of a column beside its field -> value without them.
+#: Optional keys of a column -> default value.
 _NUMBERS = {"scale": 1.0, "offset": 0.0, "instance": 0}
-#: Microseconds in a second.
+#: Length of a microsecond, s.
 _MICRO = 1e-6
 
 
@@ -129,7 +129,7 @@ def _log(path: Path) -> Any:
             return ULog(file)
     except OSError:
         raise
-    except Exception as error:  # pyulog raises errors of many kinds on files that are no logs
+    except Exception as error:  # pyulog raises many kinds of errors for files that are not logs
         reason = str(error) or type(error).__name__
         raise BadInputError(f"{path} is not a PX4 log ({reason}); give a .ulg file") from error
 

@@ -26,7 +26,7 @@ from hfa_identify.search import Search
 UAV = str(ROOT / "examples" / "uav.toml")
 FREE = ("CL_0", "CL_alpha", "CD_0", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator")
 AIRCRAFT = from_derivatives(UAV)
-#: The motion of the aircraft in the plane of symmetry, in which most faults are planted.
+#: Longitudinal motion of the aircraft, in which most faults are planted.
 LONGITUDINAL = longitudinal(AIRCRAFT)
 SECONDS = 8.0
 STEP = 0.04

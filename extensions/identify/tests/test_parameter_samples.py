@@ -61,8 +61,7 @@ def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet
     inside, spread = coverage(samples, at_angle)
     assert np.all((inside > 0.94) & (inside < 0.96))
     np.testing.assert_allclose(spread, 1.0, atol=0.03)
-    # The measure can fail: the same draws without logarithms, p (1 + z) in place of p exp(z),
-    # spread too far.
+    # Planted error: draws p (1 + z) instead of p exp(z) have a spread that is too large.
     inside, spread = coverage(center * (1 + np.log(samples / center)), at_angle)
     assert inside.min() < 0.8
     assert spread.max() > 1.6

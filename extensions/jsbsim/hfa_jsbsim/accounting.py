@@ -22,24 +22,24 @@ from hfa_jsbsim.properties import Writer, is_constant
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
-#: What JSBSim reads: of each kind of element the names of its children, and those that change no
-#: steady force in flight.
+#: Elements that JSBSim reads: for each kind of element, the names of its children, and those that
+#: do not affect forces in steady flight.
 DATA = Path(__file__).with_name("elements.json")
-#: Elements and attributes that are text for people, or about files.
+#: Elements and attributes with descriptive text or names of files.
 _TEXT = {
     *("description", "documentation", "comment", "note", "notes", "reference", "author", "license"),
     *("name", "file", "version", "release", "type", "xsi", "xmlns", "copyright", "id", "title"),
 }
-#: Properties of JSBSim that a file may set and that no force in flight depends on.
+#: JSBSim's properties that a file may set, and on which no force in flight depends.
 _IDLE = (
     *("fcs/", "gear/", "ground/", "ic/", "systems/", "simulation/randomseed"),
     *("simulation/jsbsim-debug", "simulation/terminate", "simulation/pause"),
     *("propulsion/active_engine", "propulsion/starter_cmd"),
     "propulsion/engine/starter-norm",
 )
-#: Properties of JSBSim that are 0 until a file or a pilot sets them.
+#: JSBSim's properties that are 0 until a file or a pilot sets them.
 _STORED = ("fcs/", "gear/tailhook", "gear/wing-fold")
-#: Properties of JSBSim that a file may set, and what is left out then.
+#: JSBSim's properties that a file may set without effect, and the reason.
 _NOTED = {
     "propulsion/tank/external-flow-rate-pps": "without effect, as tank contents are constant",
     "simulation/integrator/": "without effect, as the motion is never stopped",
@@ -110,9 +110,9 @@ def _reason(parent: Element, child: Element) -> str:
     if name in _TEXT:
         return ""
     if name in KINDS or name in ("function", "table", "t") or parent.name == "channel":
-        return _NO_FORCE  # it sets properties, which nobody has asked for
+        return _NO_FORCE  # it sets properties that are not read
     if parent.name in ("table", "t") and not any(each.taken for each in parent.children):
-        return _NO_FORCE  # of an engine, which reads it by its name
+        return _NO_FORCE  # tables of engines are read by name
     if any(other.name == name and other.taken for other in parent.children):
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
@@ -130,7 +130,7 @@ def _reason(parent: Element, child: Element) -> str:
     return _NOT_READ
 
 
-#: Elements of which JSBSim reads all, not only the first.
+#: Elements of which JSBSim reads all. Of other kinds it reads the first.
 _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "engine", "channel"}
 
 
@@ -163,7 +163,7 @@ def _ranges(numbers: list[int]) -> str:
     return shown if len(numbers) <= _MOST else f"{shown} and {len(numbers) - _MOST} more"
 
 
-#: So many lines of one kind of element are named.
+#: Largest number of line numbers listed for one kind of element.
 _MOST = 12
 
 

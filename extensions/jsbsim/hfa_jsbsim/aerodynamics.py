@@ -16,12 +16,12 @@ from hfa_jsbsim.xml_file import Element
 from hfa_rigid.motion import wind_axes
 from hfa_support.errors import shortened
 
-#: Axis -> the component of force (0 to 2) or moment (3 to 5) that its functions add to.
+#: Axis -> component of force (0 to 2) or moment (3 to 5).
 _COMPONENTS = {
     **{"DRAG": 0, "AXIAL": 0, "X": 0, "SIDE": 1, "Y": 1, "LIFT": 2, "NORMAL": 2, "Z": 2},
     **{"ROLL": 3, "PITCH": 4, "YAW": 5},
 }
-#: Axes of force whose name alone fixes their frame.
+#: Force axes whose name determines the frame.
 _FRAMES = {"DRAG": "WIND", "LIFT": "WIND", "AXIAL": "AXIAL", "NORMAL": "AXIAL"}
 
 
@@ -83,7 +83,7 @@ class Aerodynamics:
         band = self._limits("hysteresis_limits")
         if band is not None and band["min"] and band["max"]:
             below: Any = 0.0
-            if self._properties.step:  # between its ends it stays as it was a frame before
+            if self._properties.step:  # between the limits the value of the previous frame is kept
                 last = self._properties.remember("stall", lambda: stall)
                 below = ca.if_else(alpha < band["min"], 0.0, last)
             stall = ca.if_else(alpha > band["max"], 1.0, below)
@@ -217,7 +217,7 @@ def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
             raise axis.error(f"{shortened(name)} is not an axis; use {', '.join(_COMPONENTS)}")
         component = _COMPONENTS[name]
         functions[component] = list(axis.all("function"))
-        if component > 2:  # JSBSim does not read moments at the center of gravity
+        if component > 2:  # JSBSim ignores moments at the center of gravity
             for function in filter(_acts_at_center, functions[component]):
                 function.taken = False
         if component in axes:

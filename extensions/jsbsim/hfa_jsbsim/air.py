@@ -321,7 +321,7 @@ def mass_properties(mass: Mass) -> dict[str, Any]:
     return values
 
 
-#: Names of `mass_properties`.
+#: Names of the properties in `mass_properties`.
 OF_MASS = (
     *("inertia/mass-slugs", "inertia/weight-lbs"),
     *("inertia/ixx-slugs_ft2", "inertia/iyy-slugs_ft2", "inertia/izz-slugs_ft2"),

@@ -48,16 +48,17 @@ from hfa_rigid.motion import (
 )
 from hfa_support.errors import BadInputError, shortened
 
-#: Parameters that are a steady wind, to north, east and down, ft/s; the states are relative to it.
+#: Parameters with the velocity of a steady wind toward north, east and down, ft/s. The states are
+#: relative to it.
 WINDS = ("wind_north", "wind_east", "wind_down")
-#: Disturbances that are gusts in it, to north, east and up, ft/s.
+#: Disturbances with the velocity of gusts toward north, east and up, ft/s.
 GUSTS = ("gust_north", "gust_east", "updraft")
 _COMMANDS = {
     "aileron": "fcs/aileron-cmd-norm",
     "elevator": "fcs/elevator-cmd-norm",
     "rudder": "fcs/rudder-cmd-norm",
 }
-#: Levers that stay where they are; all are 0 unless given. gear: 1 is down.
+#: Levers with constant positions, by default 0. A gear position of 1 means down.
 _LEVERS = {
     "flap": "fcs/flap-cmd-norm",
     "gear": "gear/gear-cmd-norm",
@@ -375,7 +376,8 @@ class Equations:
             symbol = held.compute() if held is not None and held.element is None else None
             for name, parameter in self.parameters.items():
                 if symbol is parameter:
-                    if name not in ("mixture", "advance"):  # these begin as engines run best
+                    # Engines run best with their default values.
+                    if name not in ("mixture", "advance"):
                         self.starts[name] = value
                     return
             if symbol is not None and any(symbol is each.symbol for each in self.inputs.values()):

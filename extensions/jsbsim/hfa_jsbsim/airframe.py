@@ -13,7 +13,7 @@ import numpy as np
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
-#: Standard gravity in ft/s^2: pounds in a slug.
+#: Pounds per slug, which is standard gravity in ft/s².
 SLUG_TO_LB = 32.174049
 
 
@@ -239,7 +239,7 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
     return inertia
 
 
-#: Name of a fuel -> lb a gallon.
+#: Name of a fuel -> density, lb per gallon.
 _FUELS = {
     **{"AVGAS": 6.02, "JET-A": 6.74, "JET-A1": 6.74, "JET-B": 6.48, "JP-1": 6.76, "JP-2": 6.38},
     **{"JP-3": 6.34, "JP-4": 6.48, "JP-5": 6.81, "JP-6": 6.55, "JP-7": 6.61, "JP-8": 6.66},

@@ -24,7 +24,7 @@ _PROPELLER = (
     " </minpitch> <maxpitch> 30 </maxpitch> <minrpm> 600 </minrpm> <maxrpm> 2500 </maxrpm>"
     f" {_GRID.format('C_THRUST')} {_GRID.format('C_POWER')} </propeller>"
 )
-#: Kind of engine -> what its element holds, and its thruster.
+#: Kind of engine -> content of its element, and its thruster.
 _ENGINES = {
     "turbine_engine": (
         "<milthrust> 1000 </milthrust> <augmented> 1 </augmented> <augmethod> 1 </augmethod>"
@@ -70,17 +70,17 @@ _AIRCRAFT = """<fdm_config name="small" version="2.0">
 <aerodynamics/>
 </fdm_config>
 """
-#: What a number in a name stands for.
+#: Number of an engine, tank or wheel in a name.
 _NUMBER = re.compile(r"\[\d+\]")
-#: Names that these small aircraft give themselves.
+#: Names that the files of these small aircraft define.
 _OWN = ("IdleThrust", "MilThrust", "push/")
 
-#: Properties that JSBSim takes where a file sets them, and that it lists nowhere.
+#: Properties that a file may set in JSBSim, but that its catalog does not list.
 _UNLISTED = (
     *("atmosphere/override/temperature", "atmosphere/override/pressure"),
     "atmosphere/override/density",
 )
-#: Ends of names that components give properties of their own: failures, limits that are reached.
+#: Suffixes of names that JSBSim defines for components: failures, and whether a limit is reached.
 _OF_COMPONENTS = (
     *("/malfunction/fail_zero", "/malfunction/fail_hardover", "/malfunction/fail_stuck"),
     *("/malfunction/fail_low", "/malfunction/fail_high", "/saturated"),

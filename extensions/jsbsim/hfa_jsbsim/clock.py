@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-#: A state of steady flight, and times, s, at which forces there must be the same.
+#: State of a steady flight, and times, s, at which its forces are compared.
 _USUAL = {
     "speed": 300.0,
     "alpha": 0.05,

@@ -35,7 +35,8 @@ from hfa_jsbsim.properties import (
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import shortened
 
-#: Surfaces that JSBSim has in rad, deg and as a magnitude; one of them sets the others.
+#: Surfaces whose position JSBSim stores in rad, in deg and as a magnitude. One value determines the
+#: others.
 SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "speedbrake", "spoiler")
 
 
@@ -55,7 +56,7 @@ def add_control_systems(
             writers = []
             for component in channel.children:
                 if component.name in KINDS:
-                    order += 2  # other units of a surface are set right behind it
+                    order += 2  # the other units of a surface are set directly after it
                     writers.append(_add_component(component, properties, commands, order))
             if channel.attributes.get("execute"):
                 switched.append((channel, writers))
@@ -199,7 +200,8 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
     if is_constant(low) and is_constant(high):
         return clipped if float(low) <= float(high) else value
-    return ca.if_else(low <= high, clipped, value)  # JSBSim does not clip between limits exchanged
+    # JSBSim does not clip if the limits are exchanged.
+    return ca.if_else(low <= high, clipped, value)
 
 
 def _summer(component: Element, properties: Properties) -> Any:
@@ -475,7 +477,7 @@ def _integral(
     """
     try:
         trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
-    except LoopError:  # it holds the integral where the output is at a limit
+    except LoopError:  # it stops the integral while the output is at a limit
         trigger = ca.SX(0.0)
     if is_constant(trigger) and float(trigger) < 0.0:
         return 0.0
@@ -506,7 +508,7 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
     "second_order_filter": _second_order,
     "washout_filter": _washout,
 }
-#: What JSBSim takes for a component; the others are no part of a channel.
+#: Elements that JSBSim regards as components of a channel. It ignores others.
 KINDS = (
     *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer", "gyro", "angle"),
     *("waypoint_heading", "waypoint_distance", "distributor", "linear_actuator"),

@@ -21,22 +21,22 @@ from hfa_jsbsim.xml_file import Element
 from hfa_rigid.motion import rotation
 from hfa_support.errors import shortened
 
-#: What engines set besides the speeds of their shafts.
+#: Properties that engines set, except the speeds of their shafts.
 _COMPUTED = (
     *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
     *("prop-induced-velocity_fps", "helical-tip-Mach", "propeller-torque-ftlb"),
 )
-#: Share of the power that a limiter of torque lets through, so that a search for more finds a
-#: direction; JSBSim's swings by as much.
+#: Fraction of the excess power that passes the torque limiter, so that a trim search has a descent
+#: direction. The power in JSBSim oscillates by as much.
 _BEYOND = 1e-3
-#: JSBSim's step, s. Its spools and governors come to rest within one where they are close.
+#: Duration of JSBSim's frame, s. Spools and governors near their target reach it within one frame.
 STEP = 1.0 / 120.0
-#: Kind of engine -> the state of its lag: speed of the shaft of a turbine, %; manifold pressure,
-#: inHg; speed of the gas generator of a turboprop, %.
+#: Kind of engine -> state of its lag: shaft speed of a turbine, %; manifold pressure, inHg; gas
+#: generator speed of a turboprop, %.
 _LAGS = {"turbine_engine": "spool", "piston_engine": "manifold", "turboprop_engine": "generator"}
-#: JSBSim takes no smaller ratio of a gear.
+#: Least gear ratio that JSBSim accepts.
 _SLOWEST_GEAR = 0.001
-#: ft lb/s in a horsepower.
+#: Horsepower, ft lb/s.
 HP = 550.0
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
 
@@ -463,7 +463,8 @@ def _augmented(
     if method == 2:
         lit = position > 1.0
     unlit = bled
-    if around.properties.step:  # in the frame in which it goes out no air is bled yet
+    # JSBSim omits the bleed loss in the frame in which the afterburner goes out.
+    if around.properties.step:
         was_lit = around.properties.remember(file.full_name("augmentation"), lambda: lit)
         unlit = ca.if_else(was_lit, dry, bled)
         dry = unlit
@@ -524,7 +525,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         low, high = file.shaft("n1")
         speed = low + throttle_of(file, around) * (high - low)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
-    for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends
+    for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends the program
         if name not in tables:
             raise engine.error(f"the turboprop has no table {name}; add it")
     power = internal_table(tables["EnginePowerRPM_N1"], around, [engine_rpm(file, around), speed])

@@ -23,19 +23,20 @@ from hfa_jsbsim.surfaces import PilotInput
 from hfa_rigid.motion import STATES, flow_rates, rotation, wind_axes
 from hfa_support.errors import BadInputError, shortened
 
-#: Parts of the motion in an array, in their order, and their sizes: quaternion of the attitude,
-#: position, velocity and rotation, all inertial; angle of the earth; accelerations now and a frame
-#: before; acceleration of the rotation; velocities one and two frames before; rate of the
-#: velocity's components in body axes.
+#: Variables of motion in an array, and their sizes: attitude quaternion, position, velocity and
+#: angular velocity, all inertial; rotation angle of the earth; acceleration, also that of the
+#: previous frame; angular acceleration; velocities one and two frames before; time derivative of
+#: the velocity in body axes.
 _MOTION = {
     **{"attitude": 4, "position": 3, "velocity": 3, "rotation": 3, "earth": 1, "acceleration": 3},
     **{"last_acceleration": 3, "spin_up": 3, "last_velocity": 3, "older_velocity": 3, "body": 3},
 }
 _SIZE = sum(_MOTION.values())
-#: Engines and filters settle for at most so long, s, until none of them moves by more in a frame.
+#: Engines and filters settle for at most _LONGEST s, or until no relative change per frame exceeds
+#: _STEADY.
 _LONGEST = 60.0
 _STEADY = 1e-13
-#: A larger relative motion in a frame after that time is reported.
+#: A larger relative change per frame after that time is reported.
 _SETTLED = 1e-9
 
 
@@ -195,7 +196,7 @@ class Frames:
         self._z = np.array(z).ravel()
         x = np.array(shown).ravel()
         turns = np.round((x[self._around] - self._x[self._around]) / (2.0 * np.pi))
-        x[self._around] -= 2.0 * np.pi * turns  # angles go on beyond half a turn
+        x[self._around] -= 2.0 * np.pi * turns  # angles are continuous beyond half a turn
         self._x = x
         return x.copy()
 
@@ -209,7 +210,7 @@ class Frames:
         planet = self.planet
         turning = np.array([0.0, 0.0, planet.turning])
         position = np.array([planet.semimajor + values["altitude"], 0.0, 0.0])
-        local = np.array(_local_axes(ca.DM(position), planet)[1])  # north, east, down
+        local = np.array(_local_axes(ca.DM(position), planet)[1])  # rows north, east, down
         ned = np.array(rotation(values["roll"], values["pitch"], values["yaw"]))
         to_body = ned.T @ local
         air = values["speed"] * np.array(wind_axes(values["alpha"], values["beta"]))[:, 0]

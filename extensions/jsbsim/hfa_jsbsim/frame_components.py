@@ -245,7 +245,7 @@ def _moved(
     return position
 
 
-#: Way of integration -> the weights of the input now, a frame before and two frames before.
+#: Integration method -> weights of the present input, the previous one, and the one before.
 _WEIGHTS = {
     "rect": (1.0, 0.0, 0.0),
     "trap": (0.5, 0.5, 0.0),

@@ -127,11 +127,11 @@ def _any_true(*values: Any) -> Any:
     return reduce(ca.fmax, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
 
 
-#: The smallest magnitude that counts as true.
+#: Smallest magnitude that is true in a condition.
 _SMALLEST_TRUE = 1e-9
-#: The highest number of arguments of an operation without a limit.
+#: Largest number of arguments of an operation without a limit.
 _MANY = 9999
-#: Operation -> its value, and the lowest and highest number of arguments.
+#: Operation -> its function, and the least and greatest number of arguments.
 _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "sum": (_sum, 1, _MANY),
     "product": (_product, 1, _MANY),
@@ -360,7 +360,7 @@ def _rows(data: Element) -> Table:
         raise data.error("the rows of the table differ in length; correct them")
     body = np.array(rows[1:])
     columns = np.array(rows[0])
-    if len(columns) == 1:  # it does not depend on the second argument
+    if len(columns) == 1:  # the table does not depend on the second argument
         body = np.column_stack([body, body[:, 1]])
         columns = np.array([columns[0], columns[0] + 1.0])
     return Table(body[:, 1:], [body[:, 0], columns])
@@ -411,6 +411,7 @@ def named(section: Element) -> Iterator[Element]:
             child.name == "independentVar" for child in part.children
         )
         if is_table and not section.name.endswith("_engine"):
-            is_table = all(part is not child for child in section.children)  # nobody makes these
+            # JSBSim does not define properties for these.
+            is_table = all(part is not child for child in section.children)
         if (part.name == "function" or is_table) and "name" in part.attributes:
             yield part

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-#: Ranks of notes, in the order in which they are printed: a force may differ from JSBSim's; only
-#: motion does; nothing in flight does.
+#: Ranks of notes, in the order in which they are printed. FORCE: a force may differ from JSBSim's.
+#: MOTION: only the motion may differ. IDLE: nothing differs in flight.
 FORCE = 0
 MOTION = 1
 IDLE = 2
-#: Largest number of subjects that a note names for a file.
+#: Largest number of subjects that a note lists for one file.
 _MOST = 12
 
 

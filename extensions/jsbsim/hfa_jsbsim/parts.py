@@ -17,9 +17,9 @@ from hfa_jsbsim.notes import Note
 from hfa_jsbsim.xml_file import Element, Folders
 from hfa_support.errors import BadInputError, shortened
 
-#: Sections of the control system, in the order in which JSBSim loads and runs them.
+#: Sections of the control system, in JSBSim's order of loading and evaluation.
 SYSTEMS = ("system", "autopilot", "flight_control")
-#: All that are read, in the order in which JSBSim loads them.
+#: Sections that are read, in JSBSim's order of loading.
 LOADED = (
     *("metrics", "mass_balance", "ground_reactions", "external_reactions", "buoyant_forces"),
     "propulsion",
@@ -71,7 +71,7 @@ class Parts:
         self.notes: list[Note] = []
         self.sections: list[Element] = []
         for child in root.children:
-            is_first = self.section(child.name) is None  # JSBSim reads no second one
+            is_first = self.section(child.name) is None  # JSBSim reads only the first
             if child.name in LOADED and (is_first or child.name == "system"):
                 self.sections.append(folders.merged(child.take()))
         gas = self.section("buoyant_forces")

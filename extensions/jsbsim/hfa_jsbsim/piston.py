@@ -24,7 +24,7 @@ _FT_TO_M = 0.3048
 _IN3_TO_M3 = (_FT_TO_M / 12.0) ** 3
 _STANDARD_PRESSURE = 101320.73
 _GAS_CONSTANT = 287.3
-#: Speed of a piston that rests, ft/s.
+#: Least mean speed of the pistons, ft/s, which avoids a division by 0.
 _SLOWEST = 1e-4
 _MIXTURE = (
     np.array(
@@ -87,7 +87,8 @@ def piston_power(
     pumping = (throttled - ambient) * efficiency
     runs = running(file, around)
     indicated = ca.if_else(runs, indicated, -engine.value_of("static-friction", 1.5, "HP"))
-    friction = ca.if_else(runs, friction, 0.0)  # without fire the engine is dragged along
+    # Without ignition the engine is dragged by the propeller.
+    friction = ca.if_else(runs, friction, 0.0)
     cycles = engine.value_of("cycles", 4.0)
     lost = (pumping + friction) * displacement * speed / (cycles * 22371)
     power = indicated + lost - _boost_loss(engine, throttled, manifold, volume_flow)

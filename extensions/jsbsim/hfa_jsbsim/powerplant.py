@@ -28,7 +28,8 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
 
     def effect() -> Effect:
         if file.kind == "turbine_engine":
-            power = jets.turbine_thrust(file, around)  # its lb are taken as ft lb/s by a propeller
+            # For a propeller, its lb are interpreted as ft lb/s.
+            power = jets.turbine_thrust(file, around)
             if not file.has_propeller:
                 return jets.jet(file, around, power)
             return propeller_effect(file, around, power)

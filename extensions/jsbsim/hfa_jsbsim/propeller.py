@@ -19,7 +19,7 @@ from hfa_jsbsim.engines import (
     pushed,
 )
 
-#: Share of what is left by which blades feather in each of JSBSim's steps.
+#: Fraction of the remaining angle by which the blades feather in each of JSBSim's frames.
 _FEATHERING = 1.0 / 300.0
 
 
@@ -64,7 +64,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     force, moment = pushed(file, around, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
     rpm = getattr(around.states, f"rpm{number}")
-    # it does not turn backwards: at rest a braking torque is balanced
+    # The propeller does not turn backwards: at rest, a braking torque has no effect.
     step = around.step
     speed_rate = ca.if_else(rpm + speed_rate * step > 0.0, speed_rate, -rpm / step)
     return Effect(
@@ -99,7 +99,7 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
     slowest = prop.value_of("minrpm", 0.0)
     advance: Any = 0.0
     feather: Any = 0.0
-    if file.kind != "turbine_engine":  # `FGTurbine` does not pass the levers on
+    if file.kind != "turbine_engine":  # `FGTurbine` does not pass on the levers
         where = file.mount.where
         advance = around.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
         feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)

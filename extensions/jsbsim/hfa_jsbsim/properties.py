@@ -16,7 +16,7 @@ from hfa_jsbsim.xml_file import Element, number_of
 from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError, shortened
 
-#: Names of a model that no state of the control system may have.
+#: Names of the model that states of the control system may not have.
 _TAKEN = {
     *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch", "yaw"),
     *("altitude", "aileron", "elevator", "rudder", "throttle", "flap", "gear", "speedbrake"),
@@ -24,21 +24,22 @@ _TAKEN = {
     *("mach", "gamma", "turn_rate", "load_factor", "lift_to_weight", "thrust", "weight"),
     *("updraft", "angle_of_attack", "feather"),
 }
-#: The order of what reads and writes outside the control system: after all of it.
+#: Order of evaluation of elements outside the control system: after all components.
 AFTER_ALL = 1 << 30
-#: The order of functions of <aerodynamics> outside its axes, which JSBSim works out first.
+#: Order of evaluation of functions in <aerodynamics> outside an <axis>, which JSBSim evaluates
+#: first.
 BEFORE_AIR = AFTER_ALL - 1
-#: What `FGAuxiliary` and the models behind the control system set: a component of the control
-#: system reads it as it was a frame before.
+#: Properties that `FGAuxiliary` and later models set. A component of the control system reads their
+#: values of the previous frame.
 _LATE = re.compile(
     "aero/|flight-path/|propulsion/|forces/|moments/|velocities/(vt|vc|ve-|vg-|mach|[a-z]+dot-rad)"
     "|velocities/[a-z]-aero|systems/stall"
 )
-#: What `FGAerodynamics` sets after its first functions.
+#: Properties that `FGAerodynamics` sets after its first functions.
 _SET_IN_AIR = ("aero/bi2vel", "aero/ci2vel", "aero/alpha-wing-rad", "aero/qbar-area")
-#: Properties that follow from the sum of forces, on which the control system may not depend.
+#: Properties that depend on the total force. The control system must not depend on them.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
-#: Properties of wheels, which are 0 in the air.
+#: Properties of wheels, which are 0 in flight.
 _NAME = re.compile(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*")
 _ON_GROUND = re.compile(
     r"gear/unit(\[\d+\])?/"

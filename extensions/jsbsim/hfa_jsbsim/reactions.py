@@ -50,7 +50,8 @@ class Reactions:
 
         axes: "xyz" for a force, "lmn" for a moment
         """
-        element.attributes.get("frame")  # read: it is used only where the magnitude is not 0
+        # Marks it as read; it is used only if the magnitude is not 0.
+        element.attributes.get("frame")
         magnitude = f"{_base(element)}/{_magnitude(element)}"
         if not self._properties.is_known(magnitude):
             self._properties.define_initial(magnitude, 0.0)
@@ -139,4 +140,4 @@ def _to_body(element: Element, motion: Motion) -> ca.SX:
         raise element.error(
             f"the frame {shortened(frame)} is not supported; use BODY, LOCAL or WIND"
         )
-    return ca.SX.eye(3)  # as JSBSim takes any other
+    return ca.SX.eye(3)  # JSBSim interprets any other frame as body axes

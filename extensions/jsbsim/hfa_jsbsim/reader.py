@@ -31,14 +31,15 @@ from hfa_rigid.atmosphere import SEA_LEVEL
 from hfa_rigid.motion import STATES
 from hfa_support.errors import BadInputError, choice_of, shortened
 
-#: Outputs that are the positions of surfaces: name -> property, in rad.
+#: Outputs that are surface positions: name -> property, in rad.
 _POSITIONS = {
     "elevator_position": "fcs/elevator-pos-rad",
     "left_aileron_position": "fcs/left-aileron-pos-rad",
     "right_aileron_position": "fcs/right-aileron-pos-rad",
     "rudder_position": "fcs/rudder-pos-rad",
 }
-#: JSBSim's names, in the same units as typed: angles in degrees.
+#: JSBSim's property -> name in the model. Values are converted as typed ones are, with angles in
+#: degrees.
 ALIASES = {
     "velocities/vc-kts": "kcas",
     "velocities/mach": "mach",
@@ -63,15 +64,16 @@ ALIASES = {
     "fcs/yaw-trim-cmd-norm": "yaw_trim",
     "gear/gear-cmd-norm": "gear",
 }
-#: Advance ratio V / (n D) where a search for the speed of a propeller begins.
+#: Initial advance ratio V / (n D) in the search for a propeller's speed.
 _ADVANCE_RATIO = 0.72
-#: Where the throttles but the first of several are held by default.
+#: Default position of all throttles but the first.
 _HALF = 0.5
-#: Speeds of a propeller among which that of a dead engine is looked for, and the highest of them,
-#: in usual speeds.
+#: Number of speeds at which the windmilling speed of a propeller is searched, and the largest,
+#: relative to the usual speed.
 _SPEEDS_TRIED = 121
 _FASTEST = 3.0
-#: Nodes of expressions in which common ones are no longer looked for: a table of that size.
+#: Number of nodes from which common subexpressions are not searched, because the table would be too
+#: large.
 _LARGE = 200_000
 _MODES = {
     "short period": ("alpha", "pitch_rate"),
@@ -100,7 +102,7 @@ def read_model(text: str, partial: bool = False) -> Model:
     return declaration.model((text, folders.digest), notes)
 
 
-#: What may stand behind the question mark: word -> its value, the choice.
+#: Options after the question mark: name -> (value, field of `Choices`).
 _CHOICES = {
     "filters": ("states", "filters"),
     "engines": ("states", "engines"),
@@ -201,7 +203,7 @@ class _Declaration:
             if name == "gravity" or symbol.element_hash() in used
         }
         pressure = parts.mass.weight / max(parts.wings.area, 1e-6)
-        #: True speed at sea level with a lift coefficient of 0.5, ft/s.
+        #: True airspeed at sea level for a lift coefficient of 0.5, ft/s.
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
 
     def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
@@ -213,7 +215,8 @@ class _Declaration:
         states = self._states()
         outputs = self._outputs()
         moving = tuple(name for name in states if name not in ("yaw", "altitude"))
-        # the rate of a spool is limited nearly everywhere: a trim balances its error in its place
+        # The acceleration of a spool is limited nearly everywhere. A trim therefore balances its
+        # speed error.
         steady = tuple(name for name in moving if not name.startswith("spool"))
         return Model(
             self.parts.name,
@@ -420,7 +423,7 @@ class _Declaration:
             return np.asarray(self._still.map(len(speeds)).call(tables)[0])[row]
 
         fastest = _FASTEST * _rpm(file, True).start
-        speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # close to rest finer
+        speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0
         (steady,) = np.nonzero(rates(speeds) >= 0.0)
         if len(steady) == 0:
             return 0.0

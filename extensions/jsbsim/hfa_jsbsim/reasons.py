@@ -12,11 +12,12 @@ from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.parts import Parts
 
-#: (values to hold, names to set free) -> values of everything by name at the solution, or None.
+#: (imposed values, freed names) -> all values by name at the solution, or None.
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
-#: Angles of attack at which the greatest lift is looked for.
+#: Angles of attack at which the greatest lift is searched.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
-#: An unbalanced force that counts, as a share of the weight; an acceleration, rad/s^2.
+#: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
+#: rad/s².
 _SOME = 1e-6
 
 
@@ -119,5 +120,5 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
         yield f"{diameter.where}: {length}, because the file gives no unit"
 
 
-#: No propeller is wider, ft.
+#: Larger propeller diameters are implausible, ft.
 _LONGEST_BLADES = 40.0

@@ -17,9 +17,9 @@ import numpy as np
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 
-#: More nested elements than this are no aircraft.
+#: Largest depth of nested elements in an aircraft file.
 _DEEPEST = 100
-#: Entities of JSBSim's files are names of numbers.
+#: Entities in JSBSim's files are short names of numbers.
 _LONGEST_ENTITY = 100
 
 
@@ -160,7 +160,7 @@ class Element:
         return np.array(numbers)
 
 
-#: (from, to) -> factor, as in `FGXMLElement`; the reverse follows.
+#: (from, to) -> factor, as in `FGXMLElement`. The inverse factors follow.
 _FACTORS = {
     ("M", "FT"): 3.2808399,
     ("CM", "FT"): 0.032808399,
@@ -249,7 +249,7 @@ def parsed(text: bytes, file: str) -> Element:
         ) from error
     except BadInputError:
         raise
-    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
+    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not support
         raise BadInputError(
             f"{file}: its encoding is not supported ({error}); use UTF-8"
         ) from error

@@ -16,7 +16,7 @@ from studies.jsbsim.constructs.judge import ALL, judge, unused_slots
 needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
 )
-#: Some that were read wrongly in silence before.
+#: Constructs that an earlier reader ignored without a note.
 QUICK = (
     "airframe: plain",
     "airframe: tank of grain",
@@ -123,7 +123,7 @@ def test_no_construct_differs_in_silence(tmp_path):
 
 @needs_jsbsim
 def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
-    # The planted fault: a reader that drops the construct.
+    # Planted error: a reader that ignores the construct.
     monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
     (judgement,) = judge(["functions: force at the center of gravity"], tmp_path)
     assert judgement.verdict == "silent"

@@ -12,7 +12,8 @@ from trim.point.condition import release, usual_condition
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
 )
-#: JSBSim's name -> ours; it has faults of its own in the column of the altitude's rate by roll.
+#: JSBSim's name -> name in the model. The derivative of its altitude rate with respect to roll is
+#: wrong.
 STATES = {
     "Vt": "speed",
     "Alpha": "alpha",
@@ -75,7 +76,7 @@ def differences(name, kcas):
             pytest.param(name, kcas, of_B, marks=pytest.mark.slow)
             for name, kcas, of_B in (
                 ("787-8", 250.0, 2e-11),
-                ("A320", 250.0, 1e-3),  # ailerons with unequal ends: a kink
+                ("A320", 250.0, 1e-3),  # ailerons with unequal limits have a kink
                 ("A4", 250.0, 2e-11),
                 ("B747", 250.0, 2e-11),
                 ("MD11", 250.0, 2e-11),

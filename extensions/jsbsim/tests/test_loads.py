@@ -19,7 +19,7 @@ needs_jsbsim = pytest.mark.skipif(
 )
 WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
 JET = {"kcas": 250.0, "altitude": 5000.0}
-#: Aircraft, calibrated airspeed, and a throttle at which no limiter of torque acts.
+#: Aircraft, calibrated airspeed, and throttle for which no torque limiter is active.
 PROPELLERS = (
     ("c310", 110.0, 1.0),
     ("DHC6", 120.0, 0.7),
@@ -69,7 +69,8 @@ def residual(name, held, parameters, free=()):
                 ("sgs126", {"kcas": 60.0, "altitude": 3000.0}, WIND, ()),
                 ("f15", JET, WIND, ()),
                 ("B747", JET, {"engine1": 0.0}, ()),
-                # what JSBSim's own systems move is held, actuators begin at rest
+                # Quantities that JSBSim's systems move are imposed, and actuators start in
+                # equilibrium.
                 ("X15", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
                 ("f16", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
                 ("p51d", {"kcas": 200.0, "altitude": 10000.0}, {}, ()),
@@ -80,7 +81,8 @@ def residual(name, held, parameters, free=()):
                     (name, {"kcas": kcas, "altitude": 3000.0, "throttle": share}, out, ("gamma",))
                     for name, kcas, share in PROPELLERS
                     for out in ({"engine1": 0.0}, {"engine1": 0.0, "feather1": 1.0})
-                    if (name, len(out)) != ("DHC6", 2)  # JSBSim's still creeps after two minutes
+                    # Its engine in JSBSim has not settled after two minutes.
+                    if (name, len(out)) != ("DHC6", 2)
                 ),
             )
         ),
@@ -202,14 +204,15 @@ def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
         "axes": f'<axis name="YAW"> {axis} </axis>',
     }
     plain = jet(slots)
-    kept = plain.rindex('<axis name="YAW">')  # a second axis of one name replaces the first
+    # Of two axes with the same name only the second is used.
+    kept = plain.rindex('<axis name="YAW">')
     path = written(tmp_path, plain[:kept] + plain[plain.index("</axis>", kept) + 7 :], "damped")
     state = {"altitude": 5000.0, "speed": 350.0, "alpha": 0.03, "beta": 0.05, "pitch": 0.03}
     point = {"state": state, "commands": {"throttle": 0.0}, "flight": 1.0}
     (answer,) = answered([{"aircraft": "damped", "root": str(tmp_path), "point": point}])
     steady = flown(load_model(path), state)
     model = flown(load_model(f"{path}?filters=states"), state)
-    miss = abs(model["yaw_rate"] - answer["yaw_rate"])  # JSBSim's components run a step late
+    miss = abs(model["yaw_rate"] - answer["yaw_rate"])  # JSBSim's components lag by one step
     assert miss < 0.1 * abs(steady["yaw_rate"] - answer["yaw_rate"])
 
 

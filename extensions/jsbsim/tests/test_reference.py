@@ -13,14 +13,14 @@ from studies.jsbsim.reference import measured
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
 )
-#: Aircraft that are refused or whose engine stops, whose surfaces JSBSim moves with the past of its
-#: states, or whose fuel tanks JSBSim leaves out while nothing burns (fokker50: at one of the points
-#: JSBSim's accelerations are no numbers): other tests, or none, know them.
+#: Aircraft for which this comparison is not possible: they are refused, their engine stops, or
+#: JSBSim moves their surfaces depending on past states. JSBSim also ignores fuel tanks while no
+#: engine burns. Accelerations of the fokker50 are not finite at one point in JSBSim.
 OTHERS = {
     *("F450", "J246", "L410", "Pterosaur", "Submarine_Scout", "ZLT-NT", "ah1s", "blank", "c172x"),
     *("c310", "f16", "f22", "fokker50", "weather-balloon", "x24b"),
 }
-#: Propellers, or a regulator of their engines, that have not settled after two minutes.
+#: Aircraft whose propellers or engine governors have not settled after two minutes.
 SLOW = {"Short_S23": 1e-3, "wrightFlyer1903": 1e-7}
 ALL = (
     *(

@@ -20,7 +20,7 @@ from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 
-#: Worse conditioned matrices are solved with an input in place of a state.
+#: If the condition number is larger, an input replaces a state as an unknown.
 _CONDITION = 1e6
 
 

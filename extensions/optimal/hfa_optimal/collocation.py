@@ -17,10 +17,10 @@ import numpy as np
 from hfa_optimal.problem import MARGIN, FlightProblem
 from hfa_support.native.machine_code import machine_code
 
-#: Collocation points of an interval. 3 take half as long again on the flexible aircraft, and two
-#: meshes differ as much: the inputs, linear in an interval, limit the order.
+#: Collocation points per interval. With 3, solutions for the HFA take half as long again, and two
+#: meshes differ as much, because the inputs are linear in each interval.
 DEGREE = 2
-#: Length of the last interval over that of the first, at most.
+#: Largest ratio of the lengths of the last and the first interval.
 _LONGEST_GROWTH = 60.0
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -31,25 +31,25 @@ OPTIONS: dict[str, Any] = {
     "ipopt.tol": 1e-8,
     "ipopt.acceptable_tol": 1e-6,
     "ipopt.max_iter": 300,
-    # A tenth each: the equations are scaled already, and a step that is a little off costs less
-    # than its residual.
+    # Each option saves a tenth of the time. The equations are scaled already, and a slightly
+    # inexact step is cheaper than the computation of its residual.
     "ipopt.mumps_permuting_scaling": 0,
     "ipopt.mumps_scaling": 0,
     "ipopt.fast_step_computation": "yes",
 }
-#: From so many intervals on IPOPT takes a third fewer iterations where it adapts its barrier.
+#: Number of intervals from which IPOPT needs a third fewer iterations with an adaptive barrier.
 _LARGE = 100
-#: From so many starts on the equations are compiled, which takes as long as 4 starts of the
-#: flexible aircraft and 25 of a c172p, and saves 10 and 60 % of each.
+#: Number of initial conditions from which the equations are compiled. This takes as long as 4
+#: solutions for the HFA and 25 for a c172p, and it saves 10 and 60 % of each.
 _MACHINE_CODE_STARTS = 20
-#: Roughness, as a part of the largest, that every interval of an adapted mesh counts at least.
+#: Least roughness of an interval in an adapted mesh, relative to the largest.
 _EVEN = 1e-3
-#: Kinks of the inputs count so many times, and lengths of intervals follow this power of the
-#: roughness: half the distance between meshes of 25 and 50 intervals on the flexible aircraft, of
-#: some values that were tried.
+#: Weight of the inputs' kinks, and power of the roughness that determines the lengths of intervals.
+#: Of the values that were tried, these halve the difference between meshes of 25 and 50 intervals
+#: for the HFA.
 _KINKS = 3.0
 _POWER = 0.5
-#: Largest violation of the transcribed equations, in nominal sizes, of what is flown at all.
+#: Largest violation of the collocation equations of a feasible proposal, in nominal values.
 FEASIBLE = 1e-6
 
 

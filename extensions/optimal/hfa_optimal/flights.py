@@ -21,18 +21,18 @@ from hfa_optimal.collocation import Proposal
 from hfa_optimal.problem import FlightProblem
 from hfa_optimal.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
 
-#: s: the longest step of the integration.
+#: Largest integration step, s.
 _STEP = 0.005
-#: About as many ticks has a flight; so many flights of one tick decide about machine code.
+#: Typical number of ticks in a flight, for the decision on machine code.
 _TICKS = 500
-#: Largest product of a step and the fastest mode of the linear loop.
+#: Largest product of the integration step and the fastest mode of the linear loop.
 _FASTEST = 0.1
-#: A flight has ended in the trim where the linear cost of its end is below this part of its cost: a
-#: policy may hold an equilibrium off the trim.
+#: A flight converges to the trim if the linear cost at its end is below this fraction of its cost.
+#: It may end at an equilibrium near the trim.
 SETTLED = 0.05
-#: An input nearer to its limit than this part of its nominal size is saturated.
+#: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
 _AT_LIMIT = 1e-3
-#: A state so many nominal sizes off the trim has left every bound.
+#: A flight has diverged if a state deviates by this many nominal values from the trim.
 _FAR = 1e4
 
 
@@ -224,7 +224,7 @@ class Flights:
         v = rows.inputs[:, problem.moved]
         states = rows.states + trim
         left = departure(problem.envelope, rows.times, states, moving_air=False)
-        with np.errstate(over="ignore", invalid="ignore"):  # of a flight that diverges
+        with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             tail = float(z[-1] @ problem.P @ z[-1])
             running = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held)
         cost = running + tail

@@ -29,7 +29,7 @@ from verification.hfa_box import ordinary_box
 if TYPE_CHECKING:
     from hfa_boxes.check.cost_statement import CostStatement
 
-#: A box is made so much smaller where it reaches beyond the limits.
+#: Factor on a box that reaches beyond the limits.
 _INSIDE = 0.9
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: A flight is drawn so far beyond the limits or the other flights, as a part of their range.
+#: Margin around the signals in a panel, relative to their range.
 _BEYOND = 0.3
 
 

@@ -24,15 +24,16 @@ from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
-#: How far inside the limits of the states a proposal stays, as a part of the distance from the
-#: trim, so that a flight that follows it stays within them.
+#: Fraction by which the state limits of a proposal are narrowed, so that the flight that follows it
+#: stays in the envelope.
 MARGIN = 4e-3
-#: Half-width of a smoothed kink, in standard deviations of its argument over points within the
-#: limits whose states are nearer to the trim than so many nominal sizes.
+#: Half-width of a smoothed kink, in standard deviations of its argument. The points are within the
+#: limits, and their states within _NEAR nominal values of the trim.
 KINK_WIDTH = 0.02
 _NEAR = 3.0
 _KINK_POINTS = 500
-#: Two trims have the same value of a state within this part of its nominal size.
+#: Two trims have the same value of a state if they differ by less than this fraction of its nominal
+#: value.
 _SAME = 1e-6
 
 

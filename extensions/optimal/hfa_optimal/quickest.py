@@ -28,30 +28,30 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Intervals of the meshes, coarsest first. Two after each other agree to `_MESHES_AGREE`.
+#: Numbers of intervals of the meshes. The times on two successive meshes must agree to
+#: _MESHES_AGREE.
 _MESHES = (40, 80, 160)
 _MESHES_AGREE = 0.005
-#: Parts of the distance from the trim to each limit that a proposal leaves to the policy that
-#: follows it; a larger one is tried where the flight left the limits or did not arrive, the last
-#: one on the finest mesh alone.
+#: Fractions of the distance from the trim to each limit that a proposal leaves to the policy. A
+#: larger one is tried if the flight leaves the limits or does not arrive, the last one only on the
+#: finest mesh.
 _RESERVES = (0.002, 0.008)
 _LARGEST_RESERVE = 0.032
-#: The flight has arrived where each state is nearer to the trim than this part of its largest
-#: deviation on the way.
+#: A flight has arrived if each state deviates from the trim by less than this fraction of its
+#: largest deviation.
 ARRIVED = 0.02
-#: Part of its nominal size that the largest deviation of a signal counts at least, where a mesh is
-#: adapted.
+#: Least size of a signal in the adaptation of meshes, relative to its nominal value.
 _SMALLEST = 1e-3
-#: Steps of the simulation of a flight at least, so that an input that changes from one limit to the
-#: other does it when it was proposed.
+#: Least number of simulation steps in a flight, so that inputs switch between their limits at the
+#: proposed times.
 _STEPS = 2000
-#: Times of the guesses, as parts of the horizon of the linear loop.
+#: Durations of the guesses, relative to the horizon of the linear loop.
 _GUESSES = (0.3, 0.1)
 _NONE_WITHIN = (
     "IPOPT finds none that satisfies the equations within the limits, from any guess; that none "
     "exists is not proved"
 )
-#: After the arrival the linear policy holds the trim for this part of the time of the flight.
+#: Duration of the linear policy after the arrival, relative to the duration of the flight.
 _HELD = 0.5
 
 

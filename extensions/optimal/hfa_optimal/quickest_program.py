@@ -20,11 +20,11 @@ from hfa_optimal.collocation import (
 )
 from hfa_optimal.problem import FlightProblem
 
-#: Weight of the inputs and of their steps, in parts of their ranges, beside the time: where several
-#: inputs give the same time, the smallest and smoothest are proposed.
+#: Weights of the inputs and of their steps, relative to their ranges, compared with the time. Of
+#: several inputs with equal times, the smallest and smoothest are proposed.
 _SMALL_INPUTS = 1e-4
 _SMALL_STEPS = 3e-4
-#: Shortest and longest time over that of the guess.
+#: Shortest and longest time, relative to that of the guess.
 _SHORTEST = 1e-3
 _LONGEST = 20.0
 

@@ -25,49 +25,52 @@ from hfa_optimal.problem import MARGIN, FlightProblem
 from hfa_optimal.tracking import exponentials
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: Intervals of the coarsest mesh, and how often it is divided.
+#: Number of intervals of the coarsest mesh, and largest number of refinements.
 INTERVALS = 25
 _DIVISIONS = 4
-#: How much farther inside the limits a proposal stays after its flight left them: on every mesh,
-#: and on the last one that agreed where that does not suffice.
+#: Factors on the margin to the state limits if a flight left them: on every mesh, and finally on
+#: the last mesh that agreed.
 _TIGHTER = 3.0
 _TIGHTEST = 9.0
-#: Two meshes agree to this part of the cost, and a flight with its proposal.
+#: Largest relative difference of the costs on two meshes, and of the costs of a flight and its
+#: proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
-#: An input that goes so often from half of one limit to half of the other alternates. A mesh of so
-#: many intervals is then not divided again: a finer one only lets the input alternate faster.
+#: An input alternates if it changes this often between half of one limit and half of the other. A
+#: mesh of _ALTERNATING_MESH intervals is then not refined, because the input would only alternate
+#: faster.
 _ALTERNATES = 6
 _ALTERNATING_MESH = 200
-#: The linear cost of the end is below this part of the cost.
+#: Largest linear cost after the horizon, relative to the cost.
 TAIL = 0.001
-#: The same where an altitude that no cost holds moves the equilibrium.
+#: Largest linear cost after the horizon if a state outside the cost, such as altitude, moves the
+#: equilibrium.
 DRIFTING_TAIL = 0.005
-#: Costs of one optimum on the coarsest mesh differ by less than this part.
+#: Relative difference below which costs on the coarsest mesh belong to the same optimum.
 _SAME_OPTIMUM = 0.002
-#: Costs of one optimum on one mesh differ by less than this part.
+#: Relative difference below which costs on the same mesh belong to the same optimum.
 _EQUAL = 1e-6
-#: So many different optima of the coarsest mesh are followed on the next.
+#: Number of different optima that are refined.
 _FOLLOWED = 2
-#: Guess that begins with the optimum at a larger R, and how many times larger.
+#: Name of the guess that is the optimum for a larger R, and factor on R.
 _COSTLY = "costly inputs"
 _COSTLY_PRICE = 10.0
-#: Nominal sizes of the inputs of a guess at the begin, at most.
+#: Largest initial inputs of a guess, in nominal values.
 _LARGEST_INPUT = 10.0
-#: The linear cost after the first horizon, as a part of that of the start.
+#: Linear cost after the first horizon, relative to the initial one.
 _FIRST_TAIL = 3e-4
-#: How much longer a horizon is made, and how often.
+#: Factor by which a horizon is extended, and largest number of extensions.
 _LONGER = 1.6
 _EXTENSIONS = 5
 _NONE_WITHIN = (
     "IPOPT finds none that satisfies the equations within the limits, from any guess (tables and "
     "kinks can stop it too); it is not proved that none exists"
 )
-#: A flight goes on after the horizon, by the linear policy, for this part of it.
+#: Duration of the linear policy after the horizon, relative to the horizon.
 AFTER = 0.25
 
 
-#: Times (N,) -> z (N, k) and v (N, m) there.
+#: Times (N,) -> z (N, k) and v (N, m) at these times.
 Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 

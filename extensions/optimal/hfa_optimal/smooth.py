@@ -15,7 +15,7 @@ import numpy as np
 _COMPARISONS = (ca.OP_LT, ca.OP_LE)
 _KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
 _LOGIC = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
-#: An argument that varies less than this part of its size does not vary.
+#: An argument is constant if its range is less than this fraction of its magnitude.
 _VARIES = 1e-9
 
 

@@ -11,12 +11,13 @@ from hfa_flight.policies import Measurements, Policy
 from hfa_optimal.collocation import Proposal
 from hfa_optimal.problem import FlightProblem
 
-#: Growth e^x of the linear costate equations within one step of the Riccati recursion, at most.
+#: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.
 _STEP = 6.0
-#: Terms of the exponential series of a matrix with a norm of at most _SMALL: exact to rounding.
+#: Terms of the exponential series of a matrix whose norm is at most _SMALL. They suffice up to
+#: rounding errors.
 _TERMS = 12
 _SMALL = 0.5
-#: Steps of the integration in a tick: z* and v* are given at the ends of each.
+#: Integration steps in a tick. z* and v* are given at the ends of each step.
 STEPS = 8
 
 

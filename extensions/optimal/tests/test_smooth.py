@@ -13,7 +13,7 @@ from hfa_optimal.search import BestFlights
 from hfa_optimal.smooth import smoothed
 
 POINTS = np.linspace(-1.0, 1.0, 401)[:, None]
-#: Half-width of the kinks below, for an argument that varies as POINTS.
+#: Half-width of the kinks in the tests, for an argument with the values POINTS.
 WIDTH = 0.1 * POINTS.std()
 
 

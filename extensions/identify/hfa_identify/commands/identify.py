@@ -15,9 +15,9 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.progress import say_aside
 
-#: Of the file of an identified aircraft.
+#: Suffix of the file of an identified aircraft.
 AIRCRAFT = ".toml"
-#: Of records.
+#: Suffixes of records.
 RECORDS = (".csv", ".npz", ".mat", ".ulg")
 
 

@@ -14,11 +14,11 @@ from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 
-#: Of the draws.
+#: Seed of the draws.
 SEED = 0
-#: Columns of a line.
+#: Largest number of columns in a line.
 _WIDTH = 100
-#: A band of a smaller part of its ends is not listed.
+#: A band that is narrower than this fraction of its ends is not listed.
 _CONSTANT = 1e-9
 
 

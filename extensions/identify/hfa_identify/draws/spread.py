@@ -20,7 +20,7 @@ from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
 
-#: Percentiles of a band of 95 %.
+#: Percentiles at the ends of a 95 % band.
 _BAND = (2.5, 97.5)
 
 

@@ -37,7 +37,7 @@ def noisy_columns(
     return columns
 
 
-#: States of motion in the plane of symmetry, and the inputs that move them.
+#: States of the longitudinal motion, and the inputs that affect them.
 _STATES = ("speed", "alpha", "pitch_rate", "pitch")
 _INPUTS = ("thrust", "elevator")
 

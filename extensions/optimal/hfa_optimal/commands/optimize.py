@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
-#: Options that do not belong to the quickest flight.
+#: Options that do not apply to the quickest flight.
 _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 

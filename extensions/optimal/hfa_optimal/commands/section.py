@@ -18,7 +18,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from verification.critic.verdict import Verdict
 
-#: Of the starts.
+#: Seed of the initial conditions.
 _SEED = 0
 
 
