@@ -76,12 +76,13 @@ class Lag(NamedTuple):
 #: Ashley, Halfman, Aeroelasticity, Eq. 5-383).
 WAGNER = Lag((0.165, 0.335), (0.0455, 0.3))
 KUESSNER = Lag((0.5, 0.5), (0.13, 1.0))
-#: The strips; `tip` is how the angle of attack varies along an outer wing, at its tip.
+#: The strips. `tip` is the linear variation of the angle of attack over an outer wing, given at its
+#: tip.
 STRIPS = ("center", "outer", "tip", "tail_center", "tail_outer")
 _LAGS = tuple(f"lag_{strip}_{i}" for strip in STRIPS for i in (1, 2))
 _GUSTS = tuple(f"gust_{strip}_{i}" for strip in STRIPS if strip != "tip" for i in (1, 2))
-#: States beside the seven: angles that follow those of a strip's motion and control, of its gust,
-#: and the downwash.
+#: States in addition to the seven of `newton`: lagged angles of each strip due to motion and
+#: control, lagged angles due to gusts, and the downwash.
 LAG_STATES = (*_LAGS, *_GUSTS, "downwash")
 EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span", "downwash_share")
 
@@ -207,7 +208,7 @@ class UnsteadyEquations:
 
 def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
     """Return the motion relative to the air of the panel "center" or "outer"."""
-    # Air that rises or moves outward is a gust; the air from ahead is part of the motion.
+    # Vertical and outward air motion is a gust. Air from ahead counts as motion of the panel.
     calm = Winds(
         winds.center._replace(updraft=0.0, outward=0.0),
         winds.outer._replace(updraft=0.0, outward=0.0),
@@ -406,8 +407,8 @@ def _with_apparent_mass(
     pitch_inertia = 3 * p.inertia_pitch + c2 * sin_eta**2
     hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
     inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia, hinge_inertia))
-    # Both matrices are symmetric, their sum positive definite: L D L' keeps the digits that a
-    # symbolic QR loses.
+    # Both matrices are symmetric and their sum is positive definite. The L D L' factorization is
+    # more accurate than a symbolic QR.
     factors = ca.ldl(inertia + mass)
     forces = mass @ (accelerations - ca.ldl_solve(mass @ accelerations, *factors))
     hinge_force = (forces[2] - p.panel_span / 3 * cos_eta * forces[0]) / 2
@@ -444,7 +445,7 @@ def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _Carrie
     forward_speed = motion.calm[0]
     normal_speed = motion.calm[2] + motion.turn * plate.aft
 
-    # w' = direction . (w_b', q', η'') + what follows from the velocities.
+    # w' = direction . (w_b', q', η'') + terms that depend only on velocities.
     by_hinge = third * cos_eta * lean - (0.0 if is_center else p.panel_span / 2)
     direction = ca.vertcat(lean, plate.aft * lean, by_hinge)
     hinge_descent = (
@@ -540,7 +541,7 @@ def _signals() -> dict[str, Signal]:
         for name, signal in _RIGID.parameters.items()
     }
     effects = {name: Signal("1", 1.0, 0.0, 2.0, start=1.0) for name in EFFECTS}
-    # The parameters do not say how the area of a tail is spread: 20 ft by 2 ft are assumed.
+    # The area of the tail is known but not its shape: 20 ft by 2 ft are assumed.
     return {
         **identified,
         **effects,
@@ -548,7 +549,7 @@ def _signals() -> dict[str, Signal]:
     }
 
 
-#: The aircraft with its identified parameters and all effects.
+#: The aircraft with its identified parameters and all effects at 1.
 UNSTEADY = replace(
     _RIGID,
     name="unsteady",
@@ -556,14 +557,15 @@ UNSTEADY = replace(
     equations=UnsteadyEquations(),
     parameters=_signals(),
     steady=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
-    # Wind alone moves the states of gusts: no input reaches them, and a game cannot learn them.
+    # Only wind changes the gust states. No input reaches them, so critics cannot be learned for
+    # them.
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
     extras=replace(
         _RIGID.extras,
         called="unsteady dynamics",
         parts={"short_period": ("alpha", *_LAGS, "downwash")},
-        describe_trim=None,  # its loads are others
+        describe_trim=None,  # the description of loads does not apply here
     ),
 )
 

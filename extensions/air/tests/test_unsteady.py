@@ -56,7 +56,7 @@ def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
         assert_allclose(
             [float(computed[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11
         )
-    for name in EFFECTS:  # a planted error: a millionth of any effect is seen
+    for name in EFFECTS:  # planted errors: a change of any effect by 1e-6 is detected
         planted = UNSTEADY.with_parameters(
             **parameters._asdict(), **(dict.fromkeys(EFFECTS, 0.0) | {name: 1e-6})
         )
@@ -158,7 +158,7 @@ def test_energies_see_a_planted_error(
             plate._replace(**{name: factor * getattr(plate, name)}) for plate in plates(p, air)
         )
 
-    # The planted fault: plates of another mass or chord.
+    # Planted error: plates with another mass or chord.
     monkeypatch.setattr(source, "_plates", planted)
     assert min(worst()) > 1e-10
 

@@ -39,9 +39,10 @@ from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError, shortened
 
 _GRAVITY = GRAVITY["english"]
-#: Angle of attack at which the aircraft carries its weight at the speed of its usual trim.
+#: Angle of attack, rad, at which the lift equals the weight at the default speed.
 _ALPHA = math.radians(5.0)
-#: Words in the name of an input that a pilot moves, although the file gives its initial value.
+#: An input whose name contains one of these words is an input of the model, even if it has an
+#: initial value.
 _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 
 

@@ -16,7 +16,7 @@ from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 
 _T = TypeVar("_T")
-#: Elements that give a variable a meaning that this reader does not follow.
+#: Elements that change the meaning of a variable and are not supported.
 _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from hfa_support.units import conversion, si_unit
 
 _AXES = ("Roll", "Pitch", "Yaw")
-#: Unit as the standard or an older file writes it -> as reports write it.
+#: Unit as spelled in the standard or in older files -> spelling in reports.
 _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("nd", "frac", "fracMAC"), ""),
     "pct": "%",
@@ -34,14 +34,14 @@ _UNITS = (
     *("", "%", "rad", "rad/s", "ft", "ft/s", "ft^2", "slug", "slug ft^2", "lbf", "ft lbf"),
     *("lbf/ft^2", "slug/ft^3"),
 )
-#: Units that are neither of the model nor SI -> the unit of the model, and how many of these.
+#: Units that are neither units of the model nor SI -> unit of the model, and factor to it.
 _OTHERS = {
     "deg": ("rad", math.pi / 180.0),
     "deg/s": ("rad/s", math.pi / 180.0),
     "nmi/h": ("ft/s", 1852.0 / 3600.0 / 0.3048),
 }
 
-#: Inputs of a file that the motion and the air give: name -> name of the value in `aircraft.py`.
+#: Inputs that follow from the motion and the air -> name of their value in `aircraft.py`.
 MOTION: Mapping[str, str] = {
     "trueAirspeed": "speed",
     "angleOfAttack": "alpha",
@@ -61,7 +61,7 @@ MOTION: Mapping[str, str] = {
     "equivalentAirspeed": "equivalent_airspeed",
 }
 
-#: Outputs of which an aircraft needs every one.
+#: Outputs that every aircraft must have.
 MASS = "totalMass"
 INERTIA = tuple(f"bodyMomentOfInertia_{axis}" for axis in _AXES)
 PRODUCTS = tuple(f"bodyProductOfInertia_{axes}" for axes in ("XY", "ZX", "YZ"))
@@ -69,11 +69,11 @@ AREA = "referenceWingArea"
 SPAN = "referenceWingSpan"
 CHORD = "referenceWingChord"
 MOMENTS = tuple(f"aeroBodyMomentCoefficient_{axis}" for axis in _AXES)
-#: Forces of the air, in body axes, or lift and drag in stability axes.
+#: Aerodynamic forces, in body axes, or lift and drag in stability axes.
 FORCES = tuple(f"aeroBodyForceCoefficient_{axis}" for axis in "XYZ")
 LIFT = "totalCoefficientOfLift"
 DRAG = "totalCoefficientOfDrag"
-#: Outputs that are 0 where no file gives them.
+#: Outputs that are 0 if no file defines them.
 THRUST = tuple(f"thrustBodyForce_{axis}" for axis in "XYZ")
 THRUST_MOMENT = tuple(f"thrustBodyMoment_{axis}" for axis in _AXES)
 CENTER = tuple(f"bodyPositionOfCmWrtMrc_{axis}" for axis in "XYZ")
@@ -94,7 +94,7 @@ _BY_UNIT = {
     "lbf/ft^2": ("dynamicPressure",),
     "slug/ft^3": ("airDensity",),
 }
-#: Variable that the equations of an aircraft use -> its unit in them.
+#: Variable used by the equations of motion -> its unit in them.
 UNIT_OF: Mapping[str, str] = {name: unit for unit, group in _BY_UNIT.items() for name in group}
 
 

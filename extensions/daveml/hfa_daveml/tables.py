@@ -14,7 +14,7 @@ import numpy as np
 
 from hfa_rigid.tables import Interpolator
 
-#: A point belongs to a triangle whose least barycentric coordinate is at least minus this.
+#: A point is in a triangle if its smallest barycentric coordinate is at least minus this value.
 _ON_THE_EDGE = 1e-12
 
 

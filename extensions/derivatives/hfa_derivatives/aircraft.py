@@ -33,7 +33,7 @@ from hfa_rigid.atmosphere import air_at
 from hfa_rigid.motion import inertia_matrix, wind_axes
 from hfa_support.errors import BadInputError
 
-#: Widest deviation of alpha from that of the condition, and of beta from 0, rad.
+#: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
 _WIDEST = 0.3
 
 
@@ -143,7 +143,7 @@ class _Equations:
         self._angle = values.get("thrust_angle", 0.0)
         self._height = values.get("thrust_height", 0.0)
         self._alpha = values.get("alpha", 0.0)
-        #: Turns components in the axes of the coefficients into those in body axes.
+        #: Rotation from the axes of the coefficients to body axes.
         self._turn = wind_axes(self._alpha if table.axes == "stability" else 0.0, 0.0)
         sound = float(air_at(values.get("altitude", 0.0), table.system).sound)
         self._mach = values["speed"] / sound

@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, file_faults, is_finite, refuse_unknown, said_of, shown
 from hfa_support.files import read_toml
 
-#: Entries of such a file. [covariance] is for others who read it.
+#: Permitted entries of such a file. [covariance] is used by other readers.
 _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 

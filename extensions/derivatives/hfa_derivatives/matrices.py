@@ -17,7 +17,7 @@ from hfa_support.reporting.text import numbered
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint, Status
 
-#: The note of every such model.
+#: Note on every model made from matrices.
 LINEAR = "linear plant without limits; its trim is the origin"
 _NAME = "linear plant"
 

@@ -13,12 +13,13 @@ MASS = {"mass": ("slug", "kg"), "weight": ("lbf", "N")}
 CONDITION = {"speed": ("ft/s", "m/s"), "altitude": ("ft", "m"), "alpha": ("rad", "rad")}
 THRUST = {"thrust_angle": ("rad", "rad"), "thrust_height": ("ft", "m")}
 UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST
-#: Entries without which there is no aircraft; of mass and weight one is given.
+#: Required entries. In addition, either mass or weight is required.
 REQUIRED = (*GEOMETRY, "Ixx", "Iyy", "Izz", "speed", "CL_0", "CD_0", "CL_alpha", "Cm_alpha")
 
 #: The coefficients of lift, drag, side force, rolling, pitching and yawing moment.
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-#: What a coefficient depends on beside the control surfaces: suffix -> is an angle.
+#: Variables on which coefficients depend, in addition to control surfaces: suffix -> whether it is
+#: an angle.
 ARGUMENTS = {
     "0": False,
     "alpha": True,
@@ -29,7 +30,7 @@ ARGUMENTS = {
     "alphadot": False,
     "mach": False,
 }
-#: Induced drag: C_D grows by this times the square of C_L.
+#: Induced drag: C_D contains this value times C_L².
 INDUCED = "CD_CL2"
 #: The input that is a force along the thrust line, not a control surface.
 THRUST_INPUT = "thrust"

@@ -26,7 +26,7 @@ from hfa_support.errors import BadInputError, advice, file_faults, shortened, sh
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit
 
-#: Entries that are text: name -> its allowed values; None where any text may stand.
+#: Text entries: name -> permitted values, or None if any text is permitted.
 _TEXTS: dict[str, tuple[str, ...] | None] = {
     "name": None,
     "source": None,
@@ -277,7 +277,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
         return entry.error(f"{name} needs two values: its lower and upper limit")
-    alike = [each for each in known if each[:2] == name[:2]]  # lift CL is not rolling moment Cl
+    alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
     if near := advice(name, alike or known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")

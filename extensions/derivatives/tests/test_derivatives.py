@@ -16,7 +16,7 @@ from hfa_rigid.atmosphere import air_at
 from hfa_rigid.motion import rotation
 
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
-#: with C_nbeta 0.0701, as its examples 4.3 and 5.2 take them.
+#: with C_nbeta 0.0701, as in examples 4.3 and 5.2.
 NAVION = {
     "units": "english",
     "geometry": {"wing_area": 184.0, "span": 33.4, "chord": 5.7},
@@ -33,7 +33,7 @@ NAVION = {
     "aileron": ["-23 deg", "23 deg"],
     "rudder": ["-23 deg", "23 deg"],
 }  # fmt: skip
-#: Printed in the examples 4.3 and 5.2.
+#: Printed in examples 4.3 and 5.2.
 PRINTED = {
     "phugoid": -0.0171 + 0.213j,
     "short period": -2.5 + 2.59j,
@@ -43,9 +43,9 @@ PRINTED = {
 }
 
 #: B. Etkin, L. D. Reid, Dynamics of Flight, 3rd ed., 1996, Sections 6.2 and 6.7: B747 at 40,000 ft,
-#: Mach 0.8, C_x and C_z of Table 6.1 as lift and drag, Table 6.6. The altitude is that of the printed
-#: density. The book prints no drag, which only divides C_x and C_z among these. The surfaces are
-#: ours; no mode depends on them.
+#: Mach 0.8. C_x and C_z of Table 6.1 are used as lift and drag, and Table 6.6 for the lateral
+#: motion. The altitude corresponds to the printed density. The book prints no drag; it only divides
+#: C_x and C_z between lift and drag. The control surfaces are assumed, and no mode depends on them.
 _DENSITY = 5.909e-4
 _ALTITUDE = 39871.6
 _MACH = 774.0 / 968.07
@@ -69,7 +69,7 @@ B747 = {
     "aileron": ["-25 deg", "25 deg"],
     "rudder": ["-25 deg", "25 deg"],
 }  # fmt: skip
-#: Printed in these sections.
+#: Printed in Sections 6.2 and 6.7.
 PRINTED_747 = {
     "phugoid": -0.003289 + 0.06723j,
     "short period": -0.3719 + 0.8875j,
@@ -78,10 +78,10 @@ PRINTED_747 = {
     "dutch roll": -0.033011 + 0.94655j,
 }
 
-#: R. K. Heffley, W. F. Jewell, Aircraft Handling Qualities Data, NASA CR-2144, 1972, Tables II-1 and
-#: II-2: NT-33A, power approach. Its derivatives are in stability axes, its moments of inertia in
-#: body axes. The thrust is along the flight, since the printed C_L carries the whole weight. The
-#: limits of the surfaces are ours.
+#: R. K. Heffley, W. F. Jewell, Aircraft Handling Qualities Data, NASA CR-2144, 1972, Tables II-1
+#: and II-2: NT-33A, power approach. Derivatives are in stability axes and moments of inertia in
+#: body axes. The thrust acts along the flight path, because the printed C_L supports the complete
+#: weight. The limits of the surfaces are assumed.
 NT33A = {
     "units": "english",
     "geometry": {"wing_area": 234.8, "span": 37.54, "chord": 6.72},
@@ -100,8 +100,8 @@ NT33A = {
     "aileron": ["-25 deg", "25 deg"],
     "rudder": ["-25 deg", "25 deg"],
 }  # fmt: skip
-#: Factors of the denominators in its Tables II-4 and II-8: damping and natural frequency, rad/s, or
-#: the rate of decay, 1/s.
+#: Factors of the denominators in Tables II-4 and II-8: damping and natural frequency, rad/s, or
+#: decay rate, 1/s.
 PRINTED_NT33A = {
     "phugoid": (0.0948, 0.172),
     "short period": (0.622, 1.59),
@@ -110,9 +110,9 @@ PRINTED_NT33A = {
     "roll": (2.20,),
 }
 
-#: The same report, Lockheed Jetstar, power approach. It lists C_D and its slope by alpha. The speed is
-#: that at which this lift and the thrust carry the weight. The height of the thrust line is ours,
-#: chosen for the phugoid. So are the limits and the surfaces of the lateral motion.
+#: The same report, Lockheed Jetstar, power approach. It lists C_D and its slope over alpha. The
+#: speed is that at which lift and thrust support the weight. The height of the thrust line was
+#: chosen to match the phugoid. The limits, and the surfaces of the lateral motion, are assumed.
 JETSTAR = {
     "units": "english",
     "geometry": {"wing_area": 542.5, "span": 53.75, "chord": 10.93},
@@ -130,12 +130,12 @@ JETSTAR = {
     "aileron": ["-25 deg", "25 deg"],
     "rudder": ["-25 deg", "25 deg"],
 }  # fmt: skip
-#: Damping and natural frequency, rad/s, of the factors of its denominator.
+#: Damping and natural frequency, rad/s, of the factors of the denominator.
 PRINTED_JETSTAR = {"short period": (0.528, 1.66), "phugoid": (0.0521, 0.188)}
 
 #: Ultra Stick 25e, a small unmanned aircraft: derivatives of the University of Minnesota's UAV
-#: laboratory (UltraStick25e_config.m, 2012), whose reference point is 4.5 mm ahead of the center of
-#: gravity. C_D = 0.0434 + (C_L - 0.23)² / (0.75 pi b²/S) there.
+#: laboratory (UltraStick25e_config.m, 2012). Their reference point is 4.5 mm ahead of the center of
+#: gravity. In that file, C_D = 0.0434 + (C_L - 0.23)² / (0.75 pi b²/S).
 _ARM = -0.0045 / 0.25
 _INDUCED = 0.3097 / (0.75 * math.pi * 1.27**2)
 ULTRA_STICK = {
@@ -155,9 +155,10 @@ ULTRA_STICK = {
     "aileron": ["-25 deg", "25 deg"],
     "rudder": ["-25 deg", "25 deg"],
 }  # fmt: skip
-#: Rows u, w, pitch, q of its longitudinal matrix at 17 m/s (E. A. Ahmed et al., Advances in Robotics
-#: & Automation 4:126, 2015). The altitude, which is not printed, is ours. The printed matrix contains
-#: a thrust that falls with the speed, and no lift by the rate of alpha; so its phugoid is another.
+#: Rows u, w, pitch, q of the longitudinal matrix at 17 m/s (E. A. Ahmed et al., Advances in
+#: Robotics & Automation 4:126, 2015). The altitude is not printed and is assumed. In the printed
+#: matrix, the thrust decreases with speed, and no lift depends on the rate of alpha, so its phugoid
+#: differs.
 PRINTED_ULTRA_STICK = np.array(
     [
         [-0.5944, 0.8008, -9.791, -0.8747],
@@ -168,8 +169,9 @@ PRINTED_ULTRA_STICK = np.array(
 )
 
 #: F-104 at 305 ft/s: M. V. Cook, Flight Dynamics Principles, Example 5.1, after G. L. Teper. Mass,
-#: inertia and derivatives, in slug, ft and s, are those of a public program of this example. They are
-#: divided by sizes of ours, which cancel. The lift exceeds the weight by 1.3 %.
+#: inertia and dimensional derivatives, in slug, ft and s, are those of a public program for this
+#: example. They are divided by assumed dimensions, which cancel. The lift exceeds the weight by 1.3
+#: %.
 _SPEED = 305.0
 _FORCE = 0.5 * float(air_at(0.0).density) * _SPEED**2 * 196.1
 _MOMENT = _FORCE * 9.55
@@ -190,14 +192,15 @@ F104 = {
     "aileron": ["-25 deg", "25 deg"],
     "rudder": ["-25 deg", "25 deg"],
 }  # fmt: skip
-#: Rows u, w, q, pitch of the matrix that these derivatives give by hand, with no code of ours.
+#: Rows u, w, q, pitch of the matrix that follows from these derivatives by hand, without code of
+#: this project.
 _RATES = [[-26.26, 79.82, 0.0, -746.0 * 32.2], [-159.64, -328.24, 746.0 * _SPEED, 0.0],
           [0.0, -1014.0, -18135.0, 0.0], [0.0, 0.0, 1.0, 0.0]]  # fmt: skip
 _INERTIAS = np.diag([746.0, 746.0, 65000.0, 1.0])
 _INERTIAS[2, 1] = 36.4
 F104_BY_HAND = np.linalg.solve(_INERTIAS, _RATES)
-#: The factors s² + a s + b of its characteristic polynomial, quoted from memory (a copy of Example
-#: 11.3 has 4.884 too): (a, b, tolerance).
+#: Factors s² + a s + b of the characteristic polynomial, quoted from memory (one copy of Example
+#: 11.3 also has 4.884): (a, b, tolerance).
 PRINTED_F104 = {"phugoid": (0.033, 0.022, 0.02), "short period": (0.893, 4.884, 0.002)}
 
 

@@ -26,7 +26,7 @@ RESULTS = (
     "hfa_discrete.critic_check:DiscreteVerdict verification.critic.verdict:Details"
     " hfa.options.games:Weights hfa.options.games:NamedGame",
 )
-#: Why an option is refused.
+#: Reason why an option is refused.
 _CONTINUOUS = "applies only to continuous time; leave it out of a plant with time = discrete"
 
 

@@ -32,7 +32,7 @@ from verification.critic.critic_errors import (
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, explained
 
-#: (the exact solution, the critic, half widths of the box (n,)) -> its mistake, or "".
+#: Function (exact solution, critic, half-widths of the box (n,)) -> sentence on the mistake, or "".
 Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
 
 
@@ -237,7 +237,7 @@ def _errors_of_parts(
         H = np.asarray(parts["H"], dtype=float)
         right = exact.H
         size = len(H)
-        if size < len(right):  # over (x, u): w is the worst one
+        if size < len(right):  # over (x, u), for the worst w
             crossed = right[:size, size:]
             right = right[:size, :size] - crossed @ np.linalg.solve(right[size:, size:], crossed.T)
         sizes = np.sqrt(np.abs(np.diag(right)))
@@ -267,5 +267,5 @@ def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
     D = solve_discrete_lyapunov(F.T, away.T @ price @ away)
     try:
         return max(100.0 * float(eigh((D + D.T) / 2.0, exact.P, eigvals_only=True)[-1]), 0.0)
-    except np.linalg.LinAlgError:  # a state that costs nothing
+    except np.linalg.LinAlgError:  # a state without cost
         return math.inf if D.any() else 0.0

@@ -15,7 +15,7 @@ from controller.critic.critic import Critic, symbols_for
 from controller.riccati.normal_form import NormalForm
 from hfa_discrete.discrete_game import DiscreteGame
 
-#: Of Newton's method: its most steps, and what may be left of the slope, relative to its terms.
+#: Newton's method: largest number of steps, and largest permitted residual relative to the terms.
 _STEPS = 20
 _LEFT = 1e-9
 
@@ -67,7 +67,7 @@ def policy_of_next(
     columns = step.B
     price = step.R
     cross = problem.N.T
-    if math.isfinite(step.delta):  # w is divided by delta
+    if math.isfinite(step.delta):  # with w multiplied by delta as unknown
         k = step.E.shape[1]
         gains = np.vstack([gains, step.delta * L])
         columns = np.hstack([columns, step.E / step.delta])

@@ -23,11 +23,11 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Reported
 
-#: Value iteration pauses after 1, 2, 4, ... passes, so many times, to try policy iteration.
+#: Number of pauses, after 1, 2, 4, ... value iterations, at which policy iteration is tried.
 PAUSES = 12
-#: Policy iterations of a try; each squares the error until rounding stops it.
+#: Largest number of policy iterations in a trial. They converge quadratically.
 MOST_POLICIES = 12
-#: Recorded steps for each weight of H.
+#: Number of recorded steps for each weight of H.
 STEPS_PER_WEIGHT = 3
 
 

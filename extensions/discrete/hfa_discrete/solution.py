@@ -34,9 +34,9 @@ from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
-#: δ² I - E'P E, relative to δ², must exceed this.
+#: Lower bound of the smallest eigenvalue of I - E'P E/δ².
 SADDLE = 1e-12
-#: An unstable mode of a game with cross weights must be reached by more than this part.
+#: Smallest permitted coupling of an unstable mode to the inputs, in a game with cross weights.
 FAINT_REACH = 1e-9
 
 
@@ -151,7 +151,7 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
         refuse_failures((handed_out,))
     except NoSolutionError as failure:
         prefix = "no certified value of the game in discrete time"
-        smallest = _smallest_delta(form, progress)  # raises by itself when no delta would do
+        smallest = _smallest_delta(form, progress)  # raises if no delta suffices
         advice = smallest.advice(form.delta)
         raise NoSolutionError(f"{prefix}: {failure}; {advice}") from failure
     return DiscreteSolution(

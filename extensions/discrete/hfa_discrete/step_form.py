@@ -23,11 +23,11 @@ from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.feedthrough import without_feedthrough
 from hfa_support.errors import NoSolutionError
 
-#: Newton steps after the Schur form.
+#: Largest number of Newton steps after the Schur form.
 REFINEMENTS = 8
 
 
-#: A gain above δ by this part is no rounding.
+#: A gain that exceeds δ by this relative amount is not due to rounding.
 SHOWN = 1e-6
 
 
@@ -74,7 +74,7 @@ class StepForm(NormalForm):
         The value is unchanged.
         """
         form = cls.unbalanced(problem)
-        with suppress(NoSolutionError):  # said where the step is solved
+        with suppress(NoSolutionError):  # the solver reports this error
             game = form.with_delta(math.inf).equivalent
             return form._scaled(1.0 / units_of(game.A, game.S, game.Q))
         return form
@@ -235,7 +235,7 @@ class StepForm(NormalForm):
         total = add(add(exact(self.Q), exact(-X)), paid)
         total = add(total, product(transposed(F), product(exact(X), F)))
         residual = np.asarray(total[0])
-        with warnings.catch_warnings(action="ignore"):  # near the unit circle; the result is judged
+        with warnings.catch_warnings(action="ignore"):  # near the unit circle; checked
             Z = solve_discrete_lyapunov(F[0].T, (residual + residual.T) / 2.0)
         return NewtonStep(residual, np.asarray(Z + Z.T) / 2.0)
 

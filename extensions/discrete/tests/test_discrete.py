@@ -311,7 +311,8 @@ def test_a_time_that_fits_is_asked_for():
     for words in (("solve",), ("verify", "--weights", stored("K.npz", K=solution.K))):
         refused = hfa(*words, "--model", steps, "--draws", "3")
         assert "--draws applies only to continuous time" in refused.err
-    # No input moves the second state, which decays in steps and grows in continuous time.
+    # No input reaches the second state. It decays in discrete time and would grow in continuous
+    # time.
     decays = {"A": np.diag([0.5, 0.9]), "B": [[1.0], [0.0]], "Q": np.eye(2), "R": [[1.0]]}
     refused = hfa("solve", "--model", stored("decays.json", **decays))
     assert refused.code == FAILED
@@ -431,7 +432,7 @@ def test_gain_does_not_stabilize_is_not_handed_out(monkeypatch: pytest.MonkeyPat
     """A solution whose gain does not stabilize is refused."""
     step = Game([[1.5]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1e6)
     assert solve_discrete(DiscreteGame(step)).certificate.checks[-1].name == "gain_radius"
-    # The planted fault: no known game has a certified P with such a gain.
+    # Planted fault: no known game has a certified P with such a gain.
     monkeypatch.setattr(StepForm, "gain", lambda *_: np.zeros((1, 1)))
     with pytest.raises(NoSolutionError, match=r"returned K has radius 1\.5"):
         solve_discrete(DiscreteGame(step))

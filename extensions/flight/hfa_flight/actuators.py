@@ -11,8 +11,8 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
-#: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators
-#: alone.
+#: Longest integration step relative to the lag. For the actuators alone, the Runge-Kutta method of
+#: order 4 is unstable beyond 2.785.
 LONGEST_STEP = 2.5
 
 

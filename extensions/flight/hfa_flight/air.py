@@ -6,9 +6,9 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 
-#: The disturbance of a model that a vertical gust is.
+#: Disturbance of a model for a vertical gust.
 UPDRAFT = "updraft"
-#: The state whose limits count on the output `ANGLE_OF_ATTACK` where the air moves.
+#: State whose limits apply to the output `ANGLE_OF_ATTACK` in moving air.
 ALPHA = "alpha"
 ANGLE_OF_ATTACK = "angle_of_attack"
 #: Notes on flights in moving air.

@@ -41,7 +41,7 @@ def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
         )
     function = model.functions(()).map(len(x))
     f, _, A, B, *_ = function(x.T, u.T, np.tile(model.p[:, None], (1, len(x))))
-    # CasADi lays the results of the states side by side.
+    # CasADi concatenates the results for the states horizontally.
     parts = [np.array(part).reshape(n, len(x), -1).transpose(1, 0, 2) for part in (f, A, B)]
     rates = parts[0][:, :, 0]
     finite = np.isfinite(np.concatenate(parts, axis=2)).all(axis=(1, 2))

@@ -25,7 +25,7 @@ from hfa_support.errors import BadInputError
 from trim.linear.kinks import linearization_at
 from trim.point.operating_point import OperatingPoint
 
-#: Disturbance of the model -> its value; those that are not there are 0.
+#: Disturbance of the model -> value. Disturbances that are not listed are 0.
 Winds = Mapping[str, Any]
 
 

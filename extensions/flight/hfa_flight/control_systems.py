@@ -75,7 +75,7 @@ def from_control(
 
     def values(time: Any, x: Any, u: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         arrays = []
-        for vector in (x, u):  # one by one: NumPy would look into a symbol
+        for vector in (x, u):  # one by one, because NumPy would treat a symbol as a sequence
             arrays.append(np.empty(len(vector), dtype=object))
             arrays[-1][:] = list(vector)
         arguments = (time, *arrays, {**constants, **dict(zip(constants, p, strict=True))})
@@ -103,7 +103,7 @@ def from_control(
     time = ca.SX.sym("t")
     columns = map(components, model.layout.symbols("x", "u", "p"))
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
-        rates, seen = values(time, *columns)  # CasADi warns of functions of NumPy
+        rates, seen = values(time, *columns)  # CasADi warns about NumPy functions
     if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
         raise BadInputError(f"{name} depends on time; make the time-dependent term an input")
     if model.layout.has_nan:

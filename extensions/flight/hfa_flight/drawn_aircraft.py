@@ -20,11 +20,11 @@ from trim.point.condition import TrimCondition
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: The figure has at most so many drawn aircraft.
+#: Largest number of drawn aircraft in the figure.
 _MOST_SHOWN = 200
-#: Percentiles of the band of 95 %.
+#: Percentiles of the band that contains 95 %.
 _BAND = (2.5, 97.5)
-#: A state that moves by less than this part of its nominal size is not drawn.
+#: A state is drawn if it changes by more than this fraction of its nominal size.
 _STILL = 1e-9
 
 

@@ -138,7 +138,7 @@ def departure(
     moving_air: whether it is
     """
     if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
-        return None  # most flights; the rows one by one take longer
+        return None  # usual case; testing each row would take longer
     row = int(np.argmax(outside(envelope, limited)))
     values = limited[row]
     width = envelope.highest - envelope.lowest

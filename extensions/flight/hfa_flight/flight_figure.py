@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
     from hfa_flight.nonlinear_flight import Flight
 
-#: A legend beside no curve: on the upper edge of its axes.
+#: Position of a legend on the upper edge of its axes, where it covers no curve.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
-#: A state that moves by less than this part of its nominal size is constant.
+#: A state is constant if it changes by less than this fraction of its nominal size.
 _STILL = 1e-9
-#: Group of the lines of limits, of which the legend shows one.
+#: Group of the limit lines. The legend shows one of them.
 _LIMIT = "limit"
 
 

@@ -53,7 +53,7 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
         given = _policy_of_file(Path(given), point)
     if isinstance(given, Policy):
         return given, scenario
-    if hasattr(given, "state_dict"):  # a network of torch, whose output is u
+    if hasattr(given, "state_dict"):  # a PyTorch network with output u
         read = part(CRITICS, "module", "a network")
         given = read(game(point.linearize()), given, network="policy")
     if given is None:

@@ -18,9 +18,9 @@ from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.report import Reported
 
-#: Scheduling values this close to an end of a schedule are the end.
+#: Scheduling values within this distance of an end of the schedule are permitted.
 _AT_THE_END = 1e-9
-#: Decimals of breakpoints in degrees: what radians and back leaves of them.
+#: Decimals to which breakpoints in degrees are exact after conversion from radians.
 _DIGITS = 10
 
 

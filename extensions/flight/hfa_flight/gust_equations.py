@@ -23,7 +23,7 @@ from hfa_aircraft.signals import Signal
 from hfa_flight.air import UPDRAFT
 from hfa_rigid.motion import flow_rates, rotation, wind_axes
 
-#: Component of a gust -> the disturbance that `in_gusts` adds for it.
+#: Component of a gust -> disturbance that `in_gusts` adds for it.
 ADDED = {
     "u": "gust_forward",
     "v": "gust_right",
@@ -33,7 +33,8 @@ ADDED = {
     "r": "gust_yaw_rate",
 }
 _SIGN = {"w": -1.0}
-#: States that the equations need for a component, with their units; "" is any unit of a speed.
+#: Component of a gust -> states that it requires and their units. The unit "" stands for any unit
+#: of speed.
 _NEEDED = {
     "u": {"speed": "", "alpha": "rad", "pitch": "rad"},
     "v": {"speed": "", "alpha": "rad", "pitch": "rad", "beta": "rad", "roll": "rad"},
@@ -43,7 +44,7 @@ _NEEDED = {
     "r": {"speed": "", "alpha": "rad", "yaw_rate": "rad/s"},
 }
 _RATES = {"p": "roll_rate", "q": "pitch_rate", "r": "yaw_rate"}
-#: States whose rates follow from the motion over the ground.
+#: States whose rates depend on the motion over the ground.
 _OVER_GROUND = (
     *("roll", "pitch", "yaw", "heading", "altitude", "height"),
     *("north", "east", "distance", "position"),

@@ -12,20 +12,21 @@ from hfa_aircraft.model import Model
 from hfa_flight.flight_history import Deviations
 from hfa_support.reporting.text import short_number, shown_unit
 
-#: A column oscillates if, about its line of least squares, it changes sign at least this often in
-#: each of the last two quarters of the flight ...
+#: A variable oscillates if it crosses its least-squares line at least this often in each of the
+#: last two quarters of the flight ...
 CROSSINGS = 4
-#: ... its amplitude in the last quarter is at least this part of that in the quarter before ...
+#: ... its amplitude in the last quarter is at least this fraction of that in the third ...
 LASTING = 0.9
-#: ... and at least this part of the signal's nominal size.
+#: ... and at least this fraction of the nominal size of the variable.
 VISIBLE = 0.01
 
 
-#: A decay is even if its rate in the last quarter is at least this part of that before ...
+#: A decay is steady if its rate in the last quarter is at least this fraction of that in the third
+#: ...
 _EVEN = 0.5
-#: ... and the amplitude falls by more than this part in a quarter of the flight.
+#: ... and the amplitude decreases by more than this fraction in a quarter of the flight.
 _NO_DECAY = 5e-3
-#: How often line and frequency are found in turn.
+#: Number of alternating estimates of line and frequency.
 _ROUNDS = 4
 
 
@@ -153,7 +154,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
     parts = [np.abs(part) for part in np.split(off_line, crossings + 1)[1:-1]]
     peaks = np.array([_peak(part) for part in parts])
     places = [begin + 1 + part.argmax() for begin, part in zip(crossings, parts, strict=False)]
-    pairs = (peaks[:-1] + peaks[1:]) / 2.0  # one up, one down: no level is left
+    pairs = (peaks[:-1] + peaks[1:]) / 2.0  # cancels an offset
     middles = (times[places][:-1] + times[places][1:]) / 2.0
     rate = -np.polyfit(middles, np.log(pairs), 1)[0]
     return _Swings(float(pairs.mean()), frequency, float(rate))

@@ -34,7 +34,7 @@ from hfa_support.reporting.report import Reported
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
-#: What is kept of each member -> its meaning, and its axis or, of one number, its unit.
+#: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.
 KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
     "cycle": (
@@ -104,7 +104,7 @@ class MonteCarlo(StatesAndInputs, Reported):
                 raise BadInputError(
                     f"{name} is 0, so a relative error has no effect; remove its error"
                 )
-        self.loop()  # what cannot be flown is refused here rather than in a worker
+        self.loop()  # refuses here what a worker could not simulate
 
     def member(self, number: int) -> Scenario:
         """Return the drawn scenario of one member. Its turbulence is computed at the trim speed."""
@@ -211,7 +211,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     states = list(plan.model.states)
     trim = np.array(plan.point.inputs)
     flown = scenario.duration if left is None else left.time
-    end = round(flown / scenario.step)  # 0 where turbulence is outside at the start
+    end = round(flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
     errors = flight.errors[:end]
     inputs = flight.inputs[:end]
     angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)

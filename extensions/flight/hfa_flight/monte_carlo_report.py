@@ -19,11 +19,11 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
-#: Shares of the members inside their envelope up to which a quantity stays below its quantile.
+#: Levels of the reported quantiles.
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
-#: Note where each member is the same flight.
+#: Note if all members are the same flight.
 _ALIKE = "nothing differs from member to member: give parameter errors, noise or turbulence"
-#: Name of an array of `fly_members` -> its values in all members, (N, ...).
+#: Function from the name of a result of `fly_members` to its values, (N, ...).
 Read = Callable[[str], np.ndarray]
 
 

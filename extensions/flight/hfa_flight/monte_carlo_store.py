@@ -16,9 +16,9 @@ from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
-#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
+#: Steps in a chunk. At 0.8 µs or more a step, a chunk takes at least half a second.
 CHUNK_STEPS = 1_000_000
-#: What a member takes beside its steps, in steps: 0.6 to 1.2 ms for its draw and its model.
+#: Overhead of a member, expressed in steps: 0.6 to 1.2 ms for drawing it and making its model.
 MEMBER_STEPS = 1_000
 _MEMBER = "member"
 
@@ -43,7 +43,7 @@ def run_monte_carlo(
     tasks = [(number, (plan, *ends)) for number, ends in enumerate(zip(starts, ends, strict=True))]
     chunks = {}
     if progress is not None:
-        progress(0, len(tasks))  # the first chunk may take a while: code is compiled
+        progress(0, len(tasks))  # the first chunk may take long because code is compiled
     with open_workers(workers) as run:
         for number, rows in run(fly_members, tasks):
             chunks[number] = rows
@@ -96,7 +96,7 @@ def _template(plan: MonteCarlo) -> Any:
         elif axis_or_unit:
             attributes["units"] = axis_or_unit
         shape = (plan.members, *(sizes[axis] for axis in axes[1:]))
-        if 0 not in shape:  # nothing is drawn, or the policy has no memory
+        if 0 not in shape:  # empty if nothing is drawn or the policy has no memory
             arrays[name] = array_of_rows(axes, shape, fill, chunk_of(plan), attributes)
 
     import xarray

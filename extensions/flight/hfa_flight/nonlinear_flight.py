@@ -63,12 +63,13 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-#: Note on a flight that stays at trim.
+#: Note on a flight that remains at trim.
 UNDISTURBED = (
     "this flight has no disturbance: give initial errors, a gust, turbulence, noise, a command or"
     " errors of parameters"
 )
-#: Largest deviations of a flight that stays at trim, in the units of states and inputs.
+#: Largest deviation at which a flight counts as remaining at trim, in the units of states and
+#: inputs.
 _STILL = 1e-6
 
 

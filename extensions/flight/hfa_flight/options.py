@@ -45,16 +45,16 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from hfa_flight.policies import FunctionPolicy, GainPolicy, Policy
 
-#: No law: the commands are of inputs.
+#: Name of the law without a policy. Commands are then steps of inputs.
 NONE = "none"
-#: How help shows the values of options.
+#: Forms of values in the help of options.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _TURBULENCE = "LEVEL[:ALTITUDE[:SPAN]]"
 _OWN = "own:SIGMA:SCALE[:SPAN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
 _FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
-#: What flies in place of a law -> options that then would change nothing.
+#: Option that replaces the law -> options that have no effect with it.
 _IN_PLACE = {
     "controller": ("law", "set", "weights", "delta", "Q", "R"),
     "weights": ("law", "delta", "Q"),
@@ -266,7 +266,7 @@ def _turbulence(text: str) -> Turbulence:
     BadInputError if it has another form.
     """
     word, *typed = text.split(":")
-    if not word[:1].isalpha() and len(typed) == 1:  # the form of 0.3
+    if not word[:1].isalpha() and len(typed) == 1:  # the form of version 0.3
         raise BadInputError(f"is {text!r}; write own:{text} for turbulence of this intensity")
     spectrum, _, level = word.rpartition("-")
     least, most = (2, 3) if level == "own" else (0, 2)

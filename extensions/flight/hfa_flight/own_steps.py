@@ -15,13 +15,13 @@ from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, choice_of, refuse_unless_positive, shortened
 
-#: The method that flies unless another one is named.
+#: The default method.
 RUNGE_KUTTA = "runge-kutta"
 JSBSIM = "jsbsim"
 METHODS = (RUNGE_KUTTA, JSBSIM)
-#: JSBSim's own step, s.
+#: Default step of JSBSim, s.
 _USUAL_STEP = 1.0 / 120.0
-#: A count of frames that differs from a whole one by less than this part is that one.
+#: Relative tolerance within which a number of steps counts as whole.
 _WHOLE = 1e-6
 
 

@@ -26,12 +26,12 @@ from hfa_support.errors import (
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
 
-#: Streams of random numbers of a member.
+#: Keys of the independent random streams of a member.
 _ERRORS = 0
 _NOISE = 1
 _AIR = 2
 
-#: Most steps of a flight: beyond them its rows fill the memory of an ordinary machine.
+#: Largest number of steps of a flight, limited by the memory of an ordinary computer.
 MOST_STEPS = 10_000_000
 
 

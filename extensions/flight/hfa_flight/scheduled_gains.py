@@ -21,7 +21,7 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
-#: Trims along a command; linear between them.
+#: Number of trims along a command, with linear interpolation between them.
 _TRIMS = 41
 
 

@@ -14,10 +14,10 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
 
-#: Bandwidth, rad/s, and damping of the command filter unless given: those of SimVFA (Thomsen 2018).
+#: Default bandwidth, rad/s, and damping of the command filter, those of SimVFA (Thomsen 2018).
 COMMAND_FILTER = (0.5, 2.0)
-#: What a loop asks of its reference, disturbance and noise: `size` n, and `at(t)`, the value (n,)
-#: at an expression; `until`, s, when it comes to rest, inf unless given.
+#: Interface of a reference, disturbance or noise: `size` n, and `at(t)`, the value (n,) at an
+#: expression t. `until` is the time, s, at which the signal becomes constant; inf if it is missing.
 TimeVector = Any
 
 
@@ -74,7 +74,7 @@ class Waveform(Result, Reported):
         """Time at which the harmonics end, s: inf with harmonics, 0 without."""
         return math.inf if self.harmonics else 0.0
 
-    # NumPy's answer to a number and CasADi's to an expression have no type in common.
+    # The results of NumPy for numbers and of CasADi for expressions have no common type.
     def at(self, t: Any) -> Any:
         """Return s(t): an array (n,) for a number t, a CasADi column for an expression t."""
         if not isinstance(t, (ca.SX, ca.MX)):
@@ -178,7 +178,7 @@ class CommandSteps(Reported):
         middle = self.damping * self.bandwidth
         tau = ca.fmax(late, 0.0)
         v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
-        if self.damping > 1.0:  # written so that nothing overflows
+        if self.damping > 1.0:  # in a form that does not overflow
             slow = ca.exp(-(middle - v) * tau)
             fast = ca.exp(-(middle + v) * tau)
             even = (slow + fast) / 2

@@ -21,11 +21,11 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
 
-#: Runs at least this long are worth compiling to machine code.
+#: Number of steps from which compilation to machine code saves time.
 COMPILE_FROM_STEPS = 50_000
-#: Steps after which it is asked whether a flight ends.
+#: Number of steps between tests of whether a flight ends.
 _ROWS = 1000
-#: Most parts into which the fastest mode of a policy divides a step.
+#: Largest number of substeps that the fastest mode of a policy may require.
 _MOST_PARTS = 10_000
 
 
@@ -130,7 +130,7 @@ class CompiledLoop:
         sampler = loop.policy.sampler()
         if parameters is not None:
             held[loop.held_slices.parameters] = parameters
-        # Only what is written takes memory.
+        # Memory is allocated only for the rows that are written.
         rows = np.empty((last_tick * steps + 1, now.size - 1))
         columns = np.empty((last_tick * steps + 1, observed.shape[1]))
         rows[0] = loop.start()
@@ -160,7 +160,7 @@ class CompiledLoop:
                 end = math.ceil((begin + int(np.argmax(over))) / steps) * steps
             if progress is not None:
                 progress(last_tick if done >= end else done // steps, last_tick)
-        if end == done:  # what is observed at the end is still to be asked
+        if end == done:  # the observed values at the end are still missing
             time = end * loop.scenario.step
             columns[end] = self.observed_at(time, rows[end], held)
         return self._flight(rows, columns, 0, end + 1)

@@ -13,7 +13,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table
 
-#: Rows of the table on a terminal; a file has all.
+#: Rows of the printed table. A file contains all rows.
 _ROWS = 11
 
 

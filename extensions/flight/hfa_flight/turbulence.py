@@ -28,14 +28,15 @@ SPECTRA = ("dryden", "karman")
 _KNOT = 1852.0 / 3600.0 / 0.3048
 #: Wind 20 ft above the ground, ft/s, by level.
 _WIND_AT_20_FT = dict(zip(LEVELS, (15.0 * _KNOT, 30.0 * _KNOT, 45.0 * _KNOT), strict=True))
-#: Figure 7: altitudes, ft, and intensities, ft/s, exceeded with the probabilities 1e-2, 1e-3, 1e-5.
+#: Figure 7: altitudes, ft, and intensities, ft/s, with the exceedance probabilities 1e-2, 1e-3 and
+#: 1e-5.
 _ALTITUDES = (1750.0, 3750.0, 7500.0, 15e3, 25e3, 35e3, 45e3, 55e3, 65e3, 75e3, 80e3)
 _INTENSITIES = {
     "light": (6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0),
     "moderate": (9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2, 2.7, 0.0, 0.0, 0.0),
     "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9, 6.2, 5.1),
 }
-#: Altitudes, ft: the least, the end of the low ones and the begin of the high ones.
+#: Altitudes, ft: the lowest one, the upper end of low altitude and the lower end of high altitude.
 _LOWEST = 10.0
 _LOW = 1000.0
 _HIGH = 2000.0
@@ -53,10 +54,10 @@ class Shape(NamedTuple):
     poles: tuple[float, ...]
 
 
-#: Spectrum -> filters of u (along) and of v and w (across), of gain 1 at s = 0. Those of Dryden are
-#: exact. Those of von Karman were fitted here to the spectra by least squares of high powers up to
-#: ωL/V = 1000: there the power is within 0.9 % (u) and 1.6 % (v, w), beyond it falls with ω^-2
-#: instead of ω^-5/3.
+#: Spectrum -> filters of u (along) and of v and w (across), with gain 1 at s = 0. The Dryden
+#: filters are exact. The von Karman filters were fitted to the spectra up to ωL/V = 1000, by least
+#: squares of high powers. There, the power is within 0.9 % (u) and 1.6 % (v, w). Beyond, it
+#: decreases with ω^-2 instead of ω^-5/3.
 FILTERS = {
     "dryden": (Shape((), (1.0,)), Shape((3.0**0.5,), (1.0, 1.0))),
     "karman": (

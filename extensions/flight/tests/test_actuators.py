@@ -49,8 +49,7 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
     assert limited.inputs.min() >= -0.5
     rates = np.diff(limited.inputs, axis=0) / 0.001
     assert np.abs(rates).max() <= 1.0 + 1e-9
-    # The limits were needed, and are used: the command wants more, and the fastest moves at the
-    # limit.
+    # The limits matter: commands exceed them, and the fastest motion is at the rate limit.
     assert np.abs(free.inputs).max() > 9.0
     assert np.abs(rates).max() == pytest.approx(1.0)
     np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
@@ -163,7 +162,7 @@ def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None
         )  # rounded down to a millisecond
 
 
-@pytest.mark.slow  # the eigenvalues are above, shorter flights below
+@pytest.mark.slow  # shorter tests are above and below
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_flights_of_200_s_confirm_the_largest_lag(
     weights: str,

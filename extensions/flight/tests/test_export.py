@@ -129,7 +129,7 @@ def test_a_controller_in_both(tmp_path: Path, published_aircraft: Model) -> None
 def test_an_fmu_without_a_compiler_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # The compiler is found once in a process.
+    # The compiler is searched only once in a process.
     monkeypatch.setattr(fmu, "c_compiler", lambda: None)
     assert_refused(
         hfa("export", "-o", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc"

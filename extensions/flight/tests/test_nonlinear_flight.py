@@ -125,7 +125,7 @@ def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> 
         np.testing.assert_array_equal(law.held_inputs(tick), gains[gain].ravel(order="F"))
 
 
-#: Parts of 1 ft/s, 1 deg and 1 deg/s at once; large enough that rounding does not show.
+#: Factors on 1 ft/s, 1 deg and 1 deg/s; large enough that rounding has no effect.
 SIZES = (0.001, 0.004, 0.016)
 DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
@@ -170,7 +170,7 @@ def test_linear_prediction_is_wrong_to_second_order_only(
             assert all(1.9 < slope < 2.1 for slope in found.values()), found
 
 
-#: Every stage at once: reference, disturbance, noise, errors, actuators, turbulence.
+#: All effects at once: reference, disturbance, noise, errors, actuators, turbulence.
 EVERYTHING = Scenario(
     duration=0.5,
     initial=0.1 * SMALL,

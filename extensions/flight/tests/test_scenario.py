@@ -49,7 +49,7 @@ def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
     for name, column, sigma in zip(
         plan.scenario.uncertainty.errors, factors.T, sigmas, strict=True
     ):
-        # One in a thousand of right laws would fail; the seed is fixed, so that none does later.
+        # For one seed in a thousand, a correct distribution would fail. The seed is fixed.
         if kstest((np.log(column) + sigma**2 / 2) / sigma, "norm").pvalue < 1e-3:
             found.append(f"{name} does not have its law")
     correlation = np.corrcoef(factors.T) - np.eye(len(sigmas))
@@ -86,14 +86,14 @@ def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
 def test_a_seed_that_ignores_the_member_is_noticed(
     plan: MonteCarlo, monkeypatch, sequence, complaint: str
 ) -> None:
-    # The planted fault: one sequence for several members.
+    # Planted fault: the same random sequence for several members.
     monkeypatch.setattr(scenario, "_sequence", sequence)
     assert complaint in complaints_about_draws(plan, 300)
 
 
 def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Uncertainty.factors
-    # The planted fault: factors of another deviation.
+    # Planted fault: factors with another standard deviation.
     monkeypatch.setattr(
         Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2
     )
@@ -115,7 +115,7 @@ def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
         assert not np.array_equal(of(one), of(other_seed))
     assert one.gust == again.gust
     assert len({one.gust.seed, next_one.gust.seed, other_seed.gust.seed}) == 3
-    # One kind of randomness less leaves the others alone.
+    # Removing one kind of random quantity does not change the others.
     calm = with_scenario(plan, uncertainty=replace(EVERYTHING, noise={}, turbulence=None)).member(3)
     assert calm.errors == one.errors
     assert calm.samples is None

@@ -40,7 +40,7 @@ def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGa
     return scheduled_gains("gains", schedule, model_at(start).point, steps, level_flight)
 
 
-# The policy about a trim.
+# The policy near a trim.
 
 
 def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,7 @@ class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
 def test_hidden_coupling_is_seen() -> None:
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
     planted = _TrimOfTheMeasuredDihedral("wrong", policy.schedule, policy.path)
-    # At a trim inside the path the slope of a table is one-sided; both sides differ from 0.
+    # At an inner trim, the two one-sided slopes of the table differ, and both are nonzero.
     _, slope = slope_at(planted, 10.0)
     difference = slope + exact_gain(10.0)
     assert np.abs(difference[:, DIHEDRAL]).max() > 0.01
@@ -119,7 +119,7 @@ def test_a_schedule_flies_the_change(start: float, end: float) -> None:
     np.testing.assert_allclose(data["dihedral_deg"], [5.0, 10.0, 15.0])
 
 
-@pytest.mark.slow  # the schedule flies a smaller change above
+@pytest.mark.slow  # a smaller change is simulated above
 def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
     """From 0 to 20 degrees, the flight with scheduled gains stays inside the envelope.
 

@@ -88,7 +88,7 @@ def test_a_flight_ends_with_its_tick(
     assert result.flight.states[-1, SPEED] == pytest.approx(-end)
 
 
-# The loop of a pendulum whose observer has a fast mode.
+# The loop of a pendulum with an observer that has a fast mode.
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +269,7 @@ def test_a_delay_is_a_delay(delay: float) -> None:
     ]
     exact = 1.0 + np.sum(terms, axis=0)
     np.testing.assert_allclose(flight.states[:, 0], exact, atol=2e-5)
-    assert np.abs(exact - np.exp(-t)).max() > 0.05  # the delay shows
+    assert np.abs(exact - np.exp(-t)).max() > 0.05  # the delay has a visible effect
     np.testing.assert_allclose(flight.inputs[-1, 0], -np.interp(t[-1] - delay, t, exact), atol=1e-4)
 
 

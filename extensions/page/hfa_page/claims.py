@@ -16,12 +16,12 @@ from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
 
 SCHEMA = ClaimsData.schema
-_TONE = {"confirmed": "good", "not confirmed": "bad"}  # any other: it cannot be decided
-#: The law that most claims are about, and those whose numbers are shown beside it.
+_TONE = {"confirmed": "good", "not confirmed": "bad"}  # others are undecided
+#: The law that most claims concern, and the laws whose numbers are shown for comparison.
 _SUBJECT = "published, modified"
 _BESIDE = ("certified", "certified + feed-forward", "exact + feed-forward")
 _TITLE = "Claims of Section 5 of the paper"
-#: Entries of the flown matrices and of the page's own that differ by less are the same.
+#: Largest difference between equal entries of the flown matrices and of the page.
 _SAME = 1e-9
 
 

@@ -10,8 +10,8 @@ from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
 from trim.hfa.printed import EntryRow, compare
 from trim.linear.linear_model import LinearModel
 
-#: Half units up to which an entry has each tone but the last: it prints the same, one off, at most
-#: two off.
+#: Largest deviations, in half units of the last digit, of all tones but the last: same print, one
+#: digit off, at most two digits off.
 _MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 

@@ -18,13 +18,13 @@ from hfa_support.reporting.text import Cell, Table, shown_unit
 
 _STUDY = "`python -m studies.best_flights`"
 _TITLE = "Costs of nonlinear flights from the paper's x(0)"
-#: Name in the table -> key in the file.
+#: Column of the table -> key in the file.
 _POLICIES = {
     "exact game policy": "exact_policy",
     "exact LQR": "exact_lqr",
     "learned critic": "learned_critic",
 }
-#: Entries of the flown linear models and of the page's own that differ by less are equal.
+#: Relative and absolute tolerance for equal entries of linear models.
 _SAME = 1e-9
 
 

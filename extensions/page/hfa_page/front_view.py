@@ -21,9 +21,9 @@ PANEL_COLOR = "#888888"
 LIFT_COLOR = "#0072B2"
 WEIGHT_COLOR = "#D55E00"
 HINGE_COLOR = "#009E73"
-#: Length of the longest arrow, of the span of a panel.
+#: Length of the longest arrow, as a fraction of the span of a panel.
 _LONGEST = 0.55
-#: Width of the picture; its height follows from what is drawn, so that no side is empty.
+#: Width of the picture. The height follows from its content.
 _WIDTH = 10.0
 
 
@@ -140,7 +140,7 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)
-    axes.plot(*end, alpha=0.0)  # the arrow counts for the limits of the axes
+    axes.plot(*end, alpha=0.0)  # includes the arrow in the limits of the axes
     _label(axes, end, text, color, above=bool(end[1] >= 0))
 
 

@@ -50,7 +50,7 @@ _PAPER = (
     "Zero-Sum Game-Based Practical Predefined-Time Reinforcement Learning for Robust Tracking "
     "Control of Highly Flexible Aircraft</cite></a>, Electronics 2026, 15(17), 3838"
 )
-#: A browser that follows it loads nothing from any network.
+#: Content security policy: the browser loads nothing from a network.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
@@ -185,7 +185,7 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     )
     report = with_bands(linear_model_report(model), model, bands)
     printed = printed_at(model.point)
-    if printed is None or model.point.model.extras.native is not None:  # the print is in feet
+    if printed is None or model.point.model.extras.native is not None:  # printed values are in feet
         return report
     beside: tuple[Part, ...] = matrices_compared_with_print(model, printed)
     kept = report.parts[len(beside) :]

@@ -35,11 +35,11 @@ from verification.critic.verdict import Verdict
 from verification.hfa_box import ordinary_box
 from verification.regeneration import Regeneration, regenerate_all
 
-#: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
+#: Dihedral angles of the sweep, rad, from the paper's range to slightly beyond it.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
-#: The angles that are shown in full: the printed ones.
+#: Angles shown in detail by default: the printed ones.
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
-#: A page with more would be too large to file (3 MB of data), or take minutes.
+#: Largest numbers of angles. More would make the file too large (3 MB of data) or take minutes.
 MOST_SWEPT = 151
 MOST_ASKED = 20
 

@@ -33,16 +33,15 @@ from hfa_support.reporting.report import Picture
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 
-#: data, layout and, where a slider moves it, frames, as Plotly's figure schema has them.
+#: A Plotly figure: data, layout and, with a slider, frames.
 PlotlyFigure: TypeAlias = Mapping[str, Any]
-#: Colors that stand apart on a light and on a dark page, also for the color-blind (Okabe, Ito
-#: 2008).
+#: Colors that are distinct on light and dark pages, also for color-blind users (Okabe, Ito 2008).
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 NEUTRAL = "#888888"
-#: Length of the longest arrow, of the span of a panel.
+#: Length of the longest arrow, as a fraction of the span of a panel.
 _LONGEST = 0.7
 _ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
-#: What does not move, trace by trace as in `_drawing`.
+#: Properties of the traces of `_drawing` that do not depend on the trim.
 _FIXED: tuple[dict[str, Any], ...] = (
     {"name": "panels", "mode": "lines", "line": {"color": PANEL_COLOR, "width": 7}},
     {
@@ -162,7 +161,7 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     )
     room = in_units_of(aircraft, 16.0, "ft")
     wide = 1.5 * span + in_units_of(aircraft, 12.0, "ft")
-    # Lines of a grid would cross the texts.
+    # Grid lines would cross the labels.
     plain = {"constrain": "domain", "showgrid": False, "zeroline": False}
     x = _axis(length, range=[-wide, wide], **plain)
     low = float(np.nanmin(heights)) - room

@@ -28,7 +28,7 @@ def test_planted_error_changes_tone_of_entry_no_other() -> None:
         "",
         "good",
         "near",
-    }  # the worst is off by 1.21 half units
+    }  # the largest deviation is 1.21 half units
     for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
         A = model.A.copy()
         A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]

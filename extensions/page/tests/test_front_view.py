@@ -33,7 +33,7 @@ def test_lift_is_across_panels_and_carries_weight(
         assert np.linalg.norm(panel.lift) == pytest.approx(lift)
         assert panel.lift @ (panel.ends[1] - panel.ends[0]) == pytest.approx(0.0, abs=1e-9)
     lift, weight = (sum(getattr(panel, name) for panel in panels) for name in ("lift", "weight"))
-    # What is missing to the whole weight is the lift's tilt by alpha, drag and thrust: a few
+    # The difference from the weight is due to the tilt of the lift by alpha, drag and thrust: a few
     # thousandths.
     np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
     axes = trim_figure(published_aircraft, point).axes[0]

@@ -68,7 +68,7 @@ def test_a_game_without_solution_is_said_and_fails(job: MainJob, monkeypatch) ->
     def unsolved(game: object) -> None:
         raise NoSolutionError("no solution: planted")
 
-    # The game of the paper has a solution at every angle with a trim.
+    # The paper's game has a solution at every angle with a trim.
     monkeypatch.setattr("hfa_page.main_job.solve", unsolved)
     angle = with_game(job.points[1])
     text = angle_report(job, angle).text()
@@ -206,7 +206,7 @@ def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
         for length, force in zip(lengths, forces, strict=True):
             assert length * float(found[1]) == pytest.approx(force, rel=2e-3)
         assert sizes["text"][1] == f"{loads.center.lift:.1f} lbf"
-        # The tip of the left panel is a span beyond its hinge, at the dihedral angle.
+        # The tip of the left panel is one span from its hinge, at the dihedral angle.
         x, y = panels["x"][7], panels["y"][7]
         assert np.arctan2(y, x - p.panel_span / 2) == pytest.approx(point.dihedral, abs=1e-4)
 

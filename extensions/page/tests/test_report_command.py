@@ -103,7 +103,7 @@ def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> Non
         one = imread(folder / name)
         other = imread(made[1] / name)
         assert one.shape == other.shape
-        # Another release of the font library moves some edges of letters.
+        # Other releases of the font library change the edges of some letters.
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, "run `make pictures`"
 
 
@@ -135,7 +135,7 @@ def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
     html = page.read_text(encoding="utf-8").replace(plotly_script(), "")
     assert (
         html.count("these rates do not balance: dihedral_rate") == 3
-    )  # slider, sweep, the angle in full
+    )  # in the slider, the sweep and the section on the angle
     assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
 
 
@@ -189,7 +189,7 @@ def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    # The disk is full between the two files, at no moment that a test can choose.
+    # Simulates a disk that becomes full between the two files, which a test cannot time.
     monkeypatch.setattr("hfa_page.commands.report.write_text", full)
     result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
     assert result.code == BAD_INPUT

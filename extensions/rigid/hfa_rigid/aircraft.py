@@ -26,11 +26,11 @@ from hfa_rigid.motion import (
     wind_axes,
 )
 
-#: Standard gravity and the units of length and force by system of units.
+#: Standard gravity, and units of length and force, by system of units.
 GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
 LENGTH = {"english": "ft", "si": "m"}
 FORCE = {"english": "lbf", "si": "N"}
-#: Limits of the speed relative to that of the usual trim.
+#: Limits of the speed relative to that of the default trim.
 _SLOWEST = 0.3
 _FASTEST = 5.0
 

@@ -22,7 +22,7 @@ _GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FT_TO_M * FT_TO_M * 1.8)) / (
     28.9645 * _KG_TO_SLUG / 1000.0
 )
 SEA_LEVEL_PRESSURE = 2116.228
-#: Geopotential altitude, ft, and temperature, R.
+#: Lower ends of the layers: geopotential altitude, ft, and temperature, degrees Rankine.
 _LAYERS = (
     (0.0, 518.67),
     (36089.2388, 389.97),

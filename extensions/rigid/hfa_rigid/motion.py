@@ -13,8 +13,8 @@ from typing import Any
 
 import casadi as ca
 
-#: Speed, angle of attack and sideslip through the air; rates about the body axes; Euler angles;
-#: height over the ground.
+#: Speed, angle of attack and sideslip through the air; body-axis angular rates; Euler angles;
+#: altitude.
 STATES = (
     *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate"),
     *("roll", "pitch", "yaw", "altitude"),

@@ -58,7 +58,7 @@ class Interpolator:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
             above = argument >= ca.SX(ca.DM(points[1:-1]))
             chosen = ca.vertcat(1, above) - ca.vertcat(above, 0)
-            self._axes[key] = (chosen, inside - _middle(points), argument)  # it keeps its hash
+            self._axes[key] = (chosen, inside - _middle(points), argument)  # fixes its hash
         chosen, offset, _ = self._axes[key]
         return chosen, offset
 

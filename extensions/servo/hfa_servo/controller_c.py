@@ -32,11 +32,11 @@ from hfa_servo.servo_policy import ServoPolicy, servo_policy
 from hfa_support.reporting.text import shown_value
 from trim.point.operating_point import OperatingPoint
 
-#: Header, source, and the example that uses them.
+#: Names of the header, the source and the example.
 CONTROLLER_FILES = ("hfa_controller.h", "hfa_controller.c", "controller_100hz.c")
-#: What is commanded in the example, in the unit of the first command.
+#: Command in the example, in the unit of the first commanded output.
 COMMANDED = 0.01
-#: How long the example is simulated, s.
+#: Duration of the example, s.
 SECONDS = 20
 
 

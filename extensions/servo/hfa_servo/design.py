@@ -27,11 +27,11 @@ from hfa_support.errors import (
 )
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
 
-#: Designs that come with the package: name -> file.
+#: Shipped designs: name -> file.
 NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
-#: Where the disturbance of the game enters, beside the disturbances of the model.
+#: Sources of the disturbance of the game, in addition to the disturbances of the model.
 DISTURBANCES = ("states", "commands")
-#: How names end -> what the unit of the rest is multiplied with.
+#: Ending of a name -> factor on the unit of the name without it.
 _ENDS = {
     "_command_end": "",
     "_rate": "/s",
@@ -278,7 +278,7 @@ def signal_unit(model: Model, name: str) -> str:
             unit = signal_unit(model, without_lag.removesuffix(ending))
             if not unit:
                 return ""
-            # (ft/s)/s, not ft/s/s.
+            # "(ft/s)/s" instead of "ft/s/s".
             return re.sub(r"^(.*/.*)/s$", r"(\1)/s", unit + times)
     return ""
 

@@ -20,8 +20,8 @@ from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
-#: Rows whose smallest singular value is below this, in units in which rows and columns have size 1,
-#: are dependent.
+#: Rows are dependent if their smallest singular value is below this, after scaling rows and columns
+#: to size 1.
 RANK = 1e-10
 
 
@@ -115,7 +115,7 @@ class DesignModel(Reported):
         plant = len(self.states) - len(names)
         rows = np.hstack([self.A[:, :plant], self.B])
         if not _full_rank(rows[:plant]):
-            return  # a mode of the plant itself at 0, which the solver names
+            return  # the solver reports a plant mode at 0
         for k, name in enumerate(names):
             alone = _full_rank(rows[[*range(plant), plant + k]])
             if not alone or not _full_rank(rows[: plant + k + 1]):

@@ -2,7 +2,7 @@
 
 from hfa.entry_points import CommandEntry
 
-#: Designs that come with the package.
+#: Shipped designs.
 ABOUT_DESIGN = "paper, servo"
 DESIGN = CommandEntry(
     "flight",

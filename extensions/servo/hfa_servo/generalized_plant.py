@@ -47,19 +47,20 @@ from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
-#: The two derivations of the controller differ by rounding alone: largest relative difference of
-#: their responses.
+#: Largest relative difference between the responses of both derivations of the controller.
 DERIVATIONS_AGREE = 1e-8
-#: Of delta_min, relative.
+#: Relative accuracy of delta_min.
 TOLERANCE = 2.5e-7
-#: A gain of D11 nearer than this to what bounds it, relative, decides nothing.
+#: If δ is within this relative distance of the gain of D11, the existence of a controller is
+#: undecided.
 SHARP = 1e-9
-#: An error of ρ(XY) above this part of it and of δ² is beyond first order, and decides nothing.
+#: If the error of ρ(XY) exceeds this fraction of ρ(XY) and δ², first order is not accurate, and
+#: nothing is decided.
 FIRST_ORDER = 0.1
 COUPLING = "coupling condition"
 
-#: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero
-#: on the axis.
+#: For control and filter side: messages on an unstable mode that cannot be controlled or observed,
+#: and on a zero on the imaginary axis.
 _OBSTACLES = (
     (
         "within rounding no input reaches the {}, which is not stable; change B2",
@@ -429,7 +430,7 @@ def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> Sta
     apart = plant.apart
     L, F = apart.sides[0].policies(X, delta)
     K = -axes.columns_back(F)
-    F = -axes.columns(K)  # with the rounding of K
+    F = -axes.columns(K)  # includes the rounding of K
     checks = loop_checks(
         apart.A + apart.B2 @ F, apart.B1, apart.C1 + apart.D12 @ F, apart.D11, delta
     )
@@ -497,7 +498,7 @@ def central_controller(
     Bk = np.linalg.solve(np.eye(len(X)) - Y @ X / delta**2, (plant.B2 + L1 @ plant.D12) @ Dk - L2)
     Ak = plant.A + plant.B1 @ F1 + plant.B2 @ F2 - Bk @ seen
     Ck = F2 - Dk @ seen
-    # What u does to y at once is known, and taken off.
+    # The direct effect of u on y is known and is subtracted.
     known = np.eye(len(Dk)) + Dk @ plant.D22
     if np.linalg.cond(known) > 1.0 / RANK:
         raise NoSolutionError(
@@ -532,7 +533,7 @@ def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
     """Return A, B, C, D from w to z of the closed loop, with the states [x; x̂]."""
     Ak, Bk, Ck, Dk = controller
     n = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D22)
-    u = np.hstack([n @ Dk @ plant.C2, n @ Ck])  # u and y by the states, and by w
+    u = np.hstack([n @ Dk @ plant.C2, n @ Ck])  # u and y as functions of the states, then of w
     y = np.hstack([plant.C2, np.zeros((len(plant.C2), len(Ak)))]) + plant.D22 @ u
     u_w = n @ Dk @ plant.D21
     y_w = plant.D21 + plant.D22 @ u_w
@@ -598,7 +599,7 @@ def check_modes(plant: GeneralizedPlant) -> None:
         found = obstacle(NormalForm.of(side.game(math.inf)), *sentences)
         if found.sentence:
             raise NoSolutionError(found.sentence)
-        if found.shown <= RANK:  # entries of the size of rounding move a double pole off the axis
+        if found.shown <= RANK:  # rounding errors in the entries move a double pole off the axis
             _, hidden = sentences
             raise NoSolutionError(hidden.format(found.undamped))
 
@@ -708,7 +709,7 @@ def _coupling_by_radius(
     if radius == 0.0:
         return Answer(True)
     b = X @ a / math.sqrt(radius)
-    by_roots = abs(_radius(Y, X)[0] - radius)  # what the root of an almost singular Y or X loses
+    by_roots = abs(_radius(Y, X)[0] - radius)  # error of the root of a nearly singular Y or X
     error = value_error(forms[0], X, a) + value_error(forms[1], Y, b) + by_roots
     largest = max(radius, delta**2)
     if not error <= FIRST_ORDER * largest or abs(radius - delta**2) <= error:

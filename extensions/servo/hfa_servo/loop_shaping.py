@@ -20,7 +20,7 @@ from hfa_servo.design import Following, OutputWeight
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_most
 
-#: The gain of the robust loop may exceed gamma by this share.
+#: Fraction by which the robustness norm may exceed gamma.
 ROUNDING = 1e-6
 
 
@@ -110,7 +110,7 @@ def output_weights(outputs: Mapping[str, OutputWeight]) -> Weights:
             names.append(f"{name}_lag_1")
     n = len(names)
     p = len(outputs)
-    unit = np.eye(n + p)  # rows of [x; y]
+    unit = np.eye(n + p)  # selects rows of [x; y]
     rates = np.zeros((n, n + p))
     weighted = np.zeros((p, n + p))
     for row, (name, weight) in enumerate(outputs.items()):
@@ -177,7 +177,7 @@ def _held_for_ever(
     S = np.kron(np.array([*filter_rows, [0.0, 0.0, 0.0]]), np.eye(q))
     commands = np.eye(q, 3 * q)
     identity = np.eye(3 * q)
-    # Both equations, column after column.
+    # Both equations, vectorized column by column.
     by_Pi = np.kron(identity, M) - np.kron(S.T, np.eye(size))
     by_Gamma = np.kron(identity, steered)
     output_rows = np.hstack([np.kron(identity, outputs), np.zeros((3 * q * q, 3 * q * m))])

@@ -23,8 +23,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 
-#: delta / delta_min of a generalized plant that names no delta: nearer the controller gets ever
-#: faster poles.
+#: Default delta / delta_min. Nearer to 1, the poles of the controller become ever faster.
 USUAL_MARGIN = 1.01
 
 

@@ -54,7 +54,7 @@ class Side(NamedTuple):
         into = self.B @ past
         left = rest @ self.C
         left[:, np.linalg.norm(left, axis=0) <= RANK * np.linalg.norm(self.C, axis=0)] = (
-            0.0  # rounding is no cost
+            0.0  # remove rounding errors from the cost
         )
         return Reduced(past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D)
 

@@ -34,14 +34,13 @@ from hfa_support.reporting.text import Table, shown_value
 from hfa_support.schema import NUMBER, POSITIVE, checked
 from hfa_support.units import conversion
 
-#: What a controller may be told of a command r: its value, its rate, and the value that the filter
-#: goes to.
+#: Endings of the names of command signals: the filtered command r, its rate, and the unfiltered
+#: command.
 COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
-#: Values closer than this to the ends of the range, in units of the range and of its values, are
-#: inside.
+#: Tolerance at the ends of the range of scheduling values, relative to their size.
 _AT_THE_END = 1e-9
 SCHEMA = ControllerFile.schema
-#: Formats that a controller is written in.
+#: Suffixes of controller files.
 SUFFIXES = (".npz", ".mat")
 _ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
 _NAMES = ("states", "measurements", "commands", "inputs")

@@ -31,11 +31,11 @@ from hfa_support.reporting.text import Table, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.level_model import level_model
 
-#: Of the actuators behind which margins are computed.
+#: Orders of the actuators for which margins are computed.
 ORDERS = (1, 2)
-#: Frequencies of the grid in a decade, enough to follow the loops of all inputs.
+#: Frequencies of the grid per decade, fine enough for the loop at all inputs.
 PER_DECADE = 200
-#: rad/s; slower modes do not extend the grid.
+#: Modes slower than this, rad/s, do not extend the frequency grid.
 SLOWEST = 1e-3
 TOGETHER = "all inputs"
 

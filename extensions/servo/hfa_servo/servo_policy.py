@@ -159,7 +159,7 @@ def servo_policy(
     start = point.values[model.schedule]
     commanded = commands.values[:, np.array(commands.names) == model.schedule]
     reached = np.append(start + commanded, start)
-    if len(controller.breakpoints) == 1:  # not scheduled: flown as it is everywhere
+    if len(controller.breakpoints) == 1:  # without a schedule it applies to all values
         reached = controller.breakpoints
     controller.refuse_other(model, float(reached.min()), float(reached.max()))
     identity = {

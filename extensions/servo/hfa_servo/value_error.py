@@ -35,7 +35,7 @@ def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             Z = solve_continuous_lyapunov(loop, -np.outer(direction, direction))
-    except RuntimeWarning:  # two eigenvalues whose sum is 0 to rounding
+    except RuntimeWarning:  # the sum of two eigenvalues is 0 within rounding
         return math.inf
     sizes = form.sizes
     moved = X @ Z

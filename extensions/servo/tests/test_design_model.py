@@ -105,7 +105,7 @@ def test_a_name_says_its_unit(name: str, unit: str) -> None:
     assert signal_unit(hfa.aircraft(), name) == unit
 
 
-#: Weights that no actuator or integral needs.
+#: Weights of a design without actuators and integrals.
 BARE: dict = {"integrals": (), "state_weights": {}}
 PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding="utf-8"))["gains"]
 

@@ -127,11 +127,12 @@ def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
     C1 = np.vstack([np.diag(root), np.zeros((m, n))])
     D12 = np.vstack([np.zeros((n, m)), np.sqrt(game.R)])
     plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
-    # Two searches, within 2.5e-7 and 1e-6; Q here is the square of a root.
+    # Two searches, within 2.5e-7 and 1e-6. Q is computed as the square of a root.
     assert plant.minimum_delta().value == pytest.approx(minimum_delta(game).value, rel=3e-6)
     found = solve_plant(plant, game.delta)
     exact = solve_game(game)
-    # The plant's Q is the square of a root: rounding of it times the condition of the game, 1e4.
+    # The plant's Q is the square of a root, whose rounding is multiplied by the condition of the
+    # game, 1e4.
     assert relative_error(found.K, exact.K) < 1e-10
     assert relative_error(found.disturbance_gain, exact.disturbance_gain) < 1e-10
 
@@ -167,7 +168,7 @@ def test_what_u_adds_to_y_once_changes_nothing() -> None:
     plant = random_plant(8)
     smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
-    # Two searches, each within 2.5e-7, and what D22 rounds.
+    # Two searches, each within 2.5e-7, and the rounding due to D22.
     assert without.minimum_delta().value == pytest.approx(smallest, rel=TWO_BRACKETS)
     loops = []
     for each in (plant, without):
@@ -189,7 +190,7 @@ def test_a_planted_error_in_the_controller_is_seen(
 
     plant = random_plant(8)
     delta = 1.001 * smallest_of(8).value
-    # The planted fault: a controller that is off by 1 %.
+    # Planted fault: a controller with an error of 1 %.
     monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match="the controller is not certified: "):
         solve_plant(plant, delta)
@@ -324,7 +325,7 @@ def test_plants_public_issues_with_noise_agree_with_slycot(system: Any, size: fl
     """With noise added, delta_min of the plants from public issues agrees with slycot."""
     plant = with_noise(system(), size)
     smallest = plant.minimum_delta().value
-    # Ours ends within 2.5e-7, SB10AD within 1e-10.
+    # This project's search ends within 2.5e-7, SB10AD's within 1e-10.
     assert of_slycot(plant)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
 
@@ -338,7 +339,7 @@ def test_plants_public_issues_with_noise_agree_with_slycot(system: Any, size: fl
             ([2.0, -2.2, 1.0], [3.0, 0.2, 0.01]),
             1.0,
             None,
-        ),  # python-control's example
+        ),  # from python-control's examples
         pytest.param(
             ([-1.0, 1.0], [1.0, 2.0, 1.0]),
             ([0.5, 0.2], [1.0, 2e-4]),
@@ -366,7 +367,7 @@ def test_mixed_sensitivity_agrees_with_slycot(
     W3 = control.ss(control.tf(*noise)) if noise else None
     augmented = GeneralizedPlant.from_control(control.augw(G, W1, W2, W3), 1, 1)
     smallest = augmented.minimum_delta().value
-    # Ours ends within 2.5e-7, SB10AD within 1e-10.
+    # This project's search ends within 2.5e-7, SB10AD's within 1e-10.
     assert of_slycot(augmented)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(augmented, solve_plant(augmented, 1.001 * smallest)) < 1.001 * smallest
 
@@ -532,7 +533,7 @@ def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
     plant = random_plant(8)
     expected = smallest_of(8).value
     scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
-    # Two searches, each within 2.5e-7, from another begin.
+    # Two searches from different initial values, each within 2.5e-7.
     assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=TWO_BRACKETS)
     assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
 
@@ -577,8 +578,8 @@ def test_both_equations_to_sixty_digits(servo: tuple[Game, np.ndarray, Generaliz
         (found.X, reference_solution(game)),
         (found.Y, reference_solution(dual)),
     ):
-        # The sign of Y is lost in the rows of actuators and integrals, which no disturbance
-        # reaches: they are 0.
+        # Y is 0 in the rows of actuators and integrals, which no disturbance reaches, so signs are
+        # not compared there.
         assert relative_error(ours, reference.P) < 1e-10
     assert all(check.ok for check in found.checks)
 
@@ -589,7 +590,8 @@ def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, Generalize
     K = control.lqr(game.A, game.B, game.Q, game.R)[0]
     L = control.lqe(game.A, np.eye(len(game.A)), C, game.S_disturbance, NOISE)[0]
     for ours, theirs in ((-found.Ck, K), (found.Bk, L), (found.Ak, game.A - game.B @ K - L @ C)):
-        # python-control's answers are not refined: rounding times the condition of the servo, 1e5.
+        # python-control does not refine its results: rounding times the condition of the servo,
+        # 1e5.
         assert relative_error(ours, theirs) < 1e-9
     assert found.coupling == 0.0
 

@@ -23,10 +23,10 @@ from hfa_servo import GeneralizedPlant, load_design
 from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import design_model
 
-#: Of a finite game; the smallest one of `simvfa-1` is 95.
+#: delta of a finite game. The smallest delta of `simvfa-1` is 95.
 DELTA = 200.0
 SEARCHED = ROOT / "studies" / "servo" / "designs" / "servo_three.toml"
-#: Name -> states and weights.
+#: Name -> number of states and of weights.
 SIZES = {
     "simvfa-1": (10, 55),
     "simvfa-2": (12, 78),

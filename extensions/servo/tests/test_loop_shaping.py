@@ -352,9 +352,9 @@ def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: f
     slow = zeros[A_Z][(np.abs(zeros[A_Z]) < 1.0) & (zeros[A_Z].imag > 0.0)]
     assert np.abs(slow) == pytest.approx([0.67], abs=0.01)
     assert 0.0 < -slow[0].real / np.abs(slow[0]) < 0.035
-    assert (zeros[A_Z].real > 1.8).any()  # and none can follow A_z faster than this
+    assert (zeros[A_Z].real > 1.8).any()  # no loop can follow A_z faster than this
     assert np.abs(zeros["pitch"].imag).max() < 1e-6
-    scale = np.diag([1.0] * 6 + [100.0] + [1.0] * 3)  # a throttle of 100
+    scale = np.diag([1.0] * 6 + [100.0] + [1.0] * 3)  # the nominal size of the throttle is 100
     for inputs, least in ((two, 0.0), (INPUTS, 1e-3)):
         whole = pencil_of(dynamics, degrees, inputs, ("dihedral", A_Z))
         moved = whole @ (scale if inputs == INPUTS else np.eye(8))

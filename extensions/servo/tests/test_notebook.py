@@ -81,7 +81,7 @@ def test_other_attributes_are_those_of_python_control() -> None:
     assert linear.margin(inputs="elevator_center", outputs="pitch_rate") == margins
     assert linear.margin(input="elevator_center", output="pitch_rate") == margins
     assert linear.margin("elevator_center", "pitch_rate") == margins
-    assert linear.pole() == pytest.approx(linear.poles())  # a name of MATLAB
+    assert linear.pole() == pytest.approx(linear.poles())  # MATLAB's name
     with pytest.raises(BadInputError, match="unknown input 'elevator'"):
         linear.damp(inputs="elevator")
     assert {"damp", "modes", "step"} <= set(dir(linear))

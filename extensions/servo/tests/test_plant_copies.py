@@ -22,9 +22,9 @@ from hfa_servo.generalized_plant import GeneralizedPlant, conditions
 from hfa_servo.plant_side import Side
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
-#: A search ends within 2.5e-7, SB10AD's own where its loop still keeps the gain that it states.
+#: A search ends within 2.5e-7, and so does SB10AD's if its loop attains the gain that it reports.
 AGREES = 5e-6
-#: A bracket wider than this says little.
+#: Largest relative width of an acceptable bracket.
 WIDE = 1e-2
 
 
@@ -150,7 +150,8 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
     for turned in (copy.problem for copy in copies(plant, 12, 8) if copy.kind == "turn"):
         found: Any = solve_plant(turned, delta)
         assert gain_of(turned, found) < delta
-        # Turned, the given numbers have rounding of the fast states, 1e-13 of 2e-4 rad/s, or 1e-9.
+        # In rotated coordinates, the given numbers contain rounding of the fast states: 1e-13
+        # relative to 2e-4 rad/s, or 1e-9.
         assert found.coupling == pytest.approx(given.coupling, rel=1e-8)
 
 
@@ -168,7 +169,7 @@ def test_axes_are_left_as_they_were_entered() -> None:
         matrix = getattr(turned, name)
         rounding = 1e-14 * np.abs(matrix).max()
         np.testing.assert_allclose(back(into(matrix)), matrix, rtol=0.0, atol=rounding)
-    X = turned.C1.T @ turned.C1  # as a value: C1 x is the same in all axes
+    X = turned.C1.T @ turned.C1  # X is a value: C1 x does not depend on the coordinates
     Y = turned.B1 @ turned.B1.T
     C = axes.columns(turned.C1)
     B = axes.rows(turned.B1)
@@ -234,5 +235,5 @@ def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
         assert smallest.value <= stated * (1.0 + 1e-3), (seed, stated, smallest)
     assert asked == 684
     assert changed == []
-    assert sum(opened[kind] for kind in KINDS) <= 20  # open by 6e-4 at most
+    assert sum(opened[kind] for kind in KINDS) <= 20  # undecided by at most 6e-4
     assert not any(opened[f"wide {kind}"] for kind in KINDS)

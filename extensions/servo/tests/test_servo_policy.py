@@ -105,7 +105,7 @@ def test_in_moving_air_accelerometer_feels_alpha_through_air(
     ]
     assert F[0] == pytest.approx(
         alpha / point.states.speed, rel=0.05
-    )  # an updraft w is an alpha of w / V
+    )  # an updraft w changes alpha by w / V
 
 
 def test_flight_on_linear_model_is_loop_written_out(

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from trim.point.operating_point import OperatingPoint
 
-#: Where the HFA is exported unless --dihedral says so.
+#: Default dihedral angle of the exported HFA, deg.
 _DIHEDRAL = math.radians(15.0)
 
 
@@ -87,7 +87,8 @@ def export(request: ExportRequest) -> int:
         request = replace(request, law="exact")
     if request.at is None and not request.own:
         request = replace(request, at=_DIHEDRAL)
-    # Before anything is written: it finds what is wrong with options that nothing below reads.
+    # Computing the provenance checks options that the code below does not read, before any file is
+    # written.
     origin = f"{request.provenance.text()}\n{request.line}"
     if request.output.suffix.lower() == ".m":
         return _write_function(request)

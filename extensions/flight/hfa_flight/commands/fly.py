@@ -103,7 +103,7 @@ def fly(request: FlyRequest) -> int:
             f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}",
             stacklevel=2,
         )
-    # A linear model about the first trim says nothing about the others.
+    # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     result = fly(
         planned.model,

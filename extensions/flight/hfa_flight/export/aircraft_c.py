@@ -25,9 +25,9 @@ from hfa_flight.export.c_text import (
 from hfa_flight.policies import FunctionPolicy, GainPolicy
 from trim.linear.linear_model import LinearModel
 
-#: Header, source, and the example that uses them.
+#: Names of the header, the source and the example.
 AIRCRAFT_FILES = ("hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c")
-#: Bodies of hfa_policy, of the deviations z.
+#: Bodies of the C function hfa_policy, with the deviations z.
 _LINEAR = """    for (int i = 0; i < HFA_INPUTS; i++) {
         u[i] = hfa_u0[i];
         for (int j = 0; j < HFA_LINEAR_STATES; j++) u[i] -= hfa_K[i][j] * z[j];

@@ -12,7 +12,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.files import all_or_none, write_text
 
-#: C has no empty arrays: the one entry of an array that would have none.
+#: Name of the only entry of an array that would be empty, which C does not permit.
 UNUSED = "unused"
 
 

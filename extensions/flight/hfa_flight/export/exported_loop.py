@@ -23,7 +23,7 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from hfa_flight.export.interpolated import InterpolatedModel
 
-#: s: the longest step of a loop whose own modes are no faster than the aircraft's.
+#: Longest step, s, of a loop whose modes are not faster than those of the aircraft.
 LONGEST_STEP = 1e-3
 
 

@@ -29,7 +29,7 @@ from hfa_support.native.machine_code import c_compiler
 from hfa_support.provenance import Provenance
 from trim.sweeps.sweep import Sweep
 
-#: Of the library in the FMU.
+#: Folder and suffix of the library in the FMU, by platform.
 IDENTIFIER = "hfa_aircraft"
 SOURCE = "aircraft_loop.c"
 WRAPPER = "fmi2_aircraft.c"
@@ -47,7 +47,7 @@ _BASE = {
     "ft/s^2": {"m": "1", "s": "-2", "factor": "0.3048"},
 }
 
-#: The first date that a ZIP archive can bear.
+#: Earliest date that a ZIP archive can store.
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -150,8 +150,8 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         kind: xml.SubElement(structure, kind)
         for kind in ("Outputs", "Derivatives", "InitialUnknowns")
     }
-    # Name, unit, causality, start (None where it is calculated), and the number of the state whose
-    # rate it is.
+    # Name, unit, causality, initial value (None if it is computed), and number of the state of
+    # which it is the rate.
     channels: list[tuple[str, str | None, str, float | None, int]] = [
         (one.name, one.unit, "output" if number < loop.flown else "local", one.start, 0)
         for number, one in enumerate(loop.states)

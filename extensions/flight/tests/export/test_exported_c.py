@@ -253,7 +253,7 @@ def test_it_is_the_flown_controller_at_1000_states(
         x, a, m = (random.normal(size=size) for size in (6, 5, STATES))
         x[LINEAR_STATES.index("dihedral")] = random.uniform(
             -0.3, 0.2
-        )  # beyond both ends of the table too
+        )  # also beyond both ends of the table
         y, r, slope, goal, known_u, known = (np.array(each).ravel() for each in law(t, x, a, m))
         dihedral = point.states.dihedral + x[LINEAR_STATES.index("dihedral")]
         u, rate = answered(law_folder, float(dihedral), y, np.concatenate([m, r, slope]), goal)
@@ -312,7 +312,7 @@ def test_the_footprint_is_static_and_names_are_there(law_folder: Path) -> None:
 
 # The example loop.
 
-#: So slow and short that the command reaches both limits.
+#: Actuators so slow and limits so narrow that the command reaches both limits.
 SLOW = ActuatorBank(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)), order=2)
 
 
@@ -371,7 +371,7 @@ def test_it_flies_what_we_fly_and_says_time(
     for hertz in (100, 1000):
         said = ran(tmp_path, f"-DHERTZ={hertz}", LAW_EXAMPLE, LAW_SOURCE)
         states.append(np.array([said[name] for name in HFA_STATES]))
-        assert 0.0 <= said["microseconds a tick"] < 1000.0  # 0 where the clock is coarse
+        assert 0.0 <= said["microseconds a tick"] < 1000.0  # 0 if the clock is coarse
     size = np.abs(known - np.array(point.states)).max()
     assert size > 0.1
     assert np.abs(states[0] - known).max() < 0.03 * size

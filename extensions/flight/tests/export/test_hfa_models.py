@@ -19,7 +19,7 @@ from hfa.paper import published_game
 
 OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
-#: What Octave does, in one process: it takes as long as everything else here.
+#: Commands for Octave, run in one process because its start takes most of the time.
 SCRIPT = """
 try; pkg load control; catch; exit(3); end
 [models, data] = hfa_models('sweep.mat');

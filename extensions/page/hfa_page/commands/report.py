@@ -97,7 +97,7 @@ def report(request: ReportRequest) -> int:
             "no output is chosen; give --output FILE.html, --output FOLDER or --json"
         )
     if request.output is not None:
-        plotly_script()  # refused before anything is computed
+        plotly_script()  # refused before anything is computed if Plotly is missing
     if "dihedral" in (*request.free, *request.hold):
         raise BadInputError(
             "the angles of a report are given by --dihedral and --sweep; do not free or hold "

@@ -31,10 +31,10 @@ from hfa_servo.scheduled_controller import (
 )
 from hfa_support.errors import BadInputError
 
-#: A second or two each.
+#: Largest number of scheduling values. Each takes one or two seconds.
 _MOST_POINTS = 1000
 _RANGE = "0:20:1"
-#: rad/s: of the actuators behind which margins are computed.
+#: Default bandwidths of the actuators for which margins are computed, rad/s.
 _BANDWIDTHS = (2.0, 10.0)
 
 

@@ -194,7 +194,7 @@ def _margins(value: Any) -> Callable[..., Any] | None:
     return margins
 
 
-#: Attribute that is added to some results -> function from a result to its value, or None.
+#: Name of an added attribute -> function from a result to its value, or None.
 ADDED: dict[str, Callable[[Any], Any]] = {
     "certified": lambda value: value.certificate.ok if isinstance(value, Solution) else None,
     "closed_loop": _closed_loop,

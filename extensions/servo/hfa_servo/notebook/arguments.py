@@ -54,16 +54,16 @@ u: policy
 w: omega
 x0: initial X0 initial_state
 """
-#: Keyword of python-control, SciPy or gymnasium -> arguments of the same meaning.
+#: Keyword of python-control, SciPy or gymnasium -> equivalent arguments of this project.
 ARGUMENTS = {
     word: names.split()
     for word, names in (line.split(": ") for line in _SAME_ARGUMENTS.strip().splitlines())
 }
-#: The links of the chains, in order; a condition is made of a model and values.
+#: Classes of the chain, in order. A trim condition is made from a model and values.
 _LINKS = (Model, TrimCondition, OperatingPoint, LinearModel, Game)
-#: Keywords that make a game of a linear model.
+#: Keywords that specify a game on a linear model.
 _OF_GAME = ("Q", "R", "delta", "E")
-#: Keyword that no function has -> where its meaning is found.
+#: Keyword that no function accepts -> advice for the message.
 _ELSEWHERE = {"minimize": "optimize minimizes the cost; quickest_flight minimizes the time"}
 
 

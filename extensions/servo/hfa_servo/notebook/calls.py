@@ -85,11 +85,11 @@ wn: frequency
 x: states
 zeta: damping
 """
-#: Attribute of results of SciPy, pandas or python-control -> attribute of the same meaning.
+#: Attribute of results of SciPy, pandas or python-control -> equivalent attribute of this project.
 ATTRIBUTES = dict(line.split(": ") for line in _SAME_ATTRIBUTES.strip().splitlines())
-#: Attributes that the analysis of a game adds to its solution.
+#: Attributes that `hfa.solve` adds to a solution.
 ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
-#: Attributes of the solution of a game, which a game lacks.
+#: Attributes of a solution that a game does not have.
 _SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loop", "is_stable"}
 
 

@@ -32,11 +32,11 @@ read_model: load_model
 read_policy: read_critic
 ss: LinearModel
 """
-#: Command without a function of its name -> what to write in Python.
+#: Command without a Python function of the same name -> what to write in Python.
 _INSTEAD = {
     "design": "write [hfa.lqr(linear, Q, R) for linear in hfa.sweep(model, ...)], or use",
 }
-#: Function of MATLAB or gymnasium -> function of the same meaning.
+#: Function of MATLAB or gymnasium -> equivalent function of this project.
 FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines())
 
 

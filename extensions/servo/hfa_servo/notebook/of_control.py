@@ -42,7 +42,7 @@ def of_control(model: LinearModel, name: str) -> Any:
             matrices = [getattr(system, each) for each in _leading_matrices(wanted)]
             try:
                 return function(*(matrices or [system]), *others, **more)
-            except Exception as error:  # whatever python-control raises
+            except Exception as error:  # python-control raises many kinds of errors
                 reason = on_one_line(str(error))
                 if len(system.input_labels) > 1 and inputs is None:
                     reason += "; for a single loop give inputs=NAME, outputs=NAME"
