@@ -161,7 +161,7 @@ def _sentence(statement: RegionStatement) -> str:
 
 
 def _sizes(statement: RegionStatement) -> str:
-    """Return the bounds of all disturbances as text."""
+    """Return the bounds of all disturbances as text: "|gust| <= 1 m/s and ..."."""
     model = statement.loop.model
     sizes = statement.loop.disturbances.items()
     return " and ".join(f"|{name}| <= {model.describe(name, size)}" for name, size in sizes)

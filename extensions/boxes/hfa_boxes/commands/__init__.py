@@ -1,1 +1,1 @@
-"""Commands of this extension."""
+"""Commands that prove and check regions on boxes."""

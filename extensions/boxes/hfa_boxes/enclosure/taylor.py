@@ -100,7 +100,7 @@ class Step(NamedTuple):
 
 
 class Traced(NamedTuple):
-    """Models of inputs, steps and outputs."""
+    """Models of the inputs, of the nodes of each group, and of the outputs of a program."""
 
     inputs: Models
     steps: Sequence[Step]
@@ -372,6 +372,8 @@ def lowest(models: Models, n: int) -> np.ndarray:
     Each bound is the larger of two. The first bounds each product s_i s_j, i < j, by ±1, the second
     by ±(s_i² + s_j²) / 2. The remaining terms are a parabola in each s_i, which is minimized
     exactly.
+
+    n: dimension of the boxes
     """
     i, j, _ = pairs_of(n)
     c = models.c
@@ -386,7 +388,10 @@ def lowest(models: Models, n: int) -> np.ndarray:
 
 
 def highest(models: Models, n: int) -> np.ndarray:
-    """Return upper bounds of the values on the boxes, (values, boxes)."""
+    """Return upper bounds of the values on the boxes, (values, boxes).
+
+    n: dimension of the boxes
+    """
     return -lowest(models._replace(c=-models.c), n)
 
 

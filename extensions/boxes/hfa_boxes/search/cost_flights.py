@@ -68,9 +68,13 @@ class Inputs:
     def best(
         self, z: np.ndarray, p: np.ndarray, guess: np.ndarray | None = None, steps: int = _NEWTON
     ) -> np.ndarray:
-        """Return the minimizing inputs (N, m) at z (N, n) with cost gradients p (N, n).
+        """Return the inputs (N, m) that minimize p · f(z, v) + v'R v within their limits.
 
         They are computed by Newton's method from the guess, or from 0.
+
+        z: (N, n), deviations
+        p: (N, n), gradients of the cost
+        steps: largest number of Newton steps
         """
         v = np.zeros((len(z), self.m)) if guess is None else guess
         if not self.m:

@@ -203,7 +203,7 @@ class Shape:
         return square
 
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return R (n, n) of a decay z'R z that does not depend on V, for the linear loop z' = J z.
+        """Return R (n, n) of a reference decay z'R z for the linear loop z' = J z.
 
         It is the decay of the mean squared modes, each scaled to at most 1 in the set. A small
         multiple of V is added, so that R is positive definite where modes coincide.

@@ -84,7 +84,11 @@ def linear_model_on(
 
 
 def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Return parameters, imposed values and the scheduling variable on a box, as Taylor models."""
+    """Return name -> Taylor model of the parameters, imposed values and scheduling variable on a
+    box.
+
+    decimals: whether to cover all decimal numbers that round to the stored doubles
+    """
     reading = READING if decimals else 0.0
     values: dict[str, Any] = {}
     for name, number in (dict(flight.imposed) | dict(flight.parameters)).items():
@@ -248,5 +252,8 @@ def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[ar
 
 
 def equations_of(flight: Flight, measured: Sequence[str] = ()) -> SteadyFlight:
-    """Return the equations of the flight's trims."""
+    """Return the trim equations of a flight.
+
+    measured: outputs of the linear model
+    """
     return steady_flight(flight.model, flight.imposed, tuple(flight.limits), measured)

@@ -133,7 +133,10 @@ def _prepared(request: SolutionRequest) -> None:
 
 
 def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
-    """Write the certificate, print the report, and return the exit code."""
+    """Print the report of a proof and return the exit code, 0 if the claim is proved.
+
+    If -o is given and a part of the claim is proved, its certificate is written.
+    """
     from hfa_proof.search.report import game_report
 
     request = stated.request

@@ -302,7 +302,10 @@ class TrimSearch:
         return values if precise else [arb(float(value)) for value in values]
 
     def _residual(self, trim: TrimBox, *, decimals: bool = True) -> TaylorModel:
-        """Return F along the polynomials of a box, as a column."""
+        """Return F at the polynomials of a box, as a column.
+
+        decimals: whether to cover all decimal numbers that round to the stored doubles
+        """
         values: dict[str, Any] = known_values(self.flight, trim, decimals=decimals)
         for name, (c0, c1, c2, *errors) in trim.polynomials.items():
             values[name] = TaylorModel(c0, c1, c2, arb(0), *errors)

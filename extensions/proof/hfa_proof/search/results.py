@@ -148,7 +148,7 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Names of the states, in order."""
+        """Names of the states, in the order of A."""
         return self.model.linear
 
 

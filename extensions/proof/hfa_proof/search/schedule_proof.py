@@ -242,7 +242,7 @@ class ScheduleSearch:
                     boxes.append(ProvedBox(box, count, count, content["rate"], content))
 
     def statement(self) -> ScheduleStatement:
-        """Return the statement that the boxes prove."""
+        """Return the statement that the present boxes prove."""
         decays = [box.rate for box in self.boxes["loop"] if box.most == 0]
         runs = {
             "loop": self._runs("loop", self.size),

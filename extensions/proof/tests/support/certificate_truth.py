@@ -64,7 +64,7 @@ class FlightInDoubles:
         return np.linspace(*self.flight["range"], 5).tolist()
 
     def linear(self, value: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return A and B at a scheduling value."""
+        """Return A (n, n) and B (n, m) at a scheduling value."""
         point = self.point(value)
         model = linearize(point.model, point)
         return np.array(model.A), np.array(model.B)

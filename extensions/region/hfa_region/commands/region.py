@@ -46,7 +46,7 @@ def _size(model: Model, name: str, text: str) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
-    """A loop whose region is to be proved, or a certificate to be checked."""
+    """Options of `hfa prove region`."""
 
     weights: Path | None = option(
         "file of the policy: K, P, W, or a network (proved on boxes); default: policy of the "

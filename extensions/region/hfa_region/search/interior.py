@@ -143,7 +143,7 @@ class _Cone:
         self.target = np.zeros_like(self.Q)
 
     def adjoint(self, y: np.ndarray) -> np.ndarray:
-        """Return Σ_i y_i A_i."""
+        """Return Σ_i y_i A_i, (n, n), for multipliers y (m,)."""
         n = self.matrix.size
         return np.asarray((self.matrix.transposed @ y).reshape(n, n))
 
@@ -197,7 +197,7 @@ class _Part:
         return np.asarray(self.group.E.T @ self._solved_E)
 
     def solved(self, sides: np.ndarray) -> np.ndarray:
-        """Return M⁻¹ sides."""
+        """Return M⁻¹ sides, with M the factored Schur matrix."""
         return np.asarray(scipy.linalg.cho_solve(self._factors, sides, check_finite=False))
 
     def aim(self, product: float, *, corrected: bool) -> np.ndarray:

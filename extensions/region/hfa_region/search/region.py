@@ -102,7 +102,7 @@ class Region(Reported):
         return extents_of(self.proved.statement, self.T)
 
     def report(self) -> Report:
-        """Return the report of `hfa prove region`."""
+        """Return the report that `hfa prove region` prints."""
         from hfa_region.report import region_report
 
         return region_report(self)
