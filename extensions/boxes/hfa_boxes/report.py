@@ -44,22 +44,22 @@ def found_report(
     statement = region.statement
     level, place, rises = region.bound
     fails = None
-    lines = [f"V is {region.origin}; V' < 0 is proved on {region.boxes} boxes."]
+    lines = [f"Origin of V: {region.origin}. V' < 0 is proved on {region.boxes} boxes."]
     if reason:
         lines.append(f"Proved on boxes, not by sums of squares: {reason}.")
     if place is None:
         lines.append("No state with V' >= 0 or beyond a limit was found around the set.")
     else:
-        what = "V' >= 0" if rises else "A limit is passed"
+        what = "V' >= 0 was found" if rises else "A limit is exceeded"
         if rises:
             fails = dict(zip(statement.loop.states, place.tolist(), strict=True))
         share = np.sqrt(statement.rho / level)
         lines.append(
-            f"{what} at V = {level:.6g}, {place_in_words(statement.loop, place)}: the linear "
-            f"dimensions of the proved set are {share:.3g} times those of that level set."
+            f"{what} at V = {level:.6g}, {place_in_words(statement.loop, place)}. The linear "
+            f"dimensions of the proved set are {share:.3g} times those of this level set."
         )
         if flight is not None:
-            lines.append(f"A flight from that state {flight}.")
+            lines.append(f"A flight from this state {flight}.")
     lines.append(f"No larger set is proved: {region.stopped}.")
     found = FoundBoxes(statement, region.boxes, region.origin, fails, region.stopped)
     parts: tuple[str | Table, ...] = (
@@ -124,8 +124,8 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
     cube = "" if statement.degree == 2 else ", |(M z)_i| <= 1"
     return (
         f"Every trajectory that begins in V(z) = {V} <= {level}{cube} stays there and within all "
-        "limits, and converges to the equilibrium of the loop; z: deviation from that. V is of "
-        f"degree {statement.degree}. Policy: {policy}. Inputs saturated: {saturated}.{kept}"
+        "limits, and converges to the equilibrium of the loop. z is the deviation from the "
+        f"equilibrium. V is of degree {statement.degree}. Policy: {policy}. Inputs saturated: {saturated}.{kept}"
     )
 
 

@@ -181,7 +181,7 @@ def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, car
 
     def text_of(content: dict[str, Any]) -> str:
         statement = BoxStatement.read(content, cart, None)
-        return checked_report(VerifiedBoxes(statement, 1, WRITTEN), "that of K").text()
+        return checked_report(VerifiedBoxes(statement, 1, WRITTEN), "the gain K").text()
 
     request = CheckRequest(model=cart, aircraft=aircraft, typed=frozenset({"aircraft"}))
     statement = region(cart, degree)

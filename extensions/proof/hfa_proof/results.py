@@ -112,8 +112,8 @@ def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
     """Return a sentence with the model's name, the hash of its file and all parameter values."""
     named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in parameters.items())
     file = model.extras.source[1]
-    source = f", file of SHA-256 {file[:16]}" if file else ""
-    return f"Of {model.name}{source}; parameters: {named or 'none'}."
+    source = f" (SHA-256 of the file: {file[:16]})" if file else ""
+    return f"Model: {model.name}{source}. Parameters: {named or 'none'}."
 
 
 def polynomial_in_words(

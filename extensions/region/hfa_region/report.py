@@ -67,7 +67,7 @@ def region_report(region: Region) -> Report:
         *curved_policies_in_words(statement.loop.policy, statement.loop.states),
         *_extents(statement, reaches),
         table,
-        f"Limits that bind: {binding}. V is {region.origin}, of degree {found.degree}; "
+        f"Limits that bind: {binding}. Origin of V: {region.origin}. Degree: {found.degree}. "
         + _where_proved(statement, region.proved.parts),
         *stopped,
         _V(statement),

@@ -159,7 +159,7 @@ class RegionSearch:
         for degree in sorted({2, self._degree}):
             if degree < growth.shape.basis.degree:
                 continue
-            origin = f"one of degree {degree} that was searched for"
+            origin = f"a polynomial of degree {degree} from the search"
             self._grow(growth, degree)
             is_last = degree == self._degree
             while self._later_level(growth, origin) and is_last and growth.finer():
@@ -228,7 +228,7 @@ class RegionSearch:
                 except (RefutedError, SmallestBoxError) as error:
                     place = part.N @ error.place
                     is_refuted = isinstance(error, RefutedError)
-                    what = "V' >= 0 or a limit is passed" if is_refuted else "V' < 0 is undecided"
+                    what = "V' >= 0 or a limit is exceeded" if is_refuted else "V' < 0 is undecided"
                     where = place_in_words(self.loop, place)
                     self._stopped = f"{what} at {where}, in {share:.3g} of the set by samples"
                     if growth.refuted(place) is None:

@@ -102,7 +102,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         data["game"] = content["weights"]
         what = f"{len(statement.breakpoints)} models, {interval_said(statement.flight)}"
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
-    parts += ["\n".join([*lines, f"{verified.boxes} boxes"]), origin]
+    parts += ["\n".join([*lines, f"boxes: {verified.boxes}"]), origin]
     title = qualified(f"{_checked_verdict(statement, data)}: {what}", not_given)
     return Report(title, parts, data=data)
 
@@ -130,14 +130,14 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
     lines.append(f"trims at {_values_said(model, flight.imposed)}")
     for trim in flight.trims:
         unknowns = _values_said(model, trim.unknowns)
-        lines.append(f"the trim with {unknowns} at {trim.breakpoint:.10g} {model.schedule_unit}")
+        lines.append(f"trim at {trim.breakpoint:.10g} {model.schedule_unit}: {unknowns}")
     limits = [
         f"{name} {' to '.join(model.describe(name, end) for end in ends)}"
         for name, ends in flight.limits.items()
     ]
     lines.append(f"limits of the trims: {', '.join(limits) or 'none'}")
     if flight.spread:
-        lines.append(f"for every value of {len(flight.spread)} parameters within half widths of")
+        lines.append(f"for all values of {len(flight.spread)} parameters within these half-widths:")
         lines.append(_values_said(model, flight.spread))
     data: Content = {
         "dynamics": model.name,
@@ -179,8 +179,8 @@ def _controller_said(statement: ScheduleStatement) -> list[str]:
     lines = [
         f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
         f"SHA-256 {_digest(content_of(statement)['controller'])[:16]}",
-        f"it measures {', '.join(controller.measurements)}",
-        f"it moves {', '.join(controller.inputs)}",
+        f"measurements: {', '.join(controller.measurements)}",
+        f"inputs: {', '.join(controller.inputs)}",
     ]
     actuators = statement.actuators
     if actuators is not None:
@@ -230,7 +230,7 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
         count = "" if modes.least == modes.most else "open: the number between them; "
         lines.append(f"{count}A has {count_said(modes)} unstable modes")
     if statement.decimals:
-        lines.append("the distances hold for every number that reads as the same doubles")
+        lines.append("the distances are valid for every number that rounds to the stored doubles")
     if isinstance(statement.plant, Plant):
         for name, values in vars(statement.plant).items():
             lines.append(f"{name} = {_matrix_said(values)}")

@@ -63,7 +63,7 @@ def prove_gain_on_boxes(
     reason: result of `better_on_boxes`
     """
     request.refuse(_OF_SQUARES, "applies only to --prover squares; leave it out")
-    words = "that of the game" if request.weights is None else str(request.weights)
+    words = "gain of the game" if request.weights is None else str(request.weights)
     policy = ProvedPolicy.of_gain(gain, linear.inputs, words, P)
     settings = SearchSettings(request.seconds, request.degree, request.resume, reason)
     return prove(request, linear, policy, settings)
@@ -102,7 +102,7 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
     verified = check_certificate(certificate, None, ProgressLine("check"), own)
     given = given_on_boxes(verified.statement, request)
     not_given = compare(verified.statement.content(), FIELDS, given)
-    show(checked_report(verified, "that of K", not_given=not_given), request)
+    show(checked_report(verified, "the gain K", not_given=not_given), request)
     return 0
 
 

@@ -275,7 +275,7 @@ class Outcome(IntEnum):
 NOT_RETURNED = {
     Outcome.LEFT: "flight leaves the limits",
     Outcome.LOST: "flight does not converge",
-    Outcome.UNKNOWN: "flight without outcome in the time",
+    Outcome.UNKNOWN: "flight undecided within the time",
 }
 
 

@@ -281,7 +281,7 @@ class RegionSearch:
                 turn = after
                 if grown < _GAIN:
                     break
-        origin = f"V of degree {turn.V.degree} by turns"
+        origin = f"a polynomial of degree {turn.V.degree} from the search"
         highest = self._highest(turn.V)
         if highest > 1.0 or not self._kept(accepted(turn.search), turn.V, origin):
             self._prove(turn.V, highest, origin, setting)
