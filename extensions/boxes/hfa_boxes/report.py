@@ -125,7 +125,8 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
     return (
         f"Every trajectory that begins in V(z) = {V} <= {level}{cube} stays there and within all "
         "limits, and converges to the equilibrium of the loop. z is the deviation from the "
-        f"equilibrium. V is of degree {statement.degree}. Policy: {policy}. Inputs saturated: {saturated}.{kept}"
+        f"equilibrium. V is of degree {statement.degree}. Policy: {policy}. Inputs saturated: "
+        f"{saturated}.{kept}"
     )
 
 
