@@ -7,29 +7,29 @@ import os
 import signal
 import sys
 
-# Matrices of six rows gain nothing from threads; must be set before NumPy loads.
+# Threads do not accelerate operations on matrices of six rows. This must be set before NumPy loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Outputs bear the date of their making; with this they are the same in every run.
+# Outputs contain their date. A fixed date makes them equal in every run.
 os.environ["SOURCE_DATE_EPOCH"] = "1790000000"
-# Else each process compiles all modules anew, and each worker rewrites the assertions of all tests:
-# five seconds each.
+# Otherwise each process would compile all modules and each worker would rewrite the assertions of
+# all tests, which takes five seconds each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-# The streams of users are buffered, and what cannot be written is then found when the process ends.
+# Users' streams are buffered. A failed write is then found when the process ends.
 os.environ.pop("PYTHONUNBUFFERED", None)
 
-# In the background of a shell Ctrl-C is ignored, also by what is started there; some tests are
-# about it.
+# In the background of a shell, Ctrl-C is ignored, and child processes inherit this. Some tests need
+# Ctrl-C.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import pytest
 
-sys.dont_write_bytecode = False  # as above, for this process
-gc.set_threshold(50_000, 20, 20)  # what the test files load and define stays
+sys.dont_write_bytecode = False  # also for this process
+gc.set_threshold(50_000, 20, 20)  # objects of the test files are never collected
 
 
 def pytest_collection_finish() -> None:
-    gc.freeze()  # thousands of tests, which are never garbage
+    gc.freeze()  # thousands of tests, which are never collected
 
 
 def pytest_configure(config: pytest.Config) -> None:

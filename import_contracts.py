@@ -12,7 +12,7 @@ from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 from importlinter.domain.helpers import module_expressions_to_modules
 
-#: Modules of which each imports the next one.
+#: Chain of modules, each of which imports the next one.
 Chain = tuple[str, ...]
 
 
@@ -37,7 +37,7 @@ class ImportsNothingBut(Contract):
             for module in sorted(_within(graph, self.modules))
             for chain in self._chains(graph, module, allowed)
         }
-        # One chain for each import that leaves the allowed packages.
+        # Keep the shortest chain for each import that leaves the allowed packages.
         shortest = {self._crossing(chain): chain for chain in sorted(found, key=len, reverse=True)}
         chains = sorted(shortest.values())
         return ContractCheck(kept=not chains, metadata={"chains": chains, "graph": graph})

@@ -19,7 +19,7 @@ nox.options.error_on_missing_interpreters = False
 PROJECT = nox.project.load_toml("pyproject.toml")["project"]
 EXTRAS = ("distributed", "page", "proof")
 TOOLS = ("pytest", "pytest-xdist", "jsonschema", "mpmath", "setuptools>=70.1", "ambiance", "xarray")
-#: Command -> the arrays of its JSON that are compared.
+#: Command -> arrays in its JSON output that are compared.
 COMMANDS = {
     "sweep --dihedral 0:20:1": ("A", "B", "operating_inputs"),
     "linearize --dihedral 10 --dynamics newton": ("A", "B"),
@@ -36,7 +36,7 @@ TESTS = (
     ),
     *("extensions/proof/tests/checker/test_checker.py", "extensions/flight/tests"),
 )
-#: Of the largest number of an array.
+#: Largest difference, relative to the largest number of an array.
 TOLERANCE = 1e-10
 
 

@@ -38,7 +38,7 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"hfa {VERSION}"
-# One file has MathJax with its fonts: equations are set without a network.
+# MathJax and its fonts are in one local file, so that equations need no network.
 html_static_path = ["_static", str(MATHJAX)]
 mathjax_path = MATHJAX.name
 html_css_files = ["site.css"]
@@ -49,10 +49,10 @@ autodoc_typehints_description_target = "documented_params"
 toc_object_entries_show_parents = "hide"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-# Types of other libraries and of packages without a page of their own lead nowhere.
+# Types of other libraries, and of packages without a page, are not links.
 nitpick_ignore_regex = [("py:(class|obj|data)", ".*")]
 autodoc_member_order = "bysource"
-# Names in backquotes are links where they have an entry.
+# Names in backquotes become links if they have an entry.
 default_role = "py:obj"
 smartquotes_action = "D"
 suppress_warnings = ["misc.highlighting_failure"]

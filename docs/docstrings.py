@@ -15,7 +15,7 @@ from sphinx.pycode import ModuleAnalyzer
 
 from hfa_model.parameters import FIELDS, Parameters
 
-#: "values: (N, k), all combinations": an argument or an attribute, or several, and what it is.
+#: Line such as "values: (N, k), all combinations", with one or several names and a description.
 _ENTRY = re.compile(r"^(?!Source)(?P<names>[A-Za-z]\w*(\(.*\))?(, \w+)*): +(?P<text>.*)$")
 
 

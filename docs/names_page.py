@@ -16,7 +16,7 @@ from docstrings import describe_attributes, escaped
 from sphinx.pycode import ModuleAnalyzer
 
 ROOT = Path(__file__).parent.parent
-#: Package -> subject of its page of the reference.
+#: Package -> subtitle of its reference page.
 PACKAGES = {
     "hfa": "what a script needs",
     "hfa.paper": "the paper's level flight, game and parameters",

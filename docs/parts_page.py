@@ -16,7 +16,7 @@ uses the part. `controllers`, `notebook.responses` and `policies` are modules wi
 `CommandEntry.results`, that declares the results of the part. The entry points `nonlinear` and
 `nonlinear.steps` of `hfa.critics` judge a critic that is not a matrix.
 """
-#: Part that is a module -> the functions that the core calls.
+#: Part that is a module -> functions in it that the core calls.
 MODULES = {
     "notebook.responses": (
         "bode",

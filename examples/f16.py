@@ -16,13 +16,13 @@ GRAVITY = 32.17  # ft/s^2
 SEA_LEVEL_DENSITY = 2.377e-3  # slug/ft^3
 GAS_CONSTANT = 1716.3  # ft lbf/(slug R)
 STRATOSPHERE_TEMPERATURE = 390.0  # R
-DEGREES = 57.29578  # per radian, as in the book
+DEGREES = 57.29578  # degrees per radian, as in the book
 
 MASS = 1 / 1.57e-3  # slug
 AREA = 300.0  # ft^2
 SPAN = 30.0  # ft
 CHORD = 11.32  # ft
-REFERENCE_XCG = 0.35  # of the chord; the tables hold for it
+REFERENCE_XCG = 0.35  # fraction of the chord, to which the tables refer
 ENGINE_MOMENTUM = 160.0  # slug ft^2/s
 
 # Coefficients of the moment equations for I_xx 9496, I_yy 55814, I_zz 63100, I_xz 982 slug ft^2.

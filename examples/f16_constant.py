@@ -18,7 +18,7 @@ GRAVITY = 32.17  # ft/s^2
 MASS = 1 / 1.57e-3  # slug
 DENSITY = 2.377e-3  # slug/ft^3
 INERTIA = 55814.0  # slug ft^2, pitch
-DEGREES = 57.29578  # per radian
+DEGREES = 57.29578  # degrees per radian
 
 
 def equations(x, u, p, w):

@@ -121,7 +121,7 @@ GTM = Model(
     modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch")},
 )
 
-#: Factor -> its terms: their rate, the variables that each of them has, and those that none has.
+#: Factor -> (rate, variables that its terms contain, variables that they do not contain).
 FACTORS = {
     "thrust_power": ("speed", "T", ""),
     "lift_slope": ("alpha", "a", "qd"),
@@ -157,7 +157,7 @@ def uncertain_equations(x, u, p, w):
     return rates, outputs(x, rates)
 
 
-#: The same aircraft with these factors as parameters, 1 each, for `hfa identify`.
+#: The aircraft with these factors as parameters, nominally 1, for `hfa identify`.
 UNCERTAIN_GTM = replace(
     GTM,
     name="GTM with factors",

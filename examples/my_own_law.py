@@ -24,7 +24,7 @@ import hfa_model
 import verification
 
 TICK = 0.05  # s
-SHARE = 0.1  # of the way to the fitted weights
+SHARE = 0.1  # fraction of the distance to the fitted weights
 
 
 class DampedPolicyIteration:
@@ -37,7 +37,7 @@ class DampedPolicyIteration:
         self.pool = pool
         self.psi = controller.basis("quadratic", len(game.A))
         self.slopes = self.psi.gradient(pool.states)  # (N, M, n)
-        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # of each column
+        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # size of each column
 
     def start(self):
         """Return the initial weights, W = 0."""

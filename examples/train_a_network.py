@@ -18,7 +18,7 @@ import numpy as np
 
 import hfa
 
-#: Half widths of the box: ft/s, rad, rad/s.
+#: Half-widths of the box: ft/s, rad, rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 ACTIVATIONS = {
     "tanh": ca.tanh,
@@ -105,7 +105,7 @@ def fit(
         for begin, end, shape in zip(ends[:-1], ends[1:], shapes, strict=True)
     ]
 
-    # The last layer returns the target in its own unit, per unit of z.
+    # The last layer is scaled to the unit of the target.
     arrays[-2] = arrays[-2] * unit
     arrays[-1] = arrays[-1] * unit
     if of == "gradient":

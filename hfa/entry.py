@@ -17,8 +17,8 @@ def main() -> int:
     imported.
     """
     for name in _ENDING:
-        number = getattr(signal, name, None)  # not every system has each
-        # Who began us with a signal ignored (nohup) wants it ignored.
+        number = getattr(signal, name, None)  # not every system has every signal
+        # A signal ignored by the parent process (nohup) stays ignored.
         if number is not None and signal.getsignal(number) in (
             signal.SIG_DFL,
             signal.default_int_handler,
@@ -33,11 +33,11 @@ def main() -> int:
         )
         return 2
     code = run()
-    for name in _ENDING:  # the work is done: a signal no longer changes how it ended
+    for name in _ENDING:  # the run is finished: ignore signals
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
-    gc.freeze()  # Python then ends without searching all objects again, in 7/8 of the time
+    gc.freeze()  # Python then skips the final garbage collection
     return code
 
 
@@ -56,7 +56,8 @@ def _end(number: int, _: object) -> None:
             )
     finally:
         try:
-            # While that module loads it has no such function yet, and there is nothing to remove.
+            # While that module is being loaded, this function does not exist and no file was
+            # created.
             files = sys.modules.get("hfa_support.files")
             remove_unfinished = getattr(files, "remove_unfinished", None)
             if remove_unfinished is not None:

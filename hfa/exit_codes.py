@@ -5,6 +5,6 @@ DONE = 0
 FAILED = 1
 #: Bad usage or input.
 BAD_INPUT = 2
-#: Ended by Ctrl-C, or by SIGTERM or SIGHUP.
+#: The run was ended by Ctrl-C, SIGTERM or SIGHUP.
 INTERRUPTED = 130
 TERMINATED = 143

@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     from hfa.options.request import Request
     from hfa_aircraft.model import Model
 
-    #: The words -> the command, how it is called, the words of its options.
+    #: Function: words -> (command, program name, option words).
     Find = Callable[[list[str]], tuple[Command, str, list[str]]]
 
-#: Exceptions that are the user's to answer, each in one line; any other is a bug.
+#: Exceptions caused by the user's input or system, reported in one line. Any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
-#: Fields of requests: files that a command writes; what names the model.
+#: Fields of requests that name files to write, and fields that define the model.
 _WRITTEN = ("output", "picture")
 _OF_THE_MODEL = ("aircraft", "steps", "dynamics", "parameters", "units")
-#: Megabytes of address space that any command needs. OpenBLAS asks for its memory while it is
-#: loaded, again and again where there is too little, and no signal ends that.
+#: Megabytes of address space that every command needs. With less, OpenBLAS would retry its
+#: allocation forever while it is loaded, and no signal would end the process.
 _ADDRESS_SPACE = 384
-#: Of warnings of the libraries that compute.
+#: Largest number of printed warnings from numerical libraries.
 _MOST_NOTES = 5
-#: Kinds of warnings that say nothing about a result.
+#: Warnings that do not concern a result.
 _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
 
 
@@ -57,20 +57,19 @@ def reported(words: list[str], find: Find) -> int:
     words: command line without the program name
     find: function that returns (command, program name, option words)
     """
-    # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy
-    # loads.
+    # Threads slow down operations on matrices of six rows. This must be set before NumPy is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
+        sys.stdout.reconfigure(errors="replace")  # a terminal without "±" prints "?"
     code = DONE
     with warnings.catch_warnings(record=True) as caught:
-        # The project's own are notes, whatever PYTHONWARNINGS says.
+        # Warnings of the project are notes, regardless of PYTHONWARNINGS.
         warnings.simplefilter("always", UserWarning)
         try:
             code = _run(words, find)
             if sys.stdout is not None:
-                sys.stdout.flush()  # so that what goes wrong is reported below
-        except BrokenPipeError:  # of --help, or of what was left to flush
+                sys.stdout.flush()  # a failure is reported below
+        except BrokenPipeError:  # when --help or buffered text is written
             drop(sys.stdout)
             return code
         except (*FAILURES, KeyboardInterrupt) as error:
@@ -125,7 +124,7 @@ def _run(words: list[str], find: Find) -> int:
             command, program, options = find(words)
             request = _request(command, program, options)
         except SystemExit:
-            return DONE  # how argparse leaves after --help and --version
+            return DONE  # argparse exits after
         _refuse_to_overwrite(request)
         if request.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))

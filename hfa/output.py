@@ -97,7 +97,7 @@ def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = 
     elif sys.stdout is None or not sys.stdout.isatty():
         say(report.text())
     else:
-        # Users refuse colors (no-color.org).
+        # Colors are turned off by NO_COLOR (no-color.org).
         plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
         say(report.text(not plain, shutil.get_terminal_size().columns))
     say_notes(notes)
@@ -121,7 +121,7 @@ def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
         raise
 
 
-# Standard error while a command works.
+# Standard error during a run.
 
 
 def say_notes(warnings: Iterable[str]) -> None:
@@ -130,7 +130,7 @@ def say_notes(warnings: Iterable[str]) -> None:
         say_aside(f"hfa: note: {on_one_line(warning)}")
 
 
-#: Seconds: of work from which its length is estimated, and from which it is announced.
+#: Seconds of work before the duration is estimated, and shortest duration that is announced.
 _TRIAL = 3.0
 _LONG = 300.0
 
@@ -167,8 +167,8 @@ class ProgressLine:
         The time is extrapolated after `_TRIAL` seconds. The note is printed above `_LONG` seconds.
         """
         now = time.monotonic()
-        is_next = self._first is not None and done < self._first[1]  # of several
-        if self._first is None or is_next or not done:  # before the first part all is preparation
+        is_next = self._first is not None and done < self._first[1]  # of several computations
+        if self._first is None or is_next or not done:  # preparation until now
             self._first = now, done
         began, before = self._first
         if self._announced or now - began < _TRIAL or done <= before:

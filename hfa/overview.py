@@ -9,7 +9,7 @@ from hfa.entry_points import CommandEntry, commands
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 
-#: The groups of commands in the order of the help; those of other packages follow.
+#: Groups of commands in the order of the help. Groups of other packages follow.
 GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 

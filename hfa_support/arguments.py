@@ -16,13 +16,13 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:
-    ArrayLike = np.ndarray  # compared as an array of numbers
+    ArrayLike = np.ndarray  # annotation that is checked as an array of numbers
 
 Public = TypeVar("Public", bound=Callable[..., Any])
 _NUMBERS = "an array of numbers"
-#: Whole numbers are below this in size.
+#: Bound on the magnitude of whole numbers.
 _LARGEST = 2**63
-#: Whether a value is of a kind.
+#: Function that tests the type of a value.
 _Test = Callable[[Any], bool]
 
 
@@ -57,7 +57,7 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 
     @wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
-        # At the first call: annotations may name what is defined later in their module.
+        # Annotations are evaluated at the first call, because they may name later definitions.
         for place, parameter, holds, wanted in argument_tests(function, first):
             if place < len(arguments):
                 value = arguments[place]
@@ -132,7 +132,7 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
     origin = get_origin(annotation)
     if origin in _GENERIC:
         return _of_members(_GENERIC[origin], get_args(annotation))
-    if annotation is Any:  # a class too, from Python 3.11 on
+    if annotation is Any:  # Any is a class from Python 3.11 on
         return None
     if not isinstance(annotation, type):
         return None
@@ -188,7 +188,7 @@ def _is_array(value: Any) -> bool:
         return True
     try:
         return np.asarray(value).dtype.kind in "fiu" or np.asarray(value).size == 0
-    except Exception:  # a class of the user may raise any error
+    except Exception:  # a user's class may raise any exception
         return False
 
 

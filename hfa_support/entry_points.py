@@ -14,15 +14,15 @@ from hfa_support.errors import BadInputError, on_one_line
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-#: Commands by their words, "prove.region" for `hfa prove region`: a `CommandEntry`.
+#: Group of commands: name, as "prove.region" for `hfa prove region` -> `CommandEntry`.
 COMMANDS = "hfa.commands"
-#: Aircraft by scheme, "jsbsim" of jsbsim:NAME, or by suffix, ".xml": text -> Model.
+#: Group of aircraft readers: scheme, as "jsbsim" of jsbsim:NAME, or suffix -> (text -> Model).
 AIRCRAFT = "hfa.aircraft"
-#: Critics by suffix, ".onnx", or by the name of an array of theirs, "weight":
-#: (game, path, Reading) -> Critic. "module" makes one of a network in memory.
-#: "nonlinear" and "nonlinear.steps" judge one that is no matrix.
+#: Group of critic readers: suffix, as ".onnx", or name of an array, as "weight" -> function (game,
+#: path, Reading) -> Critic. "module" converts a network in memory. "nonlinear" and
+#: "nonlinear.steps" check critics that are not matrices.
 CRITICS = "hfa.critics"
-#: What a command of the core, or of another extension, does with this package and not without.
+#: Group of parts: functions that add a feature to a command of another package.
 PARTS = "hfa.parts"
 
 
@@ -52,7 +52,7 @@ def loaded(entry: EntryPoint) -> Any:
     """
     try:
         return entry.load()
-    except Exception as error:  # whatever the package raises
+    except Exception as error:  # the package may raise any exception
         reason = f"{type(error).__name__}: {on_one_line(str(error))}"
         raise BadInputError(
             f"{_package(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"

@@ -118,7 +118,7 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     return [each for key, each in by_key.items() if likeness.get(key) == best]
 
 
-#: So many letters say which longer name they begin; so many names are offered at most.
+#: Least number of letters that are completed to a longer name, and largest number of suggestions.
 _SHORTEST_BEGINNING = 3
 _MOST_MEANT = 4
 
@@ -127,7 +127,7 @@ def is_finite(value: object) -> bool:
     """Return whether the value is a finite number. The result is False for any other object."""
     try:
         return math.isfinite(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # CasADi raises the last
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError is raised by CasADi
         return False
 
 
@@ -161,7 +161,7 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
     """
     try:
         lowest, highest = ends
-        return lowest + 0.0, highest + 0.0  # a text fails here; float() would read it
+        return lowest + 0.0, highest + 0.0  # a text must fail here, which float() would convert
     except (TypeError, ValueError) as error:
         raise BadInputError(
             f"{what} is {shown(ends)}; give two numbers, (lowest, highest)"
@@ -176,7 +176,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     Raises BadInputError unless they are real numbers in rows of equal length. Masked entries are
     refused too.
     """
-    import numpy as np  # the command sets the threads of its libraries before it is loaded
+    import numpy as np  # loaded after the command has set the number of threads
 
     try:
         array = np.asarray(values)
@@ -185,7 +185,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     if array.dtype.kind not in "iuf":
         rule = f"{what} does not consist of rows of real numbers, all of equal length"
         raise BadInputError(rule + _faulty_row(values))
-    mask = getattr(values, "_mask", None)  # numpy.ma takes 10 ms to load
+    mask = getattr(values, "_mask", None)  # importing numpy.ma would take 10 ms
     if mask is not None and np.any(mask):
         raise BadInputError(f"{what} has masked entries; replace them by numbers")
     return array.astype(float)

@@ -21,27 +21,26 @@ from typing import IO, Any
 
 from hfa_support.errors import BadInputError, shortened
 
-#: Bytes of a file of any format, and of what it unpacks to: parsed, it takes up to ten times the
-#: memory.
+#: Largest size of a file in bytes, also when unpacked. Parsing needs up to ten times this memory.
 LARGEST = 2**28
 #: Suffixes of the files that `controller/game/array_file.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
-#: On Windows a file is opened as text without it.
+#: Without this flag, Windows opens a file as text.
 _BINARY = getattr(os, "O_BINARY", 0)
 #: Signals that end the process.
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
-#: How often a folder is removed into which a compiler may still write.
+#: Number of attempts to remove a folder into which a compiler may still write.
 _REMOVALS = 20
 
 
-#: Temporary files and folders of this process that are still there.
+#: Temporary files and folders of this process that were not yet removed.
 _UNFINISHED = set[Path]()
-#: Folders that `all_or_none` made and that have no file yet.
+#: Folders that `all_or_none` created and that are still empty.
 _MADE = set[Path]()
-#: Inside of `all_or_none`: written files that wait for their names, (temporary, target).
+#: Inside `all_or_none`: written files that are renamed at the end, (temporary, target).
 _WAITING: list[tuple[Path, Path]] | None = None
-#: Inside of `inputs_kept`: (device, inode) of each file and folder that was read.
+#: Inside `inputs_kept`: (device, inode) of each file and folder that was read.
 _READ: set[tuple[int, int]] | None = None
 
 
@@ -123,7 +122,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
             _UNFINISHED.discard(temporary)
         _WAITING = None
         if folder is not None and is_new:
-            with suppress(OSError):  # it stays where there is a file in it
+            with suppress(OSError):  # a folder with a file remains
                 folder.rmdir()
             _MADE.discard(folder.absolute())
 
@@ -137,10 +136,10 @@ def _signals_held() -> Iterator[None]:
     held: list[int] = []
     before: dict[int, Any] = {}
     try:
-        # Python's handlers run in the main thread, and only there they can be set.
+        # Python's signal handlers run in the main thread and can be set only there.
         if threading.current_thread() is threading.main_thread():
             for name in _ENDING:
-                number = getattr(signal, name, None)  # not every system has each
+                number = getattr(signal, name, None)  # not every system has every signal
                 if number is not None and signal.getsignal(number) is not None:
                     before[number] = signal.signal(number, lambda number, _: held.append(number))
         yield
@@ -209,7 +208,7 @@ def remove_unfinished() -> None:
                 break
             time.sleep(0.02)
     for folder in tuple(_MADE):
-        with suppress(OSError):  # it stays where there is a file in it
+        with suppress(OSError):  # a folder with a file remains
             folder.rmdir()
 
 

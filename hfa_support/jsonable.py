@@ -16,9 +16,7 @@ def jsonable(value: Any) -> Any:
 
     Numbers that are not finite become None.
     """
-    if isinstance(
-        value, (float, np.floating)
-    ):  # most values are, and the other questions take longer
+    if isinstance(value, (float, np.floating)):  # tested first: most values are floats
         return finite_or_none(value)
     if isinstance(value, (list, tuple)):
         return [jsonable(item) for item in value]

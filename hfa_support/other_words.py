@@ -1,6 +1,6 @@
 """Synonyms in other tools and books, used in messages on unknown names."""
 
-#: A word, and the names here that it may mean, in lower case, with _ for -.
+#: Each row: a word in lower case, and names in this project that it may mean, with _ for -.
 _TABLE = """
 aileron: aileron_center aileron_outer
 alt: altitude
@@ -49,7 +49,7 @@ v: speed
 velocity: speed
 vt: speed
 """
-#: Word of another tool -> the names here that it may mean.
+#: Word of another tool -> names in this project that it may mean.
 MEANINGS = {
     word: names.split()
     for word, names in (line.split(": ") for line in _TABLE.strip().replace("-", "_").splitlines())

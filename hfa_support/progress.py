@@ -64,5 +64,5 @@ def drop(stream: TextIO) -> None:
     """
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         descriptor = stream.fileno()
-        os.close(descriptor)  # so that a process may open another, however few it may have
+        os.close(descriptor)  # frees the descriptor for the null device
         os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)

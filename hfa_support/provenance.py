@@ -15,7 +15,7 @@ from hfa_support.version import VERSION
 
 #: Hexadecimal digits of a parameter hash.
 _DIGITS = 12
-#: Differences of a parameter set that people are told; files have all.
+#: Largest number of changed parameters in the text. Files contain all.
 _MOST_TOLD = 3
 
 

@@ -47,7 +47,7 @@ class Number(NamedTuple):
             return None
         try:
             number = float(value)
-        except OverflowError:  # TOML's integers have no limit, Python's floats do
+        except OverflowError:  # integers in TOML may exceed the range of floats
             return None
         if not self.lowest <= number <= self.highest:
             return None

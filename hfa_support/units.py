@@ -14,7 +14,7 @@ SYSTEMS = ("english", "si")
 _FOOT = 0.3048
 _POUND = 0.45359237
 _GRAVITY = 9.80665
-#: English unit -> its SI unit, and how many of these it is.
+#: English unit -> (SI unit, number of SI units in one English unit).
 _SI = {
     "ft": ("m", _FOOT),
     "lbf": ("N", _POUND * _GRAVITY),

@@ -102,7 +102,7 @@ def linearize(request: LinearizeRequest) -> int:
         from trim.linear.frequency import with_transfers
 
         report = with_transfers(report, model)
-    # The print is in feet.
+    # The printed matrices are in feet.
     printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
     if printed is not None:
         report = compared_with_print(report, model, printed)
@@ -161,7 +161,7 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
         bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
         name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
         changed = aircraft(name, parameters.values)
-        with suppress(BadInputError, NoSolutionError):  # it has no trim there
+        with suppress(BadInputError, NoSolutionError):  # the other dynamics have no trim there
             comparison = find_operating_point(changed, condition, model.point).linearize()
     return with_bands(linear_model_report(model), model, bands, comparison)
 

@@ -40,10 +40,10 @@ from trim.sweeps.sweep_plan import SweepPlan
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Options that only a store has.
+#: Options that are available only for a store.
 OF_A_STORE = ("workers", "resume")
-#: Parts that write a finished sweep into a file, and those that compute one in a store, as
-#: sweep.file.SUFFIX and sweep.store.SUFFIX.
+#: Prefixes of parts: sweep.file.SUFFIX writes a finished sweep to a file, and sweep.store.SUFFIX
+#: computes a sweep in a store.
 FILE = "sweep.file"
 STORE = "sweep.store"
 
@@ -194,7 +194,7 @@ def _in_memory(request: SweepRequest) -> int:
         write = part(PARTS, f"{FILE}{output.suffix.lower()}", "")
         write(result, output, request.provenance)
         request = replace(request, output=None)
-    # The notes go to standard error: the table on standard output stays a table.
+    # Notes are printed on standard error, so that standard output contains only the table.
     show(replace(report, notes=()), request, figure=figure, notes=notes)
     return 0 if result.trimmed.any() else 1
 

@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
     from controller.critic.critic import Critic
 
-#: Of more files than this, each network is flown from a few starts.
+#: With more files than this, each network is simulated from only a few initial conditions.
 _MANY = 5
 _FEW_FLIGHTS = 10
-#: Dihedral angles where a search for that of a critic begins, degrees; none where stationary.
+#: Dihedral angles, deg, where the search for the angle of a critic begins.
 _ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
-#: What --set says of a file of --weights -> the kind of its value; of networks the last two.
+#: Setting of --set -> type of its value, for files of --weights. The last two apply to networks.
 _SETTINGS: dict[str, Callable[[str], Any]] = {
     "predefined_time": positive,
     **READING_SETTINGS,

@@ -78,7 +78,7 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
 
     def convert(text: str) -> int:
         value = number(text)
-        # From the digits where there are only digits: a float would round the large ones.
+        # Convert digits directly, because a float would round large numbers.
         result = int(text) if text.strip().isdigit() else int(value)
         if value != int(value) or not lowest <= result <= highest:
             raise BadInputError(

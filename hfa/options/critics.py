@@ -22,7 +22,7 @@ def listed_numbers(text: str) -> list[float]:
         raise BadInputError(f"{error} for each entry, a,b,...") from None
 
 
-#: What --set says of a file of --weights -> the kind of its value.
+#: Setting of --set -> type of its value, for files of --weights.
 READING_SETTINGS: dict[str, Callable[[str], Any]] = {
     "activation": str,
     "scale": listed_numbers,

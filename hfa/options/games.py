@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
 
 DEFAULT_LAW = "certified"
-#: Weights of `usual_game` on a model that is not the HFA, for notes and helps.
+#: Default weights for an aircraft other than the HFA, for notes and helps.
 USUAL_WEIGHTS = {
     "Q": "1/nominal^2 on the diagonal",
     "R": "1/nominal^2 on the diagonal",
     "delta": "inf (no disturbance)",
 }
-#: What a command says of a plant in discrete time.
+#: Text that names a discrete-time plant in messages.
 IN_STEPS = 'time = "discrete"'
 
 

@@ -26,11 +26,11 @@ class Parser(argparse.ArgumentParser):
             )
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
-        #: Name of the value -> option.
+        #: Field of the request -> option.
         self.options: dict[str, Option] = {}
-        #: The line that ends the help.
+        #: Last line of the help.
         self.example = ""
-        #: Words that may follow the program -> what the command of both does, for the help.
+        #: Second word of the command -> summary, for the help.
         self.words: Mapping[str, str] = {}
         self._words: dict[str, list[str]] = {}
 
@@ -118,13 +118,13 @@ class Parser(argparse.ArgumentParser):
             return self._registry_get("type", action.type, action.type)(arg_string)
         except BadInputError as error:
             raise argparse.ArgumentError(action, str(error)) from error
-        # A file of digits, or of brackets, without end.
+        # For example, a file that contains only digits or brackets.
         except (ValueError, RecursionError) as error:
             reason = f"{shortened(arg_string)}: cannot be read ({shortened(str(error))})"
             raise argparse.ArgumentError(action, reason) from error
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
-        if action.option_strings and arg_strings == ["--"]:  # argparse makes an empty list of it
+        if action.option_strings and arg_strings == ["--"]:  # argparse converts it to an empty list
             raise argparse.ArgumentError(action, "is '--'; give a value")
         if action.option_strings and type(action) is argparse._StoreAction:
             before = self._words.setdefault(action.dest, arg_strings)

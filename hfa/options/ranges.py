@@ -11,7 +11,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from trim.sweeps.sweep_plan import MOST_POINTS, Steps
 
-#: Listed values or evenly spaced ones; internal units.
+#: Listed or evenly spaced values in internal units.
 Range = tuple[float, ...] | Steps
 
 
@@ -45,7 +45,7 @@ def value_range(model: Model, name: str, text: str) -> Range:
     unit = quantity(model, name, "1")
     count = math.floor(intervals + 1e-9) + 1
     spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
-    while start * unit + spacing * (count - 1) > stop * unit:  # by rounding: stop may be a limit
+    while start * unit + spacing * (count - 1) > stop * unit:  # stop may be a limit
         spacing = np.nextafter(spacing, 0.0)
     return Steps(start * unit, float(spacing), count)
 

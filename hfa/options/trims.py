@@ -33,16 +33,15 @@ from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
 
-#: All that says where the aircraft is trimmed, the scheduling variable apart.
+#: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
-#: Suffixes of the report itself. A page of HTML holds its pictures; nothing is written beside a
-#: text.
+#: Suffix -> function that writes the report as text. HTML embeds its pictures; Markdown has none.
 REPORTS: dict[str, Callable[[Report], str]] = {
     ".md": Report.markdown,
     ".html": lambda report: f'<!doctype html>\n<meta charset="utf-8">\n{report.html()}',
 }
 
-# The aircraft.
+# Aircraft.
 
 
 def is_own(model: Model | None) -> bool:
@@ -194,7 +193,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
     return aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
 
 
-# The trim.
+# Trim.
 
 
 def called_at(model: Model) -> str:
@@ -384,7 +383,7 @@ class TrimOptions(HfaOptions):
             raise BadInputError(
                 f"{variable} is given by both {option_name} and --hold; give it in one option"
             )
-        # One value is where the search for a free one begins.
+        # A single value of a free variable is the initial guess of the search.
         if variable in self.free and not isinstance(self.at, float):
             raise BadInputError(
                 f"{variable} is given by both {option_name} and --free; give it in one option"

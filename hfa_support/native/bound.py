@@ -33,7 +33,7 @@ class BoundFunction:
             buffer.set_arg(index, array.data)
         for index, array in enumerate(self.results):
             buffer.set_res(index, array.data)
-        self._buffer = buffer  # keeps the memory that the evaluation points to
+        self._buffer = buffer  # keeps the memory used by the evaluation alive
 
     def __call__(self) -> None:
         """Evaluate the Function with the values in `inputs` and write the results to `results`."""
@@ -50,15 +50,15 @@ class BoundFunction:
         return [result.copy() for result in self.results]
 
 
-#: Expressions are built and compiled by one thread at a time.
+#: Lock: expressions are built and compiled by one thread at a time.
 MAKING = threading.RLock()
-#: Rows of a block: the most of which there are at least half.
+#: Numbers of rows in a block. The largest that is at most twice the number of rows is used.
 _TOGETHER = (250, 16)
-#: From this many rows on, of all calls, `by_columns_or_rows` saves more time than it takes: 9 µs an
-#: operation, where each row saves 4 ns.
+#: Number of rows, in all calls, above which `by_columns_or_rows` is worthwhile. It takes 9 µs for
+#: an operation and saves 4 ns for an operation and row.
 _MANY = 2000
 
-#: A Function of some rows, with views (rows, size) of the memory of its arguments and results.
+#: Bound Function for several rows, with views (rows, size) of its arguments and results.
 Block = tuple[BoundFunction, list[np.ndarray], list[np.ndarray]]
 
 

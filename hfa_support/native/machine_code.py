@@ -22,7 +22,7 @@ import casadi as ca
 from hfa_support.files import temporary_folder
 from hfa_support.progress import say_aside
 
-#: Products and sums are rounded one by one, as everywhere, on processors that can join them too.
+#: Products and sums are rounded separately, even on processors with fused multiply-add.
 _FLAGS = ("-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 
 Loaded = TypeVar("Loaded")

@@ -12,7 +12,7 @@ from hfa_support.reporting.report import Part
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table
 
-#: What a number may be asked to be of its limit; a value that is not a number is none of them.
+#: Relation between value and limit -> function. A value of nan satisfies none.
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
     "<=": operator.le,
@@ -81,7 +81,7 @@ def checked(
     return Check(name, float(value), float(limit), ok, "" if ok else reason, relation, kind)
 
 
-#: Pass when value <= limit, value >= limit, and value < limit.
+#: Functions that return a check of value <= limit, value >= limit, and value < limit.
 at_most = partial(checked, relation="<=")
 at_least = partial(checked, relation=">=")
 below = partial(checked, relation="<")

@@ -64,8 +64,8 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
     stream = io.BytesIO()
     savemat(stream, _for_matlab(data), long_field_names=True)
-    # SciPy puts the time into the free text that begins the file; the same result shall be the same
-    # file.
+    # SciPy would write the time into the free text at the beginning. Equal results must give equal
+    # files.
     return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_MAT_TEXT) + stream.getvalue()[_MAT_TEXT:]
 
 

@@ -13,9 +13,9 @@ from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import matrix_table, numbered
 
-#: Of larger matrices and longer arrays the shape is shown.
+#: Largest size of matrices and arrays whose entries are shown.
 _MOST = 12
-#: Characters of a field that are shown.
+#: Largest number of characters of a field.
 _LONGEST = 110
 
 

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# Where its settings cannot be kept it says so, in two lines; the picture is the same.
+# Suppress matplotlib's message that its settings folder is not writable.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-#: What matplotlib would write into a file and would be another one the next day; where a file says
-#: what it is about.
+#: Metadata of matplotlib that vary from run to run, and the metadata key for a description.
 _VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
 _ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
 _DPI = 130
@@ -40,7 +39,7 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
     from matplotlib import rc_context
 
     kind = path.suffix[1:].lower()
-    # The same result shall be the same file: no date, no random identifiers.
+    # Equal results must give equal files: no date and no random identifiers.
     metadata: dict[str, Any] = dict.fromkeys(_VARYING[kind])
     if source:
         metadata[_ABOUT[kind]] = source
@@ -79,7 +78,7 @@ def _take_literally(figure: Figure) -> None:
     powers = set()
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            labels = axis.get_ticklabels(which="both")  # makes those that there are not yet
+            labels = axis.get_ticklabels(which="both")  # creates missing labels
             if isinstance(axis.get_major_formatter(), LogFormatter):
                 powers.update(labels)
     for text in figure.findobj(Text):

@@ -36,7 +36,7 @@ class NamedArray(np.ndarray):
                 key = names.index(key)
             numbers.append(key)
         entries = values[..., *numbers]
-        return entries[()]  # a number in place of an array without axes
+        return entries[()]  # converts an array without axes to a number
 
     def __repr__(self) -> str:
         return repr(np.asarray(self))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 NO_RECORDS = Table((), ())
-#: Of the files that `Report.save` writes.
+#: Suffixes of the files that `Report.save` writes.
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
 
 

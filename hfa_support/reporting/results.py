@@ -22,7 +22,7 @@ from hfa_support.jsonable import finite_or_none, jsonable
 Vector = Annotated[np.ndarray, 1]
 Matrix = Annotated[np.ndarray, 2]
 Stack = Annotated[np.ndarray, 3]
-#: Complex numbers, in the data (re, im) each.
+#: Complex numbers, stored as (re, im) each.
 Roots = Annotated[np.ndarray, 2]
 RootTable = Annotated[np.ndarray, 3]
 #: A named tuple of numbers.

@@ -9,16 +9,16 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-#: Numbers smaller than this are rounding and shown as 0.
+#: Smaller numbers are rounding errors and are shown as 0.
 ROUNDING = 1e-12
-#: Largest entries of a matrix that is shown with four decimals.
+#: Range of the largest entry for which a matrix is shown with four decimals.
 _LEAST = 0.1
 _MOST = 1e7
-#: From the best to the worst, with the color that a terminal gives it.
+#: Tone, from the best to the worst -> color code of a terminal.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 
 
-#: Between two columns.
+#: Gap between two columns.
 _GAP = "  "
 
 
@@ -41,8 +41,8 @@ class Cell(str):
         return cell
 
 
-#: What a terminal would obey or not show: control characters but line breaks, marks of direction,
-#: half characters.
+#: Characters that control a terminal or cannot be shown: control characters except line breaks,
+#: direction marks and lone surrogates.
 _OBEYED = re.compile(
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )

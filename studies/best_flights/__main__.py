@@ -37,7 +37,7 @@ DEGREES = (5.0, 10.0, 15.0)
 #: x(0) of Section 5: deviations from the trim, ft/s and rad.
 START = {"speed": 5.0, "alpha": 0.05}
 _FAST = float(np.radians(600.0))
-#: Set of limits -> limits in place of those of the flight envelope.
+#: Set of limits -> limits that replace those of the flight envelope.
 LIMITS: dict[str, dict[str, tuple[float, float]]] = {
     "flight envelope": {},
     "rates of 600 deg/s": {
@@ -45,7 +45,7 @@ LIMITS: dict[str, dict[str, tuple[float, float]]] = {
         "dihedral_rate": (-_FAST, _FAST),
     },
 }
-#: What is drawn, and for how long, s.
+#: Drawn duration in s, and drawn signals.
 _SECONDS = 2.5
 _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 

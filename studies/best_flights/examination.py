@@ -32,7 +32,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from studies.finished import row_by_row
 
-#: Name -> how it is loaded.
+#: Name -> source of the aircraft, see `problem_of`.
 AIRCRAFT = {
     "GTM": "examples/gtm.py:GTM",
     "pendulum": "examples/pendulum.py:PENDULUM",
@@ -49,9 +49,9 @@ AIRCRAFT = {
 }
 #: Initial conditions of each aircraft.
 _STARTS = 50
-#: Dihedral of the flexible aircraft, deg.
+#: Dihedral angle of the flexible aircraft, deg.
 _DIHEDRAL = 10.0
-#: Of the drawn starts.
+#: Seed of the initial conditions.
 _SEED = 0
 
 

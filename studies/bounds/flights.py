@@ -13,17 +13,17 @@ from hfa_optimal.problem import FlightProblem
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 
-#: Flights that are integrated at once.
+#: Number of flights simulated together.
 _AT_ONCE = 2000
-#: Steps over the time constant of the fastest mode of the linear optimum, and time constants of its
-#: slowest mode after which a flight is given up.
+#: Steps in the time constant of the fastest mode of the linear optimum, and longest flight in time
+#: constants of its slowest mode.
 _PER_FASTEST = 5.0
 _OF_SLOWEST = 6.0
-#: A flight ends at the trim where the linear cost of its end is below this part of its cost; it is
-#: looked at after so many steps.
+#: A flight has reached the trim if the linear cost of its state is below this fraction of its cost.
+#: This is tested every `_LOOKED_AT` steps.
 _CONVERGED = 1e-3
 _LOOKED_AT = 50
-#: Pulses of a flight, the most steps of each, and their sizes in nominal ones.
+#: Number of pulses in a flight, largest number of steps in each, and their nominal sizes.
 _PULSES = 8
 _PULSE = 60
 _SIZES = (0.0, 0.1, 1.0)

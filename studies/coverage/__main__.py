@@ -30,11 +30,11 @@ FREE = ("CL_0", "CL_alpha", "CD_0", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator")
 SENSORS = {"speed": 0.3, "alpha": 0.003, "pitch_rate": 0.01, "pitch": 0.003}
 #: Poles of the noise.
 POLES = (0.0, 0.9, 0.98)
-#: Duration and interval of a record, s, and factor of the parameters where the search begins.
+#: Duration and sample interval of a record, s, and initial factor on the parameters.
 _SECONDS = 8.0
 _INTERVAL = 0.04
 _OFF = 1.5
-#: Samples of noise before a record begins.
+#: Number of noise samples before a record begins.
 _BEFORE = 500
 
 Columns = dict[str, np.ndarray]

@@ -23,9 +23,9 @@ from studies.gap.tasks import Task, cost_of, deployment_of
 from studies.gap.training import Run
 from trim.point.operating_point import OperatingPoint
 
-#: Initial conditions of each aircraft.
+#: Number of initial conditions of each aircraft.
 STARTS = 20
-#: Of the initial conditions; training draws others.
+#: Seed of the initial conditions. Training uses other seeds.
 SEED = 1000
 
 

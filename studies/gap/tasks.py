@@ -18,7 +18,7 @@ import hfa
 from hfa_policy.outcomes import start_box
 from trim.point.operating_point import OperatingPoint
 
-#: s between two samples.
+#: Sample time, s.
 SAMPLE_TIME = 0.05
 
 

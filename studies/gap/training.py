@@ -13,14 +13,14 @@ import hfa
 from studies.finished import finished, stamped
 from studies.gap.tasks import Task, deployment_of
 
-#: Algorithm -> steps of the environment, and how many episodes run at once.
+#: Algorithm -> (number of environment steps, number of parallel episodes).
 BUDGETS: Mapping[str, tuple[int, int]] = {
     "PPO": (200_000, 8),
     "A2C": (200_000, 8),
     "SAC": (15_000, 1),
     "TD3": (8_000, 1),
 }
-#: s, of an episode.
+#: Duration of an episode, s.
 SECONDS = 20.0
 
 

@@ -14,7 +14,7 @@ from hfa.output import ProgressLine, print_report, show
 from studies.alone import run_alone
 from studies.identification.parameters import run_identification
 
-#: Suffix of a parameters file.
+#: Suffix of a parameter file.
 PARAMETERS = ".toml"
 
 

@@ -37,7 +37,7 @@ from trim.hfa.printed import (
 from trim.point.newton import newton
 from trim.point.system import TrimSystem
 
-#: Not determined by the print: value, source and reason.
+#: Parameters not determined by the printed matrices: value, source and reason.
 ASSUMED: dict[str, tuple[float, str, str]] = {
     "chord": (
         8.0,
@@ -58,8 +58,8 @@ ASSUMED: dict[str, tuple[float, str, str]] = {
     "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
 }
 IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name not in ASSUMED)
-# Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately
-# not the answer.
+# Rough guess: a 200 ft flying wing of 1000 lbf by textbook formulas, which is deliberately not the
+# solution.
 _MASS = 1000.0 / 3 / 32.2
 _SPAN = 70.0
 _CHORD = 8.0
@@ -82,10 +82,9 @@ ROUGH: dict[str, float] = {
 }
 _FREE_INPUTS = tuple(name for name in INPUTS if name != "aileron_center")
 _ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
-#: A structure that can reach the print does so in a few hundred steps; one that cannot would creep
-#: for ever.
+#: Dynamics that fit the print converge in a few hundred steps. Others would continue forever.
 _MAX_EVALUATIONS = 500
-#: Seeded rough guesses, and the standard deviation of their logarithms.
+#: Number of random initial guesses, and the standard deviation of their logarithms.
 STARTS = 8
 _START_SPREAD = 0.3
 
@@ -98,7 +97,7 @@ def _with_newtons(method: str) -> Variant:
     return changed()
 
 
-#: The published structure with each of its departures from Newton undone, one at a time, then all.
+#: The published dynamics with one method replaced by Newton's, and with all of them replaced.
 ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
     ("outer lever (s/6) sin η", _with_newtons("outer_lever")),
     ("outer section moment times cos η", _with_newtons("section_projection")),
@@ -259,7 +258,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
         for model in published_models()
     }
     structures = [Structure("published", best.sum_of_squares, best.largest)]
-    # From the published optimum and from rough guesses: the alternative gets its best chance.
+    # Several initial guesses, including the published optimum, to favor the alternative.
     near = np.log([abs(getattr(best.parameters.values, name) / ROUGH[name]) for name in IDENTIFIED])
     for done, (description, variant) in enumerate(ALTERNATIVES, start=1):
         noises = near, None, rng.normal(size=near.size) / 3
@@ -336,7 +335,7 @@ class _Problem:
         self._dihedrals = np.array([model.dihedral for model in models])
         self._system = TrimSystem(own, level_flight(models[0].dihedral), ("dihedral",))
         self._free = [own.variables.index(name) for name in _FREE_INPUTS]
-        #: The rows θ' = q and η' = η' are the same for every aircraft.
+        #: The rows of pitch and dihedral are equal for every aircraft.
         moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
         self._rows = [LINEAR_ROWS[i] for i in moved]
         self._entries = [
@@ -391,8 +390,8 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
     printed, jacobian = problem.entries(theta)
     relative = jacobian * np.abs(theta)
     fitted, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
-    # A direction has no sign of its own: its largest component is made positive, on every machine
-    # alike.
+    # The sign of a direction is arbitrary. Its largest component is made positive, so that the
+    # result does not depend on the machine.
     directions *= np.sign(
         directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)]
     )[:, None]
@@ -408,7 +407,7 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
     )
     moved = (
         np.abs(relative).max(axis=1) > 1e-3
-    )  # by some parameter, by more than rounding errors are
+    )  # entries that depend on a parameter by more than rounding errors
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
     parameters = ParameterSet(
@@ -427,7 +426,7 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
             for inputs in problem.trim_inputs(theta)
         ),
         sum_of_squares=float(printed @ printed),
-        # Structural zeros (no parameter moves them) carry no rounding.
+        # Structural zeros do not depend on any parameter and have no rounding error.
         expected_sum=float(
             np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)
         ),

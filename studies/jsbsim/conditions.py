@@ -25,7 +25,7 @@ _FLIGHTS = {
     "f15": {"kcas": 300.0, "altitude": 10000.0},
 }
 _GLIDER = {"sgs126": {"kcas": 50.0, "altitude": 3000.0}}
-#: Name -> what the command line is given, what is held in rad, what is free.
+#: Name -> (options, held values in rad, free variables).
 _CONDITIONS: dict[str, tuple[str, dict[str, float], tuple[str, ...]]] = {
     "climb": ("--hold gamma=2", {"gamma": math.radians(2.0)}, ()),
     "descent": ("--hold gamma=-2", {"gamma": math.radians(-2.0)}, ()),

@@ -41,12 +41,12 @@ _CONDITIONS = {
 }
 _FLOWN = ("737", "f15", "c172p", "c310", "pc7", "sgs126")
 _STATES = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
-#: Rows of A and B that JSBSim's accelerations give.
+#: Rows of A and B that follow from JSBSim's accelerations.
 RATES = _STATES[:6]
-#: Steps of the differences, of a state's or an input's usual size.
+#: Step of the finite differences, relative to the nominal value of a state or input.
 _STEP = 1e-3
 _THROTTLES = (0.0, 0.25, 0.5, 0.75, 1.0)
-#: Of the elevator, for a second; what engines come to rest in, and the flight, s.
+#: Elevator pulse of one second, settling time of the engines, and duration of the flight, s.
 _PULSE = {"elevator": 0.02}
 _REST = 15.0
 _FLIGHT = 10.0
@@ -134,7 +134,7 @@ def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
     linear = linearize(model, point, full=True)
     names = list(model.states)
     engines = [i for i, name in enumerate(names) if name.startswith(("rpm", "blade"))]
-    # a governor at the limit of its blades is at rest there
+    # a governor whose blades are at a limit does not move
     moving = [i for i in engines if np.any(linear.A[i, engines] != 0.0)]
     rows = [names.index(name) for name in RATES]
     table = np.hstack([linear.A, linear.B])

@@ -41,13 +41,13 @@ CONDITIONS = {
     "pc7": (130.0, 5000.0),
     "DHC6": (110.0, 3000.0),
 }
-#: JSBSim's steps, s: each a quarter of the one before.
+#: JSBSim's time steps, s. Each is a quarter of the previous one.
 STEPS = (1.0 / 120.0, 1.0 / 480.0, 1.0 / 1920.0)
-#: Radius of the sphere, ft; what is flown is within 1e-6 rad of it.
+#: Radius of the sphere, ft. The flights cover less than 1e-6 rad of it.
 RADIUS = 1e10
 _SECONDS = 30
 _REST = 6.0
-#: Steps of ours a second.
+#: Number of integration steps in a second.
 _OURS = 480
 _COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
 

@@ -19,7 +19,7 @@ from studies.jsbsim.flights import CONDITIONS, drawn, trimmed
 from studies.jsbsim.reference import answered
 
 _STEP = 1.0 / 120.0
-#: Engines come to rest for so long before a flight, s.
+#: Settling time of the engines before a flight, s.
 _REST = 90.0
 _SEED = 3
 

@@ -54,21 +54,21 @@ class Case:
         return [name for name in SLOPES if name not in self.given]
 
 
-#: The c172p's drag has another slope from each full degree of alpha to the next, its lift from 0
-#: on, and its elevator from 0 on: the trim lies at 1.5 degrees.
+#: The slope of the c172p's drag changes at each full degree of alpha, and the slopes of its lift
+#: and elevator change at 0. Therefore the trim is at 1.5 deg.
 CASES = {
     "737": Case(250.0, 10000.0, 1.0, 0.04, 4),
     "c172p": Case(88.0, 4000.0, 0.5, 0.03, 1, ("speed__alpha", "speed__elevator")),
 }
-#: Length of a flight, s, between samples, and of JSBSim's steps.
+#: Duration of a flight, sample interval, and time step of JSBSim, s.
 _SECONDS = 12.0
 _INTERVAL = 0.02
 _STEP = _INTERVAL / 160.0
-#: s in which engines settle before.
+#: Settling time of the engines before a flight, s.
 _REST = 6.0
 #: Sensor -> standard deviation of its noise, ft/s, rad and rad/s.
 _NOISE = {"speed": 0.5, "alpha": 0.001, "pitch_rate": 0.002, "pitch": 0.001}
-#: State of the linear model -> that of JSBSim's linearization.
+#: State of the linear model -> its name in JSBSim's linearization.
 _STATES = {
     "speed": "Vt",
     "alpha": "Alpha",
@@ -79,8 +79,8 @@ _STATES = {
 _ELEVATOR = "DeCmd"
 _ROWS = ("speed", "alpha", "pitch_rate")
 _COLUMNS = ("speed", "alpha", "pitch_rate", "elevator")
-#: Slopes of forces and moment, as alpha__speed. That of the speed's rate by the pitch rate is given
-#: as 0. The others are kinematic, of gravity or of the atmosphere, and given too.
+#: Slopes of forces and moment, such as alpha__speed. The slope of the speed by the pitch rate is
+#: set to 0. The other slopes are known from kinematics, gravity or the atmosphere.
 SLOPES = tuple(
     f"{row}__{column}"
     for row in _ROWS

@@ -30,8 +30,8 @@ _PLANET = """<planet name="Sphere">
  <GM unit="FT3/SEC2">{pull!r}</GM>
  <J2>0</J2>
 </planet>"""
-#: State of a model -> initial condition, in the order in which JSBSim takes them: angles of flow
-#: before those of attitude.
+#: State of a model -> JSBSim's initial condition. JSBSim requires this order: angles of flow before
+#: angles of attitude.
 _INITIAL = {
     "altitude": "ic/h-sl-ft",
     "speed": "ic/vt-fps",
@@ -95,20 +95,20 @@ _INTEGRATORS = tuple(
     for kind in ("rate", "position")
     for motion in ("rotational", "translational")
 )
-#: JSBSim's steps a second, and how long it flies in place at most, s.
+#: JSBSim's steps per second, and longest settling time in s.
 _RATE = 120
 _LONGEST = 120
-#: What moves by less than this in each of so many seconds is steady.
+#: A quantity is steady if it changes by less than this in each of several seconds.
 _STEADY = 1e-9
 _LONG = 6
-#: Steps after which the past of the forces no longer counts.
+#: Number of steps after which earlier forces have no effect.
 _STEPS = 10
-#: How often an item is asked for.
+#: Number of attempts for each request.
 _TRIES = 5
 _MOST_TANKS = 20
 #: Step of a flight, s.
 _FINE = 1e-3
-#: Properties that may be missing.
+#: Largest number of missing properties.
 _MISSING = 200
 
 
@@ -143,7 +143,7 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
         new_answers = _ask(waiting, seconds)
         answers += new_answers
         if len(new_answers) < len(waiting):
-            answers.append(None)  # the point at which JSBSim ended
+            answers.append(None)  # the request at which JSBSim terminated
     return answers
 
 
@@ -171,7 +171,7 @@ def main() -> int:
     """Read the requests from standard input, write a response for each, and return 0."""
     items = json.load(sys.stdin)
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # JSBSim writes on standard output
+    os.dup2(2, 1)  # JSBSim prints on standard output
     for item in items:
         answers.write(json.dumps(_answer(item)) + "\n")
         answers.flush()
@@ -188,7 +188,7 @@ def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
     for _ in range(_TRIES):
         try:
             answer = _found(item)
-        except Exception as error:  # JSBSim has its own
+        except Exception as error:  # JSBSim raises its own exceptions
             return {"error": " ".join(str(error).split())[:200]}
         if not math.isnan(answer.get("udot", 0.0)):
             break
@@ -234,7 +234,7 @@ def _simulator(item: Mapping[str, Any]) -> Any:
         if "flight" in item["point"]:
             simulator.set_dt(
                 item["point"].get("step", _FINE)
-            )  # filters take the step that there is when they are loaded
+            )  # filters use the time step at which they are loaded
         if item.get("earth") == "own":
             _load_model(simulator, name)
             return simulator
@@ -363,12 +363,12 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
     for _ in range(_MISSING):
         try:
             step()
-        except Exception as error:  # JSBSim has its own
+        except Exception as error:  # JSBSim raises its own exceptions
             missing = re.search(r"The property (\S+) does not exist", str(error))
             if missing is None:
                 raise
             simulator[missing[1]] = 0.0
-            # An initialisation that is cut short leaves the time step at 0.
+            # An interrupted initialization leaves the time step at 0.
             simulator.set_dt(1.0 / _RATE)
             names.append(missing[1])
         else:
@@ -385,7 +385,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     _start(simulator, point["state"], commands)
     for name, value in point.get("held", {}).items():
         simulator[name] = value
-    simulator.set_trim_status(True)  # as in JSBSim's own trims actuators begin at rest
+    simulator.set_trim_status(True)  # as in JSBSim's trims, actuators begin in equilibrium
     _run(simulator.run, simulator)
     simulator.set_trim_status(False)
     simulator["propulsion/fuel_freeze"] = 0 if point.get("burn") else 1
@@ -404,8 +404,8 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         if second >= point.get("settle", 20) and steady >= _LONG:
             break
     for _ in range(_STEPS):
-        _load(simulator, commands)  # fuel systems move fuel at each step
-        tanks = _contents(simulator)  # the mass of a step is that before it
+        _load(simulator, commands)  # fuel systems transfer fuel in each step
+        tanks = _contents(simulator)  # JSBSim uses the mass before the step
         _run(simulator.run, simulator)
     answer: dict[str, Any] = tanks | {
         name: _value(simulator, full_name) for name, full_name in _MEASURED.items()
@@ -572,7 +572,7 @@ def _trimmed(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     simulator["gear/gear-cmd-norm"] = 0
     try:
         simulator.do_trim(1)
-    except Exception as error:  # JSBSim has its own
+    except Exception as error:  # JSBSim raises its own exceptions
         return {"trimmed": False, "reason": str(error).strip()[:200]}
     return {
         "trimmed": True,

@@ -16,9 +16,9 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.reasons import explained
 from trim.point.solve import TrimError, find_operating_point
 
-#: Calibrated airspeed, kt, and altitude, ft.
+#: Conditions: calibrated airspeed, kt, and altitude, ft.
 SPEEDS = ((60.0, 1000.0), (90.0, 3000.0), (130.0, 5000.0), (200.0, 10000.0), (300.0, 20000.0))
-#: Lift coefficients of the speeds that are an aircraft's own, at 5000 ft.
+#: Lift coefficients that define further speeds of each aircraft at 5000 ft.
 LIFTS = (1.0, 0.7, 0.4)
 _DENSITY_RATIO = 0.8617
 
@@ -32,7 +32,7 @@ def study(name: str) -> dict[str, Any]:
     held: list[dict[str, float]] = [
         {"kcas": kcas, "altitude": altitude} for kcas, altitude in SPEEDS
     ]
-    usual = model.states["speed"].start  # where the lift coefficient at sea level is 0.5
+    usual = model.states["speed"].start  # speed at which the lift coefficient at sea level is 0.5
     for lift in LIFTS:
         speed = usual * math.sqrt(0.5 / lift / _DENSITY_RATIO)
         held.append({"speed": speed, "altitude": 5000.0})

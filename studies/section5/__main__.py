@@ -103,7 +103,7 @@ def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
     fly = partial(simulate_plan, setting, section=section)
     if processes == 1:
         return Evidence(setting, section, {plan: fly(plan) for plan in plans})
-    # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
+    # A forked process would inherit the threads of CasADi and NumPy in an invalid state.
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
         return Evidence(setting, section, dict(zip(plans, pool.map(fly, plans), strict=True)))
 
@@ -156,7 +156,7 @@ def _has_pictures(place: Path, names: Sequence[str]) -> bool:
         SyntaxError,
         zipfile.BadZipFile,
         zlib.error,
-    ):  # SyntaxError: Pillow, of a damaged PNG
+    ):  # Pillow raises SyntaxError for a damaged PNG
         return False
     return True
 

@@ -40,11 +40,11 @@ CONFIRMED = "confirmed"
 NOT_CONFIRMED = "not confirmed"
 NOT_DECIDABLE = "not decidable from the paper"
 VERDICTS = (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)
-#: Laws that claims name together: whose learning is measured, and which track.
+#: Groups of laws in claims: laws whose learning is measured, and laws that track.
 LEARNING = (PRINTED, MODIFIED, CERTIFIED)
 TRACKING = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF)
 _TOGETHER = {"learning": LEARNING, "tracking": TRACKING}
-#: The law that shows what any law could do.
+#: The optimal law, with which other laws are compared.
 OPTIMUM = EXACT_FF
 
 
@@ -71,7 +71,7 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
     """Return the plans of all flights of a section."""
     both = (CASE_I, CASE_II)
     factors = setting.configuration.uncertainty.factors
-    if section == "5.1":  # and from rest under the disturbance alone
+    if section == "5.1":  # and from equilibrium under the disturbance alone
         flown = [FlightPlan(angle, law) for angle in both for law in (*TRACKING, REWEIGHTED)]
         alone = (PRINTED, MODIFIED, CERTIFIED, EXACT)
         return (
@@ -121,7 +121,7 @@ class Evidence:
 
 
 def _numbers(metrics: dict[str, Any], name: str, of: tuple[str, ...]) -> list[float]:
-    if name == "attenuation_share":  # below 1 as the game promises
+    if name == "attenuation_share":  # below 1, as the game guarantees
         return [metrics["attenuation"] / metrics["delta_squared"]]
     table, _, entry = name.rpartition(".")
     start, before, after = metrics["learning"]["flown_residual"] if table else (0.0, 0.0, 0.0)
@@ -233,7 +233,7 @@ def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
     The paper quotes magnitudes without signs, so the signs of the eigenvalues are ignored.
     """
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
-    folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
+    folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # quoted without signs
     quoted = published_data()["eigenvalues_quoted_for_5_deg"][
         "magnitudes"
     ]  # such as "4.82 +/- 18.66i" and "7.11"
@@ -247,7 +247,7 @@ def _last_gain_error_over_integral(evidence: Evidence, law: str) -> float:
     return error(evidence, law) / error(evidence, INTEGRAL)
 
 
-#: What is not a number of one flight.
+#: Measures that are not metrics of single flights.
 NAMED: dict[str, Measure] = {
     "gain error at T_w": _gain_error("both cases"),
     "last gain error over that of integral RL": _last_gain_error_over_integral,

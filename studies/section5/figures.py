@@ -38,8 +38,8 @@ Flights = Mapping[FlightPlan, FlightRecord]
 Values = Callable[[FlightRecord], np.ndarray]
 _COMMAND = "command"
 _LOST = " (lost at "
-#: A limit is drawn where a line passes this share of it; residuals below the floor are rounding;
-#: named weights.
+#: Fraction of a limit beyond which the limit is drawn, smallest residual that is drawn, and number
+#: of labeled weights.
 _NEAR = 0.8
 _FLOOR = 1e-16
 _NAMED = 4
@@ -53,9 +53,9 @@ _SYMBOLS = {
 }
 _WORDS = dict(zip(TRACKED, ("speed", "angle of attack", "dihedral"), strict=True))
 _CASES = ("Case I, 15 deg", "Case II, 5 deg")
-#: Whose learning is drawn.
+#: Laws whose learning is drawn.
 _LEARNED = (MODIFIED, CERTIFIED)
-#: Lightness, dashes and width together tell the lines apart, also in print without color.
+#: Lines differ in lightness, dashes and width, so that they can be distinguished without color.
 _STYLES: dict[str, dict[str, Any]] = {
     _COMMAND: {"color": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 5},
     PRINTED: {"color": "black", "marker": "x", "linestyle": "none", "markersize": 9, "zorder": 6},
@@ -73,14 +73,14 @@ _STYLES: dict[str, dict[str, Any]] = {
     EXACT: {"color": "C3", "linestyle": ":", "linewidth": 1.8},
     EXACT_FF: {"color": "darkred", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "linewidth": 1.3},
 }
-#: For lines that are not laws: cases of uncertainty, weights.
+#: Styles of lines that are not laws: cases of uncertainty, weights.
 _CYCLE: tuple[dict[str, Any], ...] = (
     {"color": "black", "linestyle": "-", "linewidth": 2.2},
     {"color": "C0", "linestyle": "--", "linewidth": 1.6},
     {"color": "C1", "linestyle": "-.", "linewidth": 1.6},
     {"color": "0.55", "linestyle": ":", "linewidth": 2.4},
 )
-#: For the lines of a bundle, which need not be told apart.
+#: Style of the lines in a bundle, which are not distinguished.
 _BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
 
 
@@ -140,7 +140,7 @@ class PaperFigure:
                 name = f"{index:02d} {panel.title} {panel.y_label} / {line.label}"
                 found[f"{name} / x"] = line.x
                 found[f"{name} / y"] = line.y
-        # A "/" would make folders of an archive's members when it is unpacked.
+        # A "/" would create folders when the archive is unpacked.
         return {re.sub(r"[^\w .,+=()-]", "_", name): values for name, values in found.items()}
 
 
@@ -168,7 +168,7 @@ class _Panels:
         begins = {
             record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
         }
-        # Laws that share their learning share the time; the shorter name serves for both.
+        # Laws with the same learning have the same time. The shorter name is used for both.
         return (self.T_w, "T_w"), *(
             (time, f"K(t), {name.partition(' +')[0]}") for time, name in begins.items()
         )
@@ -221,7 +221,7 @@ class _Panels:
             unit = getattr(INPUT_UNITS, name)
             label = name if unit == "1" else f"{name}, {unit}"
             for title, records in zip(titles, groups, strict=True):
-                # The first instants are tens of times larger than the rest.
+                # At first, the values are tens of times larger than later.
                 more = {
                     "scale": "symlog",
                     "linear_part": 0.1,
@@ -274,7 +274,7 @@ class _Panels:
             assert record.critic is not None
             size = np.linalg.norm(np.diff(record.critic.weights, axis=0), axis=1)
             final = float(np.linalg.norm(record.critic.weights[-1]))
-            # A logarithmic axis has no place for rest.
+            # A logarithmic axis cannot show 0.
             return np.where(size > 0.0, size / np.diff(record.times) / final, np.nan)
 
         return self._of_flights(
@@ -407,7 +407,7 @@ def draw(picture: PaperFigure) -> Figure:
     if not labels:
         figure.suptitle(title, fontsize=10)
         return figure
-    columns = min(len(labels), 2 + picture.columns)  # above, where no caption is
+    columns = min(len(labels), 2 + picture.columns)  # at the top, where there is no caption
     figure.legend(
         labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title
     )
@@ -428,9 +428,7 @@ def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
             axes.plot(line.x, line.y, label=[line.label, *["_"] * (line.y.shape[1] - 1)], **_BUNDLE)
             continue
         axes.plot(line.x, line.y, label=line.label, **style)
-    if any(
-        line.y.ndim == 2 for line in panel.lines
-    ):  # named lines of one panel are not those of the next
+    if any(line.y.ndim == 2 for line in panel.lines):  # labeled lines differ between panels
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, frameon=False)
     drawn = np.concatenate([line.y.ravel() for line in panel.lines])
     for limit in panel.limits:
@@ -440,9 +438,7 @@ def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
             )
     for time, _ in panel.marked:
         axes.axvline(time, color="0.4", linewidth=0.9, linestyle=(0, (1, 2)))
-    if (
-        panel.title and panel.marked
-    ):  # panels without a title are below one that has the names already
+    if panel.title and panel.marked:  # panels without a title are below a panel with labels
         times, names = zip(*panel.marked, strict=True)
         top = axes.secondary_xaxis("top")
         top.set_xticks(times, names, fontsize=8)

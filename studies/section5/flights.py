@@ -36,10 +36,10 @@ from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.printed import regenerate
 
-#: The two aircraft of Section 5.1, degrees of dihedral.
+#: The two aircraft of Section 5.1: dihedral angle, deg.
 CASE_I = 15.0
 CASE_II = 5.0
-#: Where A and B come from: this project's trim and linearization, or the paper's four decimals.
+#: Source of A and B: this project's trim and linearization, or the paper's four decimals.
 MATRICES = ("regenerated", "printed")
 PRINTED = "published, as printed"
 MODIFIED = "published, modified"
@@ -49,7 +49,7 @@ INTEGRAL = "integral RL"
 EXACT = "exact"
 EXACT_FF = "exact + feed-forward"
 REWEIGHTED = "exact, alpha reweighted"
-#: What each law is, for tables and figures.
+#: Law -> description, for tables and figures.
 LAWS = {
     PRINTED: "Eq. (46) with the gains of Theorem 1 and W(0) = 100",
     MODIFIED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
@@ -62,13 +62,13 @@ LAWS = {
     EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
     REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
 }
-#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding
-#: about the paper.
+#: Laws of this project. If one of their flights is lost, this is an error of the project and not a
+#: finding about the paper.
 OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
 _N = len(LINEAR_STATES)
 _M = len(INPUTS)
 _ENTRIES = _M * _N
-#: From the memory of a law at the ticks, (N, k), to what it has learned.
+#: Function: memory of a law at the ticks, (N, k) -> learned critic.
 Learned = Callable[[np.ndarray], Critic]
 
 
@@ -270,7 +270,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     flight, lost_at = _flown(configuration, CompiledLoop(ClosedLoop(plant, flown, scenario)))
     times = flight.times[::each]
     errors = flight.errors[::each]
-    # A flight that is lost in its first tick leaves its start behind.
+    # A flight that is lost in its first tick still contains its initial state.
     critic = learned(flight.memory[::each]) if learned is not None else None
     metrics = flight_metrics(configuration, case.game, case.input_limits, flight, lost_at)
     residual = np.zeros(0)

@@ -21,7 +21,7 @@ from studies.section5.configuration import Configuration
 #: The states that have a command in Section 5.
 TRACKED = ("speed", "alpha", "dihedral")
 _ROWS = [LINEAR_STATES.index(name) for name in TRACKED]
-#: Name -> its entries, for those that have more than one.
+#: Metric -> names of its entries, for metrics with several entries.
 _BY_NAME = {
     **dict.fromkeys(("rms_error", "peak_error", "late_peak_error"), LINEAR_STATES),
     **dict.fromkeys(("relative_error", "rise", "settling", "growth"), TRACKED),

@@ -43,16 +43,17 @@ from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Dihedral of the trim in which all flights begin, deg; angles of SimVFA's tables, rad.
+#: Dihedral angle of the trim at which all flights begin, deg, and breakpoints of SimVFA's tables,
+#: rad.
 TRIM_DEG = 11.0
 ANGLES = np.radians(np.arange(21.0))
-#: s: a step each, the first after `_FIRST`; the flight ends with the last.
+#: Interval between command steps, s. The first is at `_FIRST`, and the flight ends after the last.
 _EACH = 70.0
 _FIRST = 1.0
 _DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
 _ACCELERATION = np.array([-1.0, -2, -1, -2, -1, -2, 1, -1, -2, -1, -2, -2, 1, 1, 0, 0])
 DURATION = _FIRST + _EACH * (len(_DIHEDRAL) - 1)
-#: s: of the record.
+#: Time step of the record, s.
 STEP = 0.02
 HEADER = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
 
@@ -339,7 +340,7 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
                     markevery=end,
                 )
         largest = size * max(flight.tracked[column].largest for flight in held)
-        below.set_ylim(-1.05 * largest, 1.05 * largest)  # a lost law would hide the others
+        below.set_ylim(-1.05 * largest, 1.05 * largest)  # without lost flights
         above.set_ylim(
             *(size * np.array([each.command.min(), each.command.max()]) + [-largest, largest])
         )

@@ -36,22 +36,22 @@ from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_pla
 from hfa_servo.servo_policy import servo_policy
 from hfa_support.reporting.text import Table
 
-#: s: step of a flight, how often the envelope is looked at, and how long a flight in a gust lasts.
+#: Time step, interval of tests of the envelope, and duration of a flight with a gust, s.
 STEP = 0.02
 TICK = 0.2
 SECONDS = 30.0
-#: ft/s: how closely the largest gust is found.
+#: Resolution of the largest gust, ft/s.
 APART = 1.0
-#: Actuators that one servo is asked to work behind.
+#: Actuators with which the servo must work.
 REAL = (Actuator(1, 2.0), Actuator(2, 2.0), Actuator(1, 10.0), Actuator(2, 10.0))
-#: Length of a gust, ft -> peak that is asked for, ft/s, behind each of `REAL` but the last.
+#: Length of a gust, ft -> required peaks, ft/s, for each of `REAL` except the last.
 ASKED = {
     400.0: (30.0, 30.0, 30.0),
     600.0: (25.0, 25.0, 25.0),
     1000.0: (20.0, 20.0, 20.0),
     150.0: (15.0, 10.0, 25.0),
 }
-#: s; rad/s; states and standard deviations of the documents' noise.
+#: Delay, s; gyro bias, rad/s; states and standard deviations of the sensor noise.
 DELAY = 0.02
 BIAS = math.radians(0.3)
 NOISE = {
@@ -59,7 +59,7 @@ NOISE = {
     "dihedral": math.radians(0.05),
     "alpha": math.radians(0.01),
 }
-#: deg: the angles of the gusts.
+#: Dihedral angles at which gusts are tested, deg.
 ANGLES = (5.0, 11.0, 15.0)
 
 

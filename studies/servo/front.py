@@ -23,8 +23,8 @@ from studies.servo.comparison import CASES, TRIM_DEG, fly_case
 from studies.servo.flights import ASKED, REAL, gust_held
 from studies.servo.simvfa import REGULATED
 
-#: Factors on the gain of A_z; s of the commands: the first three steps; ft/s: the largest gust that
-#: is tried.
+#: Factors on the gain of A_z; duration of the commands, s, which is the first three steps; largest
+#: gust that is tested, ft/s.
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0)
 SECONDS = 211.0
 LARGEST = 60.0

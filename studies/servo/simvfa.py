@@ -32,12 +32,12 @@ from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.servo_policy import MatrixTables
 from hfa_support.provenance import parameter_hash
 
-#: What is measured besides the integrals, and what is regulated.
+#: Output that is measured besides the integrals, and regulated outputs.
 RATE = "pitch_rate"
 REGULATED = ("dihedral", "vertical_acceleration_short_period")
 #: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
 ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
-#: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A
+#: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε in R⁻¹; shift of A
 #: in R⁻¹, 1/s.
 SQUARING_Q = 1.0
 SQUARING_R = 500.0
@@ -92,7 +92,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     S = polar(C @ B1)[0].T
     if (
         S[2].sum() < 0.0
-    ):  # the sign of the third input is free; the tables between the angles need one
+    ):  # the sign of the third input is arbitrary, but must be equal in all tables
         squared_up = squared_up * _THIRD
         B1 = B1 * _THIRD
         S = S * _THIRD[:, None]
@@ -201,16 +201,16 @@ def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> Sche
     )
 
 
-#: Gain of a tuner's speed with the size of its regressor.
+#: Factor μ on the squared regressor in the normalization of a tuner.
 MU = 0.02
 #: α0, α1, α2 of Π = α0 + α1 d/dt + α2 d²/dt², for actuators of order 2.
 A0, A1, A2 = ALPHAS[2]
-#: Adaptation rates of states, by order: of the effectiveness, and of the reference model's own
-#: inputs.
+#: Adaptation rates: of the states; of the effectiveness, by order; of the reference model's inputs,
+#: by order.
 GAMMA_STATE = 0.2
 GAMMA_EFFECTIVENESS = {1: 2000.0, 2: 5000.0}
 GAMMA_MODEL = {1: 400.0, 2: 1000.0}
-#: States of the aircraft; inputs; measured outputs. States with actuators, by their order.
+#: Numbers of aircraft states, inputs and measured outputs, and of states with actuators by order.
 _X = 6
 _M = 2
 _Y = 3

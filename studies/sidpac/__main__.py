@@ -29,11 +29,11 @@ PRINTED = {name: each["value"] for name, each in SOURCE["parameters"].items()}
 DEVIATIONS = {name: each["deviation"] for name, each in SOURCE["parameters"].items()}
 STATES = ("beta", "roll_rate", "yaw_rate", "roll")
 INPUTS = ("aileron", "rudder")
-#: Half-width of a band of 95 % in standard deviations.
+#: Half-width of a 95 % band in standard deviations.
 _HALF_WIDTH = 1.96
-#: Initial values of the search, relative to the printed estimates.
+#: Relative error of the initial values.
 _OFF = 0.3
-#: Relative step of the differences that give SciPy's sensitivities.
+#: Relative step of the finite differences.
 _STEP = 1e-4
 
 

@@ -22,13 +22,13 @@ from controller.learning.recording import Stack, natural_spread, record, refuse_
 from controller.learning.ticks import Run, run, training_run
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times
-#: its R.
+#: The baseline gain, used before any gain is certified, is the LQR for the game's Q and this
+#: multiple of its R.
 BASELINE_EFFORT = 100.0
-#: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to
+#: Number of Gauss-Legendre nodes in an interval, for which the integrals are exact except for
 #: rounding.
 NODES = 10
-#: A flight beyond this overflows when its states are multiplied.
+#: Products of larger states would overflow.
 LARGEST_STATE = 1e100
 
 
@@ -59,7 +59,7 @@ class IrlSettings:
     disturbance_measured: bool = True
 
 
-#: The scaled weights, and the misfit of the last least squares.
+#: Memory: scaled weights, and the relative misfit of the last least-squares problem.
 Memory = dict[str, np.ndarray]
 
 
@@ -203,8 +203,8 @@ class IntegralLearning:
         P = self.basis.matrix(weights)
         K = np.linalg.solve(game.R, B.T @ P)
         L = E.T @ P / game.delta**2
-        # ∫ z v', v = B (u + K z) + E (d - L z): what the applied policies did beyond the evaluated
-        # ones.
+        # ∫ z v' with v = B (u + K z) + E (d - L z), the difference between applied and evaluated
+        # policies.
         beyond = data.zu @ B.T + data.zz @ (B @ K).T + data.zd @ E.T - data.zz @ (E @ L).T
         row, column = np.triu_indices(game.A.shape[0])
         pushed = beyond[:, row, column] + beyond[:, column, row]
@@ -273,8 +273,8 @@ def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun
     return law.conclude(run(law))
 
 
-#: Sines per channel of a probing flight: m + k channels with three each tell the n(n+1)/2 products
-#: of states apart. Range of their frequencies, rad/s.
+#: Number of sines in each channel. Three in each of m + k channels distinguish the n(n+1)/2
+#: products of states. Range of the frequencies, rad/s.
 _SINES = 3
 _BAND = (0.5, 12.0)
 

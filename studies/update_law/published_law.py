@@ -24,13 +24,12 @@ from controller.learning.recording import choose
 from controller.learning.ticks import Run, training_run
 from hfa import BadInputError, Game, NoSolutionError
 
-#: Rows of history of a run; the steps between two rows are one tick of the runner.
+#: Largest number of history rows. The steps between two rows are one tick.
 ROWS = 1000
-#: Residuals below this count as this in the curvature, which is infinite at 0; dividing 0 by the
-#: tiny one gives 0.
+#: Smallest residual in the curvature, which is infinite at 0. TINY avoids a division by 0.
 CURVATURE_FLOOR = 1e-14
 TINY = float(np.finfo(float).tiny)
-#: Most Newton steps of one implicit step, and the relative step at which it has converged.
+#: Largest number of Newton steps in an implicit step, and relative step at convergence.
 MOST_STEPS = 60
 SETTLED = 1e-10
 _WORDS = {
@@ -401,7 +400,7 @@ class PublishedLaw:
     def _steps_done(self, tick: int) -> int:
         return tick * self._steps // self.ticks
 
-    # The four members that `controller.run` asks for.
+    # The four members that `controller.run` uses.
 
     @property
     def ticks(self) -> int:
@@ -442,7 +441,7 @@ class PublishedLaw:
         s = self.settings
         gains = self.gains
         if s.integrator == "proximal":
-            # The normaliser stays that of the start of the step, so that ∂ē/∂W = σ̄ within it.
+            # The normalization is that at the start of the step, so that ∂ē/∂W = σ̄.
             n = normaliser(self.terms(weights)[0], s.normalisation)
 
             def at(trial: np.ndarray) -> Sample:

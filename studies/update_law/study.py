@@ -28,18 +28,17 @@ SCHEMA = "hfa.published-study/2"
 #: Half-widths of a box of typical deviations, ft/s, rad and rad/s, in the order of
 #: `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
-#: A stack residual below this fraction of its first value counts as settled.
+#: Fraction of the initial residual below which the law has settled.
 SETTLED = 1e-8
-#: Ends that differ by more than this, relative, are not the same.
+#: Relative difference above which two results are different.
 SAME_END = 0.05
-#: Numbers of every run; the others are of those that reached T_w.
+#: Numbers of every run, and numbers of runs that reached T_w.
 _AT_START = ("lambda_0", "alpha1", "alpha2", "explicit_step_limit")
 _AT_END = ("P_error", "K_error", "settled", "last_lambda_0")
 _LOST = {**dict.fromkeys(_AT_END), "stabilizing": False, "certified": False}
-#: z(0) = x(0) - x_d(0) of Section 5.1: the flight that gives the current sample starts here.
+#: Initial state z(0) = x(0) - x_d(0) of Section 5.1 for flights.
 FLIGHT_START = (-2.0, -0.05, 0.0, 0.0, -0.5, 0.0)
-#: Relative changes of W(0) after which a run should end where it ended; if not, its end is an
-#: accident of rounding.
+#: Relative changes of W(0) that should not change the result. If they do, it depends on rounding.
 NEARBY = (-1e-9, 1e-9)
 _POLICIES = ("frozen", "reevaluated")
 _NORMALISATIONS = ("root", "squared")
@@ -113,7 +112,7 @@ def _reevaluated_alone(box: bool) -> Iterator[Case]:
         yield Case(choice, seed, ("initial_weights",), box)
 
 
-#: The rows of the table in order.
+#: Rows of the table, in order.
 ROWS = {
     "theorem gains, explicit": Row(
         lambda: _theorem(("quadratic", "paper", "quadratic+linear"), flight_start=FLIGHT_START),

@@ -25,14 +25,13 @@ from trim.point.linearize import linearize
 from trim.point.solve import find_operating_point
 
 SCHEMA = "hfa.validation/1"
-#: Differences of a trim: the largest that may be left, its unit in a sentence. Eigenvalues are
-#: printed to 1e-5.
+#: Difference -> (limit, unit in messages). Eigenvalues are printed to 1e-5.
 _DIFFERENCES = {"deflection": (5e-5, "rad"), "thrust": (3e-3, "of it"), "eigenvalue": (1e-4, "1/s")}
-#: A cut digit is wrong by up to two half units, a rounded one by one.
+#: The error of a truncated number is up to two half units, and of a rounded number one.
 MOST_HALF_UNITS = 2.0
-#: Half a unit of an entry that is exact in both.
+#: Tolerance of an entry that is an exact integer.
 _ROUNDING = 5e-13
-#: The released simulation deflects its surfaces further than the trims of this project allow.
+#: Limits that include all surface deflections of the released simulation.
 _ANY_INPUT = dict.fromkeys(INPUTS, (-10000.0, 10000.0))
 
 
@@ -199,12 +198,12 @@ def validate(aircraft: Model) -> Validation:
     models = {released: model_at(aircraft, released) for released in released_trims()}
     trims = tuple(_trim_difference(released, model) for released, model in models.items())
     known = outside_data()
-    # Qu 2018 prints no true trim: ours is the released one at that speed and dihedral angle.
+    # Qu 2018 prints no trim. The released trim at that speed and dihedral angle is used.
     qu = known["qu_2018"]
     shown = known["gibson_2011"]["fast_dihedral_root"]
     at = {(each.speed, each.dihedral): model for each, model in models.items()}
     entries = third_printed_entries(at[qu["speed_ft_s"], math.radians(qu["dihedral_deg"])])
-    roots = []  # the fastest real root at the ends of Gibson's Fig. 7, at 30 ft/s
+    roots = []  # fastest real roots at the ends of Gibson's Fig. 7, at 30 ft/s
     for degrees, root in zip(shown["dihedral_deg"], shown["root_1_s"], strict=True):
         values = np.linalg.eigvals(at[30.0, math.radians(degrees)].A)
         roots.append((degrees, root, float(values[values.imag == 0.0].real.min())))

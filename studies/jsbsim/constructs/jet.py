@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-#: Slot -> what stands there in the plain jet.
+#: Slot -> its content in the plain jet.
 SLOTS = {
     "head": "",
     "metrics": "",

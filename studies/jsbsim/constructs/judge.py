@@ -31,14 +31,14 @@ ALL: dict[str, dict[str, str]] = {
     )
     for name, slots in constructs.items()
 }
-#: Relative to 1 g and 1 rad/s^2, or to what is there.
+#: Tolerance relative to 1 g and 1 rad/s², or to JSBSim's acceleration if this is larger.
 TOLERANCE = 1e-9
-#: Of engines that burn while they are measured: JSBSim takes the inertia of the tanks about the
-#: center of gravity of the step before.
+#: Tolerance for engines that burn fuel, because JSBSim computes the inertia of the tanks about the
+#: center of gravity of the previous step.
 _BURNING = 1e-6
-#: JSBSim settles for so many seconds.
+#: Seconds in which JSBSim settles.
 _SECONDS = 8
-#: For so long at most with a drawn construct, many of which never settle.
+#: Largest number of seconds for a random construct. Many of these never settle.
 _LONGEST_DRAWN = 20
 
 

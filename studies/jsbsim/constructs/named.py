@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from studies.jsbsim.constructs.jet import SLOTS, coefficient, component, reading, writing
 
-#: Property that is read -> its size.
+#: Property that is read -> its typical magnitude.
 _READ = {
     "forces/fwx-aero-lbs": 1000.0,
     "velocities/v-north-fps": 300.0,
@@ -101,7 +101,7 @@ _READ = {
     "environment/wind": 1.0,
     "my/own": 1.0,
 }
-#: Property that a component writes -> its value.
+#: Property that a component writes -> written value.
 _WRITTEN = {
     "metrics/aero-rp-x-in": 6.0,
     "atmosphere/wind-north-fps": 30.0,
