@@ -189,7 +189,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--seeds", type=int, default=1, metavar="N", help="default: %(default)s")
     parser.add_argument("--algorithms", nargs="+", choices=tuple(BUDGETS), default=tuple(BUDGETS))
-    parser.add_argument("--judge-only", action="store_true", help="fly what is trained; train none")
+    parser.add_argument(
+        "--judge-only", action="store_true", help="simulate trained policies only, without training"
+    )
     arguments = parser.parse_args(argv)
     folder = arguments.o
     runs = runs_of(TASKS, arguments.algorithms, arguments.seeds, folder)

@@ -124,7 +124,7 @@ def _condition(name: str) -> dict[str, float]:
         level = [point["at"] for point in row["points"] if point["kind"] == "level"]
         if row["aircraft"] == name and level:
             return dict(level[0])
-    raise BadInputError(f"{name} has no level trim in {RESULTS.name}")
+    raise BadInputError(f"{name} has no level trim in {RESULTS.name}; name another aircraft")
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:

@@ -64,7 +64,7 @@ def row_of(path: Path) -> Row:
     """
     file = load_printed(path)
     if not file.source:
-        raise BadInputError(f"{path}: source is missing; say which text was opened")
+        raise BadInputError(f"{path}: source is missing; name the publication")
     try:
         verdict = check_printed(path).report().title
     except NoSolutionError as error:

@@ -58,15 +58,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         "-o", type=Path, default=Path("out/section5"), metavar="FOLDER", help="default: %(default)s"
     )
     about = (
-        "where A and B come from: trimmed and linearized here (default), or the paper's four"
-        " decimals"
+        "source of A and B: trimmed and linearized here (default), or printed with four decimals"
     )
     parser.add_argument("--matrices", choices=MATRICES, default=MATRICES[0], help=about)
+    parser.add_argument("--resume", action="store_true", help="reuse finished sections in FOLDER")
     parser.add_argument(
-        "--resume", action="store_true", help="keep the sections that are finished in FOLDER"
-    )
-    parser.add_argument(
-        "--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core"
+        "--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one per core"
     )
     chosen = parser.parse_args(argv)
     sections = SECTIONS if chosen.section == "all" else (chosen.section,)

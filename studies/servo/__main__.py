@@ -48,40 +48,47 @@ def parser() -> argparse.ArgumentParser:
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
 
     fly = commands.add_parser(
-        "fly", help="SimVFA's commands, with the actuators as designed and with its faults"
+        "fly", help="simulate SimVFA's commands with nominal and faulty actuators"
     )
-    fly.add_argument("case", nargs="?", default="all", help="a case, or all")
+    fly.add_argument("case", nargs="?", default="all", help="name of a case; default: all")
     fly.add_argument(
         "-o",
         "--output",
         type=Path,
         required=True,
         metavar="FOLDER",
-        help="a table and a figure a case",
+        help="folder for a table and a figure of each case",
     )
-    fly.add_argument("--resume", action="store_true", help="keep the cases that are finished")
+    fly.add_argument("--resume", action="store_true", help="reuse finished cases")
     fly.add_argument(
-        "--law", action="append", default=[], metavar="NAME", help="this law only; repeatable"
+        "--law",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="simulate only this law; repeatable",
     )
-    about = "fly this controller too (.npz of hfa design); repeatable"
+    about = "additional controller (.npz of hfa design); repeatable"
     fly.add_argument("--controller", action="append", default=[], metavar="FILE", help=about)
     fly.add_argument(
-        "--duration", type=float, metavar="S", help="default: the whole sequence, 1051 s"
+        "--duration",
+        type=float,
+        metavar="S",
+        help="duration; default: 1051 s, the complete sequence",
     )
     fly.set_defaults(run=_fly)
 
     ask = commands.add_parser(
-        "requirements", help="what is asked of a servo and what this one reaches; minutes"
+        "requirements", help="compare a servo with its requirements; takes minutes"
     )
     ask.add_argument(
         "controller",
         nargs="?",
-        help="a controller (.npz of hfa design); the designed servo without one",
+        help="controller (.npz of hfa design); default: the designed servo",
     )
     ask.set_defaults(run=_requirements)
 
     trade = commands.add_parser(
-        "front", help="the gain of A_z between commands with a fault, updrafts and margins"
+        "front", help="compare gains of A_z by tracking with a fault, updrafts and margins"
     )
     trade.set_defaults(run=_front)
 

@@ -95,7 +95,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
     """
     if duration > DURATION:
         raise BadInputError(
-            f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s"
+            f"duration is {duration:g} s, but the commands end after {DURATION:g} s; shorten it"
         )
     actuators = flown_actuators(case.actuator, case.faults)
     return Scenario(

@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     - 2: bad usage or input
     """
     parser = argparse.ArgumentParser("python -m studies.update_law", description=__doc__)
-    about = "the rows whose name contains TEXT; repeatable; default: all"
+    about = "only rows whose name contains TEXT; repeatable; default: all"
     parser.add_argument("--only", action="append", default=[], metavar="TEXT", help=about)
     parser.add_argument(
         "-o",
@@ -45,11 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar="FOLDER",
         help="default: %(default)s",
     )
+    parser.add_argument("--resume", action="store_true", help="reuse finished rows in FOLDER/rows")
     parser.add_argument(
-        "--resume", action="store_true", help="keep the rows that are finished in FOLDER/rows"
-    )
-    parser.add_argument(
-        "--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core"
+        "--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one per core"
     )
     arguments = parser.parse_args(argv)
     names = [

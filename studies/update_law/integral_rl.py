@@ -185,8 +185,8 @@ class IntegralLearning:
         scaled = weights * self.basis.scaling(self.record.scales)
         if self.intervals < self.basis.size:
             raise BadInputError(
-                f"{self.intervals} intervals cannot determine {self.basis.size} weights; record"
-                " more of them"
+                f"{self.intervals} intervals cannot determine {self.basis.size} weights; increase"
+                " intervals"
             )
         refuse_poor(recording.rank(unit_rows(self.record.monomials)), self.basis.size, "the flight")
         return {"weights": scaled, "misfit": np.array(np.inf)}

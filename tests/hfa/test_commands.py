@@ -270,7 +270,7 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
     assert part["output_units"] == ["1", "rad"]
     assert part["output_offsets"] == pytest.approx([1.0, np.radians(15.0)])
     assert "A_band" in whole
-    assert not {"A_band", "printed"} & set(part)  # they are of the whole model
+    assert not {"A_band", "printed"} & set(part)  # only for the complete model
 
 
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
@@ -302,7 +302,7 @@ def test_a_files_wind_is_not_its_games_disturbance() -> None:
     assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
 
 
-# Which aircraft an output is about; test_files.py has that a file has what the JSON has.
+# Aircraft in the provenance. test_files.py compares files with JSON.
 
 
 @pytest.fixture(scope="module")

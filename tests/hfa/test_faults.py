@@ -66,7 +66,7 @@ def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> N
         ("trim --dihedral 15 -o a.json", 0),
         pytest.param("learn --dihedral 15 -o a.npz", 4, marks=pytest.mark.slow),
         pytest.param(PICTURE, 4, marks=pytest.mark.slow),
-        # room for the data, not for the picture
+        # space for the data, but not for the picture
         pytest.param(f"{PICTURE} -o a.json", 24, marks=pytest.mark.slow),
     ],
 )
@@ -89,6 +89,6 @@ def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
 
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """An allocation that fails gives one line and exit code 2."""
-    # A sweep that needs this much memory would fill the machine of the tests.
+    # A real sweep of this size would fill the memory of the test machine.
     monkeypatch.setattr("trim.sweeps.points._settled_together", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")

@@ -46,7 +46,7 @@ def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
     """
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}.{suffix}"
-    with contextlib.chdir(folder):  # an output bears its command: the same words in every folder
+    with contextlib.chdir(folder):  # outputs contain the command
         result = hfa(*COMMANDS[name], "--json", "-o", path.name)
     assert result.code == DONE
     assert [entry.name for entry in folder.iterdir()] == [path.name], (
@@ -103,7 +103,7 @@ def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
     assert words == texts(data)
 
 
-@pytest.mark.parametrize("name", ["full", "trim"])  # of stacked matrices test_conditions.py
+@pytest.mark.parametrize("name", ["full", "trim"])  # test_conditions.py tests stacked matrices
 def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
     """A .mat file contains all keys, numbers and nonempty texts of the JSON data."""
     path, data = written(tmp_path, name, "mat")
@@ -117,7 +117,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream, strict=True))
     assert json.loads(rows[0]["about"])["schema"].startswith("hfa.")
-    # A sweep's columns carry their units in brackets: "A(alpha, speed) [(rad/s)/(ft/s)]".
+    # The columns of a sweep have units in brackets: "A(alpha, speed) [(rad/s)/(ft/s)]".
     return [{name.partition(" [")[0]: cell for name, cell in row.items()} for row in rows]
 
 
@@ -156,7 +156,7 @@ def test_two_runs_write_the_same_bytes(
 ) -> None:
     """Two runs at different times write equal bytes, because files contain no time of writing."""
     first, data = written(tmp_path / "first", name, suffix)
-    # Another day: nothing in a file may tell when it was written.
+    # The second run is on another day. Files must not contain the time of writing.
     monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
     monkeypatch.setattr(time, "time", lambda: 0.0)
     second, again = written(tmp_path / "second", name, suffix)
@@ -178,4 +178,4 @@ def test_a_report_is_written_as_text(name: str, opening: str) -> None:
     assert [path.name for path in Path().iterdir()] == [name]
     text = Path(name).read_text(encoding="utf-8")
     assert opening in text
-    assert "![" not in text  # no picture lies beside it
+    assert "![" not in text  # no picture is written with it

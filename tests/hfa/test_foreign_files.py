@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-#: What writes .csv files; the columns of numbers in it that have no unit.
+#: Commands that write .csv files -> columns of numbers without a unit.
 _ENTRIES = ("half_units", "percent")
 _ERRORS = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
 _LEARNED = ("residual_norm", "law_residual_norm")

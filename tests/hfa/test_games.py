@@ -63,7 +63,7 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     assert list(Path().iterdir()) == []
 
 
-# Plants of the user's own.
+# Plants from users' files.
 
 
 @pytest.mark.parametrize(

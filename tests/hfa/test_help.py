@@ -12,7 +12,7 @@ from project import ROOT
 from hfa.entry_points import commands
 
 NAMES = list(commands())
-#: In an order in which each finds the files of those before.
+#: In this order, each example finds the files written by earlier ones.
 EXAMPLES = sorted(
     (entry.example for entry in commands().values()), key=lambda words: "hfa prove --check" in words
 )

@@ -14,13 +14,13 @@ from hostile import WAYS, attempt, case, said_wrongly, seeds
 from hfa.commands import trim
 from hfa.options.command import Command
 
-#: Warnings are what the command makes of them, as they are for its users.
+#: The command handles warnings as it does for users.
 pytestmark = pytest.mark.filterwarnings("default")
-#: The files that become hostile are of the extensions too.
+#: The corrupted files include files of extensions.
 IN_FILES = needs(
     "hfa_jsbsim", "hfa_networks", "hfa_printed", "hfa_proof", "hfa_servo", "hfa_stores"
 )
-#: Inputs of each way in, and the number of the first of them.
+#: Number of inputs of each kind, and number of the first one.
 INPUTS = int(os.environ.get("HOSTILE_INPUTS", "1"))
 FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 
@@ -50,7 +50,7 @@ def test_the_unchanged_file_is_accepted(way: str) -> None:
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)
     result = hfa(*(way if word == "{}" else word for word in WAYS[way]))
-    assert result.code in (0, 1), result.err  # 1: a controller that is unstable somewhere
+    assert result.code in (0, 1), result.err  # 1: the controller is unstable at some angle
     assert result.out
 
 
@@ -85,7 +85,7 @@ def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str
     """The test harness reports a command that crashes, hangs, writes a wrong file or fails
     silently.
     """
-    # The planted faults of a command, which the judge must see.
+    # Planted faults of a command.
     monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
     assert said in (attempt(["trim", "--dihedral", "5", "-o", "a.json"], {}) or "")

@@ -64,7 +64,7 @@ def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch)
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    # The disk is full between the two files, at no moment that a test can choose.
+    # The disk is full after the first file. A test cannot cause this at the right time.
     monkeypatch.setattr("hfa_support.reporting.data_files.write_text", full)
     result = hfa("linearize", "--dihedral", "15", "--picture", "a.png", "-o", "a.json")
     assert (result.code, result.out) == (BAD_INPUT, "")

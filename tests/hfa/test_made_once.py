@@ -30,7 +30,7 @@ def test_one_trim_makes_one_system_and_one_condition(
     """`hfa trim` builds one TrimSystem and one trim condition."""
     calls: list[str] = []
     begin = _counted(TrimSystem.__init__, calls, "system")
-    # Nothing but a count of the calls shows how often it is made.
+    # Only a count of the calls shows how often it is built.
     monkeypatch.setattr(TrimSystem, "__init__", begin)
     monkeypatch.setattr(trims, "release", _counted(release, calls, "condition"))
     assert answer("trim", *options)["status"] == "trimmed"

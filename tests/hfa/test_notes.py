@@ -92,7 +92,7 @@ def test_a_minutes_work_is_announced_once(
     announced.
     """
     clock = iter(range(0, 1000, 2))
-    # A clock of its own, in place of minutes.
+    # A simulated clock replaces minutes of waiting.
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
     long = ProgressLine("fly")
     short = ProgressLine("fly")
@@ -112,7 +112,7 @@ def test_time_before_the_first_part_is_no_pace(
     After 40 s of preparation, 1,000 parts of 2 s each take half an hour.
     """
     times = iter([0.0, 40.0, 42.0, 44.0])
-    # A clock of its own, in place of minutes.
+    # A simulated clock replaces minutes of waiting.
     monkeypatch.setattr(output.time, "monotonic", lambda: next(times))
     line = ProgressLine("learn")
     line(0.0, 1.0, "choosing samples")

@@ -86,13 +86,13 @@ def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
     assert b"\x1b" not in done.stdout
 
 
-#: Command lines, and the heavy libraries that they and those before them do not import.
+#: Command lines, and heavy packages that they and the preceding ones must not import.
 LIGHT = [
     (["--help", "--version", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
     (["trim --dihedral 15", "trim --dihedral abc"], ["control", "matplotlib", "scipy"]),
     (["solve --dihedral 15", "verify --dihedral 15"], ["control", "matplotlib", "scipy.optimize"]),
 ]
-#: Runs lists of command lines in one process, and prints what is imported after each list.
+#: Program that runs lists of command lines and prints the imported modules after each list.
 IN_TURN = """
 import sys
 from hfa.main import main

@@ -13,8 +13,8 @@ from game_files import small
 
 from hfa.exit_codes import INTERRUPTED, TERMINATED
 
-#: A process that gets a signal while it loads a module, or in a destructor, where Python drops
-#: exceptions.
+#: Program that receives a signal while it imports a module, or in a destructor, where Python
+#: discards exceptions.
 EDGE = """
 import os, signal, sys, time
 from hfa import entry
@@ -37,7 +37,7 @@ sys.exit(entry.main())
     [
         ("hfa.main", "os.kill(os.getpid(), signal.{name})"),
         ("hfa.main", "Signalled()"),
-        ("tomllib", "os.kill(os.getpid(), signal.{name})"),  # hfa_support.files is half loaded
+        ("tomllib", "os.kill(os.getpid(), signal.{name})"),  # hfa_support.files is partly loaded
     ],
 )
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_warnings_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.Monk
         warnings.warn("oneOf is now one_of", DeprecationWarning, stacklevel=1)
         return solve(arguments)
 
-    # Libraries warn as they like; no plant brings all of these warnings.
+    # No plant causes all of these warnings of libraries.
     monkeypatch.setattr(game, "solve", game.solve._replace(run=warning))
     result = hfa("solve", "--model", str(tmp_path / "plant.json"))
     notes = (

@@ -135,7 +135,7 @@ REFUSED = {
         ),
     ],
 }
-#: Package that is needed, command, words, what the error names.
+#: (required package, command, words, text in the error)
 REFUSED_BY_EXTENSIONS = (
     (
         "hfa_servo",

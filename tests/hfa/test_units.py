@@ -139,7 +139,7 @@ def test_the_trim_that_was_printed_can_be_typed() -> None:
     )
     assert english["operating_point"]["states"]["alpha"] == pytest.approx(first["alpha"], rel=1e-9)
     beyond = hfa(*words, "--hold", "altitude=30000")
-    assert beyond.code != 0  # m; feet would be within the limits
+    assert beyond.code != 0  # 30,000 m is beyond the limits; 30,000 ft would not be
 
 
 AT = ("--dihedral", "12")

@@ -154,7 +154,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
     assert refused.err == ""
 
 
-# What a critic costs in flight.
+# The cost of a critic.
 
 
 def test_the_cost_of_a_critic_can_decide(game: Game) -> None:

@@ -19,7 +19,7 @@ import trim
 import verification
 from hfa import BadInputError, NoSolutionError
 
-#: Public functions with arguments that they take; each argument is replaced in turn.
+#: Public functions with valid arguments. Each argument is replaced in turn.
 Calls = dict[str, tuple[Callable[..., Any], dict[str, Any]]]
 
 

@@ -68,7 +68,7 @@ def test_an_archive_beyond_memory_is_refused(
     from controller.game import array_file
 
     np.savez_compressed(tmp_path / "plant.npz", A=np.zeros(1_000_000))
-    # The true limit needs a file of hundreds of megabytes.
+    # The real limit would need a file of hundreds of megabytes.
     monkeypatch.setattr(array_file, "LARGEST", 1 << 20)
     with pytest.raises(BadInputError, match="unpacks to more than 1 MiB"):
         array_file.read_arrays(tmp_path / "plant.npz")

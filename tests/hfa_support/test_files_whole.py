@@ -41,7 +41,7 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
         stream.write(b"half")
         raise KeyboardInterrupt
 
-    # Ctrl-C within a write, at no moment that a test can choose.
+    # Ctrl-C during a write. A test cannot send the signal at this time.
     monkeypatch.setattr(np, "savez", broken)
     with pytest.raises(KeyboardInterrupt):
         save(path, np.zeros(4))
@@ -85,7 +85,7 @@ def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
     around.enter_context(all_or_none(tmp_path / "report"))
     around.enter_context(written_whole(tmp_path / "a.json"))
     assert len(set(tmp_path.iterdir()) - theirs) == 4
-    remove_unfinished()  # as where a signal ends the process
+    remove_unfinished()  # as if a signal ended the process
     assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}
     with pytest.raises(FileNotFoundError):
         around.close()
@@ -126,10 +126,10 @@ def test_a_file_is_registered_before_it_exists(
     def interrupted(path: Any, *arguments: Any, **options: Any) -> int:
         handle = made(path, *arguments, **options)
         assert list(tmp_path.iterdir())
-        remove_unfinished()  # as a signal does at this moment
+        remove_unfinished()  # as a signal would do at this time
         return handle
 
-    # No test can send a signal at this moment.
+    # A test cannot send a signal at this time.
     monkeypatch.setattr(os, "open", interrupted)
     with pytest.raises(FileNotFoundError):
         write_text(tmp_path / "a.json", "1")

@@ -30,7 +30,7 @@ def case() -> FlightCase:
     return FlightCase()
 
 
-# Peers compute the same thing.
+# Peers compute equal results.
 
 
 def largest_difference_of_rates(peer, count: int = 200) -> float:
@@ -103,7 +103,7 @@ def test_c_by_hand_flies_our_flight(
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
     history = c_flight(case, 300)()
     assert history.shape == (301, 31)
-    # Not to rounding: see `difference`.
+    # The difference is larger than rounding, see `difference`.
     assert (difference(case.fly(False, 300), history) < 1e-6) == (factor == 1.0)
 
 
@@ -179,7 +179,7 @@ def test_every_job_runs_and_quick_runs_store_nothing(
     capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every benchmark runs with --quick, and no result is stored."""
-    # The results that are stored must not be written by a test.
+    # A test must not overwrite the stored results.
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
     printed = capsys.readouterr().out
@@ -187,7 +187,7 @@ def test_every_job_runs_and_quick_runs_store_nothing(
         assert words in printed
 
 
-# What is stored, and what docs/scaling.md and benchmarks/README.md show of it.
+# Stored results, and their tables in docs/scaling.md and benchmarks/README.md.
 
 
 def not_shown(document: str, data: dict) -> list[str]:

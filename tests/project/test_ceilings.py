@@ -18,11 +18,11 @@ from known_models import exact_gain
 from project import FOLDERS, ROOT
 
 _LAYOUT = (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
-#: Tokens of the project's own modules that a command loads.
+#: Command -> largest number of tokens of the project's modules that it loads.
 LOADED = {"trim --dihedral 10": 48_000, "verify --dihedral 15 --weights K.npz": 75_000}
-#: Tokens of all packages of the core.
+#: Largest number of tokens of the core's packages.
 CORE = 150_000
-#: Tokens of the core's tests without those of studies.
+#: Largest number of tokens of the core's tests, without tests of studies.
 TESTS = 150_000
 _LIST = """
 import contextlib, io, json, sys

@@ -10,7 +10,8 @@ import numpy as np
 from project import FOLDERS
 from scipy.sparse.csgraph import connected_components
 
-#: Circles of files; lower it with each one that goes, and do not raise it.
+#: Largest number of groups with circular imports. Lower it when one is removed, and do not raise
+#: it.
 CIRCLES = 6
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from project import FOLDERS, ROOT
 
-#: Spelled in two halves, so that this file does not mention it.
+#: Written in parts, so that this file does not contain the paths.
 WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
 
 

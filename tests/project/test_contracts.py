@@ -16,7 +16,7 @@ from project import FOLDERS, ROOT, SETTINGS
 CONTRACTS = SETTINGS["importlinter"]["contracts"]
 PACKAGES = {*FOLDERS, "studies"}
 EXTENSIONS = {name for name, folder in FOLDERS.items() if "extensions" in folder.parts}
-#: File -> an import that a contract forbids there.
+#: File -> import that a contract forbids in it.
 BREACHES = {
     "trim/point/newton.py": "trim.sweeps.sweep",
     "trim/linear/mode.py": "trim.point.operating_point",
@@ -38,7 +38,7 @@ BREACHES = {
     "extensions/region/hfa_region/check/checker.py": "hfa_region.search.region",
     "extensions/boxes/hfa_boxes/check/checker.py": "hfa_networks.files.network",
     "extensions/stores/hfa_stores/workers.py": "hfa_model.choice",
-    # What another module imports learns; a package that no contract names.
+    # A learner that another module imports, and a package that no contract names.
     "extensions/boxes/hfa_boxes/results.py": "hfa.options.games",
     "extensions/policy/hfa_policy/equilibrium.py": "hfa_flight.options",
     "extensions/boxes/hfa_boxes/enclosure/taylor.py": "hfa_rigid.motion",

@@ -13,7 +13,7 @@ from project import ROOT
 CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
 TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdict.py")
 
-#: Command lines, and a program that prints the exit code and the output of each.
+#: Command lines, and a program that prints the exit code and output of each.
 LINES = (
     "--help",
     "trim --help",

@@ -40,7 +40,7 @@ from project import FOLDERS, PACKAGES, ROOT
 
 from hfa.entry_points import commands
 
-#: The lines at the end of an output that name where it comes from; a document need not show them.
+#: Provenance at the end of an output, which a document may omit.
 SOURCE = re.compile(
     r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M
 )
@@ -65,7 +65,7 @@ def complaints(document: str, *, name: str = "document", slow: bool = False) -> 
         for wrong in _wrong(before, block, after, namespace, name)
         if wrong
     ]
-    namespace.clear()  # functions hold it: a file left open in it would warn in whichever test runs later
+    namespace.clear()  # closes open files before a later test
     return found
 
 
@@ -90,7 +90,7 @@ def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str
     out = io.StringIO()
     try:
         with contextlib.redirect_stdout(out):
-            # Blank lines before the code: a traceback then shows the document's own line numbers.
+            # Blank lines before the code give a traceback the line numbers of the document.
             exec(
                 compile(
                     block.text.rjust(len(block.text) + block.line - 1, "\n"),
@@ -138,7 +138,7 @@ def _study(module: str, words: list[str]) -> Result:
 
 PICTURES = ROOT / "docs" / "pictures"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-#: The commands of the other page need its package: `test_entry_points.py` runs them.
+#: `test_entry_points.py` runs the commands of the other page, which need its package.
 RUN_HERE = [path for path in DOCUMENTS if path != PAGE]
 
 
@@ -257,8 +257,8 @@ def test_every_public_name_is_in_an_example() -> None:
     assert len(names) > 70
 
 
-#: Examples that print nothing by themselves: aircraft (tests/trim/test_own_models.py), a training
-#: script (extensions/reasons/tests/test_diagnosis.py).
+#: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script
+#: (extensions/reasons/tests/test_diagnosis.py).
 SILENT = ("f16", "f16_constant", "gtm", "navion", "pendulum", "train_a_network")
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in SILENT]
 
@@ -314,7 +314,7 @@ def test_examples_of_public_names_print_what_they_show() -> None:
     ] == []
 
 
-# The judge itself.
+# The check itself.
 
 SOUND = """
 ```python

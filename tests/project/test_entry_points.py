@@ -45,7 +45,8 @@ def run(site: Path, folder: Path, *words: str) -> Result:
     return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
 
 
-#: Runs commands one after the other: loading the packages once takes most of the time of each.
+#: Program that runs commands one after the other, because importing the packages takes most of the
+#: time.
 IN_TURN = """
 import contextlib, io, json, sys
 from hfa.main import main
@@ -77,14 +78,14 @@ def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
     return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
 
 
-#: The commands of docs/extending.md, each with its exit code and output.
+#: Commands in docs/extending.md, each with its exit code and output.
 OF_THE_PAGE = [
     found
     for block in blocks_of(PAGE.read_text("utf-8"))
     if block.language == "console"
     for found in COMMAND.finditer(block.text)
 ]
-#: Further commands on the aircraft of that page, and on files beside it.
+#: Further commands for the aircraft of that page and for other files.
 OTHERS = (
     "hfa trim --aircraft trainer.pm --at 55 --json",
     "hfa --help",
@@ -197,7 +198,7 @@ def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
     assert trimmed.code == 0
 
 
-#: Loads every command where the packages of the extras are missing.
+#: Program that loads every command without the packages of the extras.
 WITHOUT_EXTRAS = """
 import sys
 for name in "cvxpy distributed flint gymnasium jsbsim onnx plotly pyulog xarray zarr".split():

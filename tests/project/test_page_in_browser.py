@@ -17,11 +17,11 @@ from project import ROOT
 
 from hfa.main import DONE
 
-#: A name that would be a program if it were not escaped, in HTML and in the data of a script.
+#: A file name that would run as a script if it were not escaped.
 NAME = "<script>document.title=1<img src=x onerror=document.title=2>.toml"
 AT = "12.5"
 
-#: None that sends the plot to somebody.
+#: Buttons of a plot. None sends the plot to a server.
 BUTTONS = [
     "Zoom in",
     "Zoom out",
@@ -39,7 +39,7 @@ _ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) tab
 _DRAWN = (
     "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
 )
-#: The greatest distance (px) of a mark from where the ticks of its axis have its value.
+#: Largest distance in px between a mark and its value on the axis.
 _OFF_AXIS = """return Math.max(...[...document.querySelectorAll('.plot')].map((box) => {
     const middle = (drawn) => {
       const { top, bottom } = drawn.getBoundingClientRect();
@@ -55,7 +55,7 @@ _OFF_AXIS = """return Math.max(...[...document.querySelectorAll('.plot')].map((b
     return Math.max(...marks.map((mark) =>
       Math.abs(middle(mark) - middle(first) - slope * (mark.__data__.y - value(first)))));
   }))"""
-#: Where the column of verdicts ends (px), of what its table shows without being scrolled.
+#: Right edge of the column of verdicts in px, as far as it is visible without scrolling.
 _VERDICTS_RIGHT = """const table = document.querySelector('.first table');
     return table.getBoundingClientRect().right > table.parentElement.getBoundingClientRect().right + 1
       ? Infinity : table.getBoundingClientRect().right"""
@@ -171,7 +171,7 @@ def test_the_page_in_a_browser(
                 seen_at(driver, width)
                 assert settles(driver, f"document.documentElement.scrollWidth <= {width}"), width
         with subtests.test("prints to A4"):
-            seen_at(driver, 688, medium="print")  # 182 mm between the margins
+            seen_at(driver, 688, medium="print")  # paper width of 182 mm between the margins
             wide = "return [...document.querySelectorAll('table')].filter((t) => t.offsetParent)"
             assert (
                 max(driver.execute_script(f"{wide}.map((t) => t.getBoundingClientRect().right)"))
@@ -207,4 +207,4 @@ def compare_with_the_command(driver: Any) -> None:
     texts = driver.execute_script(_TEXTS)
     for name in ("outer_lift", "center_lift"):
         assert f"{loads[name]:.1f} lbf" in texts
-    assert f"{loads['hinge_moment']:.1f}ft lbf" in texts  # two lines
+    assert f"{loads['hinge_moment']:.1f}ft lbf" in texts  # the text has two lines

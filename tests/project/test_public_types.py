@@ -15,9 +15,9 @@ from project import FOLDERS
 import hfa
 
 SCRIPT = (Path(__file__).parents[1] / "support" / "user_script.py").read_text("utf-8")
-#: Folders on the path of a user.
+#: Folders in a user's import path.
 FOLDERS_ABOVE = {folder.parent for folder in FOLDERS.values()}
-#: Lines that a type checker must refuse, each alone at the end of the script.
+#: Lines that a type checker must report, at the end of the script.
 WRONG = (
     "text: str = linear.A",
     "hfa.solve_game(model)",
@@ -25,7 +25,7 @@ WRONG = (
     "hfa.from_derivatives(3)",
     "point.states = 1",
 )
-#: Numbers of the wrong lines.
+#: Line numbers of the wrong lines.
 AT_END = [str(SCRIPT.count("\n") + 1 + place) for place in range(len(WRONG))]
 
 

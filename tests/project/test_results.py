@@ -20,7 +20,7 @@ import trim
 import verification
 from hfa_flight.gain_schedule import GainSchedule
 
-#: Result -> a line that its report has at the prompt.
+#: Result -> a line of its report.
 SHOWN = {
     "Model": "<Model published dynamics: 7 states, 5 inputs, ",
     "ParameterSet": "parameter",
@@ -41,9 +41,9 @@ SHOWN = {
     "GainPolicy": "identity: K an array of shape (5, 6)",
     "Scenario": "gust: OneMinusCosine(length=100.0, peak=3.0, speed=68.0, begin=0.0)",
 }
-#: Those without a table: all their fields are said in a line.
+#: Results without a table, whose fields are printed in lines.
 IN_LINES = ("GainPolicy", "Scenario")
-#: Those that hold arrays, compared value by value.
+#: Results with arrays, which are compared value by value.
 COMPARED = {
     "Game",
     "ParameterSet",

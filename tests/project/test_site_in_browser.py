@@ -11,8 +11,8 @@ from chromium import browser, seen_at
 from project import ROOT
 
 WIDTHS = (1000, 1400, 1920)
-#: The first words of each code box and table that is wider than the place it has, and whether the
-#: page is wider than the window.
+#: Script that returns the first words of each code box and table that is wider than its space, and
+#: whether the page is wider than the window.
 _CUT = """const boxes = 'article pre, article table, article .table, article .table-wrapper';
   const cut = [...document.querySelectorAll(boxes)]
     .filter((box) => box.scrollWidth > box.clientWidth)

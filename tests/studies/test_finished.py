@@ -35,7 +35,7 @@ def test_part_is_read_where_nothing_decides_it_differs(
         path.write_text(text, encoding="utf-8")
         assert finished(path, DECIDES) is None
     path.write_text(whole, encoding="utf-8")
-    # Another version of the product.
+    # Another version of the program.
     monkeypatch.setattr(module, "VERSION", "0.0.1")
     assert finished(path, DECIDES) is None
     assert finished(path.with_name("none.json"), DECIDES) is None

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-#: No window, no network, nothing kept from another start.
+#: No window, no network and no data from earlier runs.
 FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *(

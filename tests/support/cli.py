@@ -23,10 +23,10 @@ from hfa.main import BAD_INPUT, DONE, main
 
 try:
     from hfa_formats.formats import formats
-except ModuleNotFoundError:  # the core alone publishes no schema
+except ModuleNotFoundError:  # without extensions there is no schema
     formats = None
 
-#: The console script beside the interpreter that runs the tests.
+#: Console script of the Python environment that runs the tests.
 SCRIPT = Path(sys.executable).with_name("hfa")
 
 
@@ -147,7 +147,7 @@ def assert_refused(result: Result, code: int, *named: str) -> None:
         assert word in result.err
 
 
-#: What was validated in this process: the format and the keys. Numbers alone make no new shape.
+#: Validated outputs of this process: format and keys. Other numbers need no new validation.
 _SEEN: set[tuple[str, ...]] = set()
 
 

@@ -21,17 +21,17 @@ from scipy.linalg import matrix_balance
 from hfa import BadInputError
 
 KINDS = ("bits", "order", "units", "turn")
-#: Matrices with a row a state, and with a column a state, in the state y = T z: T M and M T⁻¹.
+#: Matrices with a row for each state, T M, and with a column for each state, M T⁻¹, if y = T z.
 OF_ROWS = {"A", "A_low", "B", "E", "B1", "B2"}
 OF_COLUMNS = {"A", "A_low", "C1", "C2", "K", "L"}
-#: Weights of states: T⁻ᵀ M T⁻¹; cross weights of states and inputs: T⁻ᵀ M.
+#: Weights of states, T⁻ᵀ M T⁻¹, and cross weights of states and inputs, T⁻ᵀ M.
 WEIGHTS = {"Q", "P"}
 CROSS_WEIGHTS = {"N"}
-#: Symmetric matrices stay so.
+#: Matrices that stay symmetric.
 SYMMETRIC = {"Q", "P", "R"}
-#: Units of states differ by up to this power of two.
+#: Largest power of two by which the units of states differ.
 LARGEST_POWER = 12
-#: A copy is drawn again up to so often where rounding makes it no problem of its kind.
+#: Largest number of attempts, because rounding may make Q indefinite.
 MOST_DRAWS = 20
 
 
@@ -61,7 +61,7 @@ def copies(
             change = _change(kind, A, rng)
             try:
                 copy = _copy(problem, change, rng)
-            except BadInputError:  # rounding has made a semidefinite Q indefinite
+            except BadInputError:  # rounding made a semidefinite Q indefinite
                 continue
             break
         matrices = {

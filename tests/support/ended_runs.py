@@ -119,7 +119,7 @@ def result_of(folder: Path) -> dict[str, Any]:
     files.
     """
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    # What a kill may leave.
+    # Files that may remain after SIGKILL.
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
     folders = {"temporary", "session"}
     files = [path for path in files if path not in killed and not {*path.parts} & folders]
@@ -151,7 +151,7 @@ def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals)
     return ended
 
 
-#: Runs of each command that are ended three times, once by each signal: 51 moments.
+#: Number of runs, each ended three times, once by each signal.
 RUNS = 17
 
 

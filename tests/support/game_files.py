@@ -10,11 +10,11 @@ import numpy as np
 from scipy.io import savemat
 
 AT_15 = ("--dihedral", "15")
-#: A certified run of a tenth of a second.
+#: Options for a certified run that takes a tenth of a second.
 QUICK = ("--set", "tick=0.1")
 LABELS = {"plant", "states", "inputs", "state_units", "input_units", "delta"}
 HISTORY = {"times", "weights", "residual_norm", "law_residual_norm"}
-#: Two states, one input, of another size than the aircraft.
+#: A plant with two states and one input.
 SMALL: dict[str, Any] = {
     "A": [[-0.2, 1.0], [-2.0, -0.3]],
     "B": [[0.0], [1.0]],

@@ -27,10 +27,10 @@ from hfa.main import filled
 from hfa.options.parser import Parser
 from hfa_model import choice
 
-#: Seconds of the processor that a command may take, unless it announces that it takes long.
+#: Largest processor time of a command in s, unless it announces a long run.
 LONGEST = 10.0
 _LONGEST_LINE = 1200
-#: Command lines that take longer when they are asked for nothing special.
+#: Commands that take longer with default options.
 _LONG = (("prove", "models"), ("prove", "schedule"))
 
 _AT = ("--dihedral", "15")
@@ -52,7 +52,7 @@ altitude = 1000.0
 [limits]
 elevator_center_deg = [-30, 30]
 """
-#: Command lines that are short to run.
+#: Command lines that run quickly.
 LINES = (
     "trim --dihedral 15 --free speed --hold throttle=40 --limit alpha=-5:15 -o a.json",
     "linearize --dihedral 5 --states alpha,pitch --outputs speed --json",
@@ -81,10 +81,10 @@ LINES = (
     "report --dihedral 5",
 )
 SUFFIXES = (".json", ".npz", ".mat")
-#: Of the sweep whose store is continued.
+#: Options of the sweep whose store is resumed.
 STORED = ("--dihedral", "0:20:10", "--hold", "alpha=1:2:0.5")
 _NETWORK = ("verify", "--model", "plant.json", "--weights", "{}", "--network", "V=")
-#: Way in -> a command; "{}" in it is the file of that name, which becomes hostile.
+#: Kind of input -> command. "{}" is replaced by the corrupted file of this name.
 WAYS: dict[str, tuple[str, ...]] = {
     "command line": (),
     "parameters.toml": ("trim", *_AT, "--parameters", "{}"),

@@ -111,7 +111,7 @@ WORDS = (
     "x" * 5000,
 )
 _TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
-#: What an array becomes.
+#: Values that replace the entries of an array.
 _FILLED = (np.nan, np.inf, 1j, 1e308, 1e-320, 0.0, True, "1.5", "\x1b[31m" * 300)
 _TYPES: tuple[Any, ...] = ("M8[D]", [("x", "f8")], ">f8", "f2", "S1")
 _ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (

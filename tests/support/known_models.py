@@ -17,7 +17,7 @@ from hfa.paper import level_model, published_game
 from hfa_model import load_parameters
 from hfa_model.atmosphere import density
 
-#: Density of SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is 1.6e-5 of it more.
+#: Density in SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is larger by 1.6e-5 of it.
 _RELEASED_DENSITY = 5.872675956988981e-4
 
 

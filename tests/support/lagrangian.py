@@ -74,8 +74,7 @@ def euler_lagrange(
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
     bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
-    # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR
-    # loses.
+    # The inertia is symmetric and positive definite. L D L' is more accurate than a symbolic QR.
     acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
 
@@ -152,8 +151,7 @@ def _generalized_force(
     p: Parameters,
     winds: Winds,
 ) -> ca.SX:
-    # The drag law takes the speed of the aircraft, that is of the common center of mass, through a
-    # panel's air.
+    # The drag depends on the speed of the common center of mass relative to the air at a panel.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
     force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
     controls = ((u.aileron_center, u.elevator_center), *((u.aileron_outer, u.elevator_outer),) * 2)

@@ -17,7 +17,7 @@ from controller.learning.bellman_equations import StackEquations
 from hfa import Game
 
 QUADRATIC = basis("quadratic", 6)
-#: Of the six states: ft/s and rad.
+#: Typical magnitudes of the six states, ft/s, rad and rad/s.
 _SIZES = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 PUBLISHED = tuple(game_models())
 

@@ -22,7 +22,7 @@ def trimmed(
     model: Model, hold: dict[str, float] | None = None, rates: dict[str, float] | None = None
 ) -> OperatingPoint:
     usual = usual_condition(model)
-    # The pull-up takes more than full throttle in the book.
+    # In the book, the pull-up requires more than full throttle.
     condition = release(
         usual, hold=hold, limits={"throttle": (0.0, 1.1), "power": (0.0, 120.0)} if rates else {}
     )

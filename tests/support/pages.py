@@ -7,7 +7,7 @@ import re
 from typing import NamedTuple
 
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
-#: A command, its exit code, and what it prints.
+#: Groups: a command, its exit code, and its output.
 COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
 
 

@@ -40,7 +40,7 @@ def other_root(game: Game) -> np.ndarray:
     real = min((i for i in stable if abs(values[i].imag) < 1e-9), key=lambda i: values[i].real)
     chosen = [int(np.argmin(np.abs(values + values[real]))) if i == real else i for i in stable]
     P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
-    for _ in range(3):  # to rounding
+    for _ in range(3):  # refines P to rounding errors
         P = (P + P.T) / 2
         P = P + solve_continuous_lyapunov((game.A - game.S @ P).T, -game.residual(P))
     return (P + P.T) / 2

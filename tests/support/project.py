@@ -8,17 +8,17 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 _PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SETTINGS = _PYPROJECT["tool"]
-#: The commands of the extensions, "prove" for all of `hfa prove`.
+#: Commands of the extensions, for example "prove" for all of `hfa prove`.
 COMMANDS_OF_EXTENSIONS = {
     name.partition(".")[0] for name in _PYPROJECT["project"]["entry-points"]["hfa.commands"]
 }
-#: Package -> its folder, of the core and of the extensions; mypy checks studies and benchmarks too.
+#: Package -> folder, for the core and the extensions. mypy also checks studies and benchmarks.
 FOLDERS = {
     name: next(path for path in (ROOT / name, *ROOT.glob(f"extensions/*/{name}")) if path.is_dir())
     for name in SETTINGS["mypy"]["packages"]
     if name not in ("studies", "benchmarks")
 }
-#: Those with a stub of public names.
+#: Packages with a stub of public names.
 PACKAGES = tuple(name for name, folder in FOLDERS.items() if (folder / "__init__.pyi").exists())
 
 

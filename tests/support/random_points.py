@@ -16,7 +16,7 @@ from hfa_model.vectors import INPUT_SIGNALS, STATE_SIGNALS, Quantity
 
 STATE_SCALES = State(*(s.nominal for s in STATE_SIGNALS))
 INPUT_SCALES = Input(*(s.nominal for s in INPUT_SIGNALS))
-#: One scaled unit of each rate.
+#: Scale of each state derivative.
 RATE_SCALES = State(*map(hfa.aircraft().rate_scale, hfa.aircraft().states))
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)

@@ -16,10 +16,10 @@ import numpy as np
 from hfa import Game
 
 DIGITS = 60
-#: Carried beyond the digits that are asked for.
+#: Number of guard digits.
 GUARD = 30
-#: Newton's iteration needs 10 to 20 steps, and one more for each halving of the distance to the
-#: imaginary axis.
+#: Newton's iteration needs 10 to 20 steps, and one more for each halving of the distance between
+#: the eigenvalues and the imaginary axis.
 MAX_STEPS = 80
 
 
@@ -94,8 +94,7 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
         settled = largest(following - Z) < Decimal(10) ** -DIGITS * largest(following)
         Z = following
         if settled:
-            # With eigenvalues on the axis Z may cancel to its rounding, and settle on the sign of
-            # that.
+            # If eigenvalues are on the axis, Z may converge to the sign of rounding errors.
             apart = largest(Z @ H - H @ Z) / (largest(Z) * largest(H))
             return Z if apart < Decimal(10) ** -(DIGITS // 2) else None
     return None

@@ -24,7 +24,7 @@ def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[s
     )
 
 
-#: Where HOME is: a line of sh before the command.
+#: Kind of fault -> shell command that sets HOME.
 NO_HOME = {
     "unset": "unset HOME XDG_CACHE_HOME",
     "missing": 'export HOME="$PWD/nowhere"; unset XDG_CACHE_HOME',

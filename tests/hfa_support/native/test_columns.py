@@ -58,7 +58,7 @@ def test_every_operation_has_the_same_bits() -> None:
         np.testing.assert_array_equal(found, wanted)
         numbers = ~np.isnan(wanted)
         np.testing.assert_array_equal(np.signbit(found)[numbers], np.signbit(wanted)[numbers])
-    # Few rows of a Function that is called often.
+    # A few rows, after many calls of the Function.
     few = [table[:20] for table in tables]
     np.testing.assert_array_equal(rows(*few)[0], expected[0][:20])
 

@@ -35,11 +35,12 @@ def without_home(patched: pytest.MonkeyPatch) -> None:
         raise RuntimeError("Could not determine home directory.")
 
     patched.delenv("XDG_CACHE_HOME")
-    # The user of the tests has a home.
+    # The user who runs the tests has a home folder.
     patched.setattr(Path, "home", nowhere)
 
 
-#: Name -> what a compiler does that ends well, or where else it fails, and the words of the note.
+#: Fault -> (script of the compiler that succeeds, or function that plants another fault, text of
+#: the note).
 _BROKEN = {
     "nothing": ("", "[Errno 2]"),
     "exit code": ("exit 1", "returned non-zero exit status 1"),
@@ -50,7 +51,7 @@ _BROKEN = {
     ),
     "no home": (without_home, "Could not determine home directory."),
     "another user": (
-        # The tests have one user.
+        # Only one user runs the tests.
         lambda patched: patched.setattr(generated.os, "geteuid", lambda: -1),
         "belongs to another user",
     ),
@@ -76,7 +77,7 @@ def test_a_broken_compiler_is_noted_and_replaced(
         f'#!/bin/sh\nwhile [ $# -gt 0 ]; do [ "$1" = -o ] && o="$2"; shift; done\n{script}\n'
     )
     compiler.chmod(0o755)
-    # The compiler is found once in a process.
+    # The compiler is searched for once per process.
     monkeypatch.setattr(
         generated, "c_compiler", lambda: None if broken == "no compiler" else str(compiler)
     )
@@ -116,7 +117,7 @@ def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
     generated.machine_code(function)
     (library,) = cache.rglob("*.so")
     content = library.read_bytes()
-    library.unlink()  # it is loaded
+    library.unlink()  # the library is loaded in this process
     flipped = content[:5000] + bytes([content[5000] ^ 1]) + content[5001:]
     library.write_bytes({"cut": content[:1000], "flipped": flipped}[damage])
     assert float(generated.machine_code(function)(2.0)) == 8.0
@@ -128,7 +129,7 @@ def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
 def test_the_cache_is_closed_to_others(cache: Path) -> None:
     """The cache folder and its libraries are accessible only to their owner."""
     cache.mkdir(mode=0o777, parents=True)
-    before = os.umask(0)  # the compiler would let everybody write
+    before = os.umask(0)  # with this mask, the compiler would create files that everyone can write
     try:
         generated.machine_code(cube())
     finally:

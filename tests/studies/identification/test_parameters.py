@@ -23,7 +23,7 @@ MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
     ("B", row, column) for row in MOVED for column in INPUTS
 ]
-#: Every third; the others in `make test-all`.
+#: Every third case. The other cases run in `make test-all`.
 THIRD = [
     each if k % 3 == 2 else pytest.param(each, marks=pytest.mark.slow)
     for k, each in enumerate(ENTRIES)
@@ -84,7 +84,7 @@ def test_all_rough_starts_fit_print_well_rounding_allows(
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
-    # None of the rough guesses is the answer.
+    # The rough guess is not near the solution.
     guess = np.array(list(ROUGH.values()))
     answer = np.array([getattr(best.parameters.values, n) for n in IDENTIFIED])
     assert np.median(np.abs(guess / answer - 1)) > 0.1
@@ -118,13 +118,13 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
         found = fit(printed(truth), Published())
         assert found.largest < 2.0
         rows.append(errors_in_standard_errors(found, truth))
-        # The measure can fail: one percent on any constant is many standard errors.
+        # The test can fail: 1 % of any constant is many standard errors.
         wrong = Parameters(*(1.01 * np.array(truth)).tolist())
         assert np.abs(errors_in_standard_errors(found, wrong)).min() > 5.0
     deviations = np.array(rows)
     assert np.abs(deviations).max() < 5.0
-    # 1 on average; the mean of 20 squares of nearly uniform errors scatters by about 0.2. Standard
-    # errors too small by a factor of sqrt(2) would show as 2.
+    # The mean is about 1. The mean of 20 squares of nearly uniform errors scatters by about 0.2. If
+    # the standard errors were too small by a factor of sqrt(2), it would be 2.
     squares = (deviations**2).mean(axis=0)
     assert np.all((squares > 0.4) & (squares < 1.6)), dict(
         zip(IDENTIFIED, squares.round(2).tolist(), strict=True)
@@ -144,7 +144,7 @@ def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     )
     found = fit(changed(*matrix_row_column), Published(), noise=near)
     if matrix_row_column == ("A", "speed", "pitch"):
-        # Printed to one decimal: a hundredth is within its rounding.
+        # The entry is printed with one decimal, so 0.01 is within its rounding.
         assert found.sum_of_squares < 1.5 * found.expected_sum
     else:
         assert found.sum_of_squares > 5 * found.expected_sum
@@ -231,7 +231,8 @@ def test_expected_sum_is_what_drawn_rounding_errors_leave(
     fitted, _ = np.linalg.qr(derivatives.reshape(70, -1))
     sums = ((flat - flat @ fitted @ fitted.T) ** 2).sum(axis=1)
     found = identified[0]
-    # The mean of 20000 sums scatters by 0.016; counting the five numbers twice would give 18.33.
+    # The mean of 20000 sums scatters by 0.016. Counting the five equal numbers twice would give
+    # 18.33.
     assert found.expected_sum == pytest.approx(sums.mean(), abs=0.08)
     assert found.expected_sum == pytest.approx(17.89, abs=0.005)
 
@@ -244,7 +245,7 @@ def test_one_angle_determines_all_but_one_combination() -> None:
     """
     for known, unknown in itertools.permutations(published_models()):
         fitted = fit([known], Published())
-        # Known to 1 %: the singular value s leaves a standard error 1/(s √3).
+        # Known to 1 %: a singular value s gives the standard error 1/(s √3).
         assert np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100) == len(IDENTIFIED) - 1
         model = regenerate(hfa.aircraft(parameters=fitted.parameters.values), unknown)
         computed = np.hstack([model.A, model.B])
@@ -277,7 +278,7 @@ RELEASED = {
     "hinge_stiffness": 4900.0,
     "hinge_damping": 2e5 * 0.707,
 }
-#: Density of the released simulation at 40,000 ft, of that of `hfa_model.atmosphere`.
+#: Density of the released simulation at 40,000 ft, relative to `hfa_model.atmosphere`.
 THIN = 1 - 16.14e-6
 
 

@@ -26,7 +26,7 @@ def test_it_writes_the_committed_parameters(
     assert run_alone(identification, "python -m studies.identification", words) == 0
     text = capsys.readouterr().out
     data = json.loads(text)
-    # Not the same bits: another processor rounds the linear algebra in another order.
+    # The results are not bit-identical, because rounding differs between processors.
     found = load_parameters("mine.TOML")
     committed = default_parameters()
     assert found.sources == committed.sources

@@ -40,7 +40,7 @@ STORED: dict[str, Any] = json.loads(
     (ROOT / "studies/section5/results/claims.json").read_text(encoding="utf-8")
 )
 DOCUMENT = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
-#: A row of the table of numbers: what, the claim, and a number for each law.
+#: Row of the table of numbers: description, claim, and a number for each law.
 ROW = re.compile(r"^\|[^|]*\| (?:claim|5\.\d-\d+) \|.*\|$", re.M)
 
 
@@ -114,7 +114,7 @@ def test_the_results_come_out_again(tmp_path: Path) -> None:
             )
 
 
-# What is measured.
+# Measures.
 
 _NONE = np.zeros((1, 6))
 EMPTY = Evidence(make_setting(section5_configuration()), "5.3", {})
@@ -176,7 +176,7 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     """
     group = "5 deg" if "to" in said else "every uncertainty"
     evidence = evidence_of(*TABLES)
-    if "to" in said:  # of the flight without uncertainty to that with the noise
+    if "to" in said:  # ratio of the flight without uncertainty to the flight with noise
         noisy = recorded(FlightPlan(5.0, EXACT, noise=True), {"rms_error": {"a": 1.0, "b": 3.0}})
         evidence = replace(evidence, flown={**evidence.flown, noisy.plan: noisy})
         said = said | {"to": "noise"}
@@ -193,7 +193,7 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
         ("<= 2.01", np.inf, "", CONFIRMED),
         ("<= 1.99", np.inf, "", NOT_CONFIRMED),
         ("<= 2.01", np.inf, "a limit", NOT_DECIDABLE),
-        ("> bounded", 0.5, "", NOT_CONFIRMED),  # a law that lost the aircraft confirms nothing
+        ("> bounded", 0.5, "", NOT_CONFIRMED),  # a lost flight confirms no claim
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
@@ -267,7 +267,7 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
     """
     brief = {"flight": {"step": 1e-3, "duration": 1.0}, "learning": {"predefined_time": [0.5] * 4}}
     brief["criteria"] = {"late": [0.5, 1.0], "short_adjustment": 0.5}  # type: ignore[dict-item]
-    # The true section takes minutes.
+    # The real section takes minutes.
     monkeypatch.setattr(section5, "section5_configuration", lambda: section5_configuration(brief))
     words = ["5.4", "--workers", "1", "-o", str(tmp_path)]
     assert section5.main(words) == 0
@@ -283,7 +283,7 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
     def refuse(*_: object) -> None:
         raise AssertionError("a finished section is run again")
 
-    # Nothing but the call shows that the section is run again.
+    # Only the call shows whether the section is simulated again.
     monkeypatch.setattr(section5, "run_section", refuse)
     assert section5.main([*words, "--resume"]) == 0
     again = json.loads((tmp_path / "claims.json").read_text())

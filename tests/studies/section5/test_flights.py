@@ -39,9 +39,9 @@ from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import TRACKED
 from studies.update_law.integral_rl import baseline_gain
 
-#: Ten times the paper's step: the gains are smooth, and a flight takes a second.
+#: Ten times the paper's step, which is sufficient for smooth gains. A flight takes a second.
 COARSE: dict[str, Any] = {"flight": {"step": 1e-3}}
-#: A second of flight with the paper's step, which the published law needs.
+#: A flight of one second with the paper's step, which the published law requires.
 BRIEF: dict[str, Any] = {
     "flight": {"duration": 1.0},
     "learning": {"predefined_time": [0.5] * 4},

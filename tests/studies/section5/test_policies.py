@@ -136,7 +136,7 @@ def test_another_law_is_seen() -> None:
     for other in others:
         assert (
             np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()
-        )  # the agreement above is 1e-12
+        )  # the agreement in the test above is 1e-12
 
 
 def test_forcing_is_the_rate_that_a_reference_adds() -> None:

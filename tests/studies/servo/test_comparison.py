@@ -53,7 +53,7 @@ def test_a_case_is_flown_kept_and_resumed(
     """
 
     def run(*words: str, code: int = 0) -> str:
-        # The words of the command are read from there.
+        # The program reads its command line from there.
         monkeypatch.setattr(sys, "argv", ["studies.servo", *words])
         assert main() == code
         return "".join(capsys.readouterr())
@@ -101,7 +101,7 @@ def test_a_case_is_flown_kept_and_resumed(
 
 
 STORED = json.loads((FOLDER / "results" / "comparison.json").read_bytes())["cases"]
-#: Every stored flight as a line of a table.
+#: Table row of every stored flight.
 STORED_ROWS = [
     f"| {case['case']} | {' | '.join(row)} |" for case in STORED for row in rows_of(case)
 ]
@@ -116,8 +116,8 @@ def test_the_findings_have_stored_results() -> None:
     assert len(shown) >= 15
 
 
-#: rms error of dihedral, deg, and of A_z, ft/s²: of SimVFA's own simulation, as a port of it states
-#: them.
+#: rms errors of the dihedral angle, deg, and of A_z, ft/s², in SimVFA's simulation, from a port of
+#: it.
 THEIRS = {
     ("order-1", "simvfa-1"): (0.380, 0.065),
     ("order-1", "simvfa-1 adaptive"): (0.379, 0.065),
@@ -141,7 +141,7 @@ def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model,
     for law, angle, acceleration, _, outcome in rows_of(found):
         figures = (
             f"{angle} | {acceleration}" if outcome == "held" else angle
-        )  # rounding decides how a lost one ends
+        )  # the end of a lost flight depends on rounding
         assert any(row.startswith(f"| {case} | {law} | {figures} | ") for row in STORED_ROWS)
         assert (flights[law].lost_at is None) == (outcome == "held")
 

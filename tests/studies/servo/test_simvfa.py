@@ -51,8 +51,8 @@ def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, o
         powers = [np.linalg.matrix_power(found.A, k) @ found.squared_up for k in range(order + 1)]
         B1 = sum(a * each for a, each in zip(ALPHAS[order], powers, strict=True))
         np.testing.assert_allclose(found.squared_up[:, :2], found.B)
-        # The third input has the relative degree of the others: no output moves before derivative
-        # `order`.
+        # The third input has the same relative degree as the others: no output responds before
+        # derivative `order`.
         for k in range(order):
             moved = found.C @ np.linalg.matrix_power(found.A, k) @ found.squared_up
             assert np.abs(moved).max() < 1e-8 * np.linalg.norm(found.C @ powers[-1])
@@ -98,7 +98,8 @@ def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) ->
 MEASURED = np.array([0.3, -0.2, 0.5])
 R = np.array([0.1, 0.4])
 R_RATE = np.array([7.0, 7.0])
-#: Tables at 0.1 and 0.3 rad; the flight begins at 0.15 and is at 0.2 rad, the mean of both.
+#: Breakpoints at 0.1 and 0.3 rad. The trim is at 0.15 rad, and the flight is at 0.2 rad, the mean
+#: of both.
 _ANGLES = np.array([0.1, 0.3])
 _BEGUN = 0.15
 _RISEN = 0.05
@@ -153,7 +154,7 @@ def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np
     ]
 
 
-#: Memory in its order: integrals, x_m, v̄, x̄, Λ̂, Ψ1, Ψ2, ē, Ψm; matrices column by column.
+#: Shapes of the memory: integrals, x_m, v̄, x̄, Λ̂, Ψ1, Ψ2, ē, Ψm; matrices are stored by columns.
 SHAPES_2 = ((2, 1), (10, 1), (2, 1), (8, 1), (2, 2), (6, 2), (8, 2), (3, 1), (3, 3))
 
 
@@ -209,8 +210,8 @@ def tuner(rows: int, columns: int) -> tuple[tuple[int, int], ...]:
     return ((rows, columns),) * 3
 
 
-#: Memory in its order: integrals, x_m; ē of two filters, Ψ4, Ψ5; ε, Ψ1; ε̄1, Λ̂2, ε̄12, Ψ6; x̄, Ψ2,
-#: Ψ3, v̄, Λ̂.
+#: Shapes of the memory: integrals, x_m; ē of two filters, Ψ4, Ψ5; ε, Ψ1; ε̄1, Λ̂2, ε̄12, Ψ6; x̄,
+#: Ψ2, Ψ3, v̄, Λ̂.
 SHAPES_3 = (
     *((2, 1), (12, 1)),
     *(*((3, 1),) * 4, *tuner(3, 3), *tuner(3, 3)),
@@ -284,7 +285,7 @@ def by_equations_3(
 
     bar = filtered(R_inverse @ mixed, take(2))
     state = take(2)
-    kept, rates[4:] = rates[4:], []  # ē12 is moved by Ψ4, whose regressor it is in
+    kept, rates[4:] = rates[4:], []  # ē12 is driven by Ψ4 and is part of its regressor
     psi_4 = tuned(1000.0, high(bar)[0] + A2 * state[0], mixed, take(3))
     of_4, rates[4:] = rates[4:], kept
     moved = product(psi_4, high(bar))[1]

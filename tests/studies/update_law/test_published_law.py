@@ -28,7 +28,7 @@ from studies.update_law.published_law import (
     update_direction,
 )
 
-#: What the law needs to learn alone: implicit steps in scaled coordinates.
+#: Settings with which the law converges without flight: implicit steps in scaled coordinates.
 ALONE: dict[str, Any] = {
     "basis": "quadratic",
     "coordinates": "scaled",
@@ -145,7 +145,7 @@ def test_explicit_steps_stable_below_limit_and_not_above() -> None:
 
     assert growth(0.99 * limit) < 1.0
     assert growth(1.01 * limit) > 1.0
-    # The slower the law, the longer the step, without end.
+    # The step limit is inversely proportional to the rate of the law.
     assert explicit_step_limit(sample, 1e-6 * gamma, a1, a2, eta) == pytest.approx(1e6 * limit)
     at_rest = Sample(sample.regressors, np.zeros(9))
     assert explicit_step_limit(at_rest, gamma, a1, a2, eta) < 1e-200

@@ -20,8 +20,7 @@ STORED = json.loads(
 )
 COMMITTED: dict[str, dict[str, Any]] = {row["name"]: row for row in STORED["rows"]}
 FROZEN = "learning alone, frozen, implicit"
-#: An unstable flight learns along: what it ends at hangs on rounding, whether it overflows does
-#: not.
+#: Rows with an unstable flight. Their final values depend on rounding, but their overflow does not.
 CHAOTIC = ("gains by hand, raw, W(0) = 100", "gains by hand, scaled, W(0) = 100")
 
 
@@ -29,7 +28,8 @@ def assert_same_outcome(found: dict[str, Any], stored: dict[str, Any]) -> None:
     for run, other in zip(found["runs"], stored["runs"], strict=True):
         assert bool(run["overflow"]) == bool(other["overflow"])
         for name in ("lambda_0", "alpha1", "alpha2", "explicit_step_limit"):
-            # λ₀ of a poor stack is of the order of rounding, and all four follow from it.
+            # λ₀ of nearly dependent samples is of the order of rounding, and determines all four
+            # numbers.
             if run["lambda_0"] > 1e-12:
                 assert run[name] == pytest.approx(other[name], rel=1e-2)
         if by_rounding(run) or by_rounding(other):
@@ -54,7 +54,7 @@ def test_the_stored_table_is_todays_and_whole() -> None:
             for weights in (
                 "initial_weights",
                 "recorded_weights",
-            ):  # another processor rounds them in another way
+            ):  # rounding differs between processors
                 np.testing.assert_allclose(stored[weights], today[weights], rtol=1e-9)
             assert stored | {
                 weights: 0.0 for weights in stored if "weights" in weights

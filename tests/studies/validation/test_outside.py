@@ -94,9 +94,7 @@ def test_half_units_of_printed_and_exact_entries(
     entries = {entry.name: entry for entry in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
     assert entries["A(alpha, speed)"].half_unit == pytest.approx(0.0005)
-    assert (
-        "B(speed, elevator_center)" not in entries
-    )  # what is printed there belongs to another input
+    assert "B(speed, elevator_center)" not in entries  # this printed entry belongs to another input
     exact = "A(pitch, pitch_rate)"  # printed 1
     assert entries[exact].half_units == 0.0
     A = model.A.copy()
@@ -116,7 +114,7 @@ def test_the_simulations_values_pass_in_its_air() -> None:
         32.17405,
         1716.55,
         20_926_476.0,
-    )  # ft/s^2, ft^2/(s^2 degR), ft, as the simulation has them
+    )  # ft/s^2, ft^2/(s^2 degR), ft; values of the simulation
     height = radius * 40_000.0 / (radius + 40_000.0)
     tropopause = (
         2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
@@ -134,7 +132,7 @@ def test_the_simulations_values_pass_in_its_air() -> None:
     )
 
 
-#: Some of where the released simulation flies at 30 ft/s, deg.
+#: Some dihedral angles of the released simulation at 30 ft/s, deg.
 ANGLES = (0, 15, 30, 45)
 
 
@@ -195,7 +193,8 @@ def test_cos_squared_fits_the_print_and_fails_outside(
     assert values["gibson_fig_7_fast_root"] == pytest.approx(0.4976, abs=2e-3)
     assert values["third_printed_model_half_units"] == pytest.approx(3.0, abs=0.1)
     assert set(values) >= {"eigenvalue_64_ft_s", "eigenvalue_68_ft_s"}
-    # The same at each trim: only the dihedral-rate row knows d3, and at 45 deg it is off by 0.505.
+    # The models differ only in the dihedral-rate row, which contains d3. At 45 deg it differs by
+    # 0.505.
     farthest = max(released_trims(), key=lambda each: each.dihedral)
     difference = np.abs(
         model_at(published_aircraft, farthest).A - model_at(other_aircraft, farthest).A
@@ -245,6 +244,6 @@ def test_inertia_is_off_at_one_angle_is_seen(
     class Compiled(Published):
         """The published dynamics, compiled again with the changed pitch acceleration."""
 
-    # The planted fault: another inertia, which no parameter gives at one angle alone.
+    # The planted fault: another inertia at one angle, which no parameter causes.
     monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)
     assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Compiled(), parameters)))
