@@ -190,7 +190,7 @@ def references() -> tuple[Reference, ...]:
         start = learn(lqr, tick=0.1)
         if not (exact.settled and start.settled):
             raise NoSolutionError(
-                f"learning does not settle at {model.dihedral_deg:g} deg; run hfa learn for the reason"
+                f"learning does not settle at {model.dihedral_deg:g} deg; run hfa learn for details"
             )
         found.append(Reference(model.dihedral_deg, game, exact, tuple(start.weights[-1].tolist())))
     return tuple(found)

@@ -164,7 +164,7 @@ class Validation(Checked, Reported):
         ]
         return Report(
             title=(
-                f"Comparison with the outside, {self.dynamics} dynamics:"
+                f"Comparison with external data, {self.dynamics} dynamics:"
                 f" {'PASS' if self.ok else 'FAIL'}"
             ),
             parts=(
