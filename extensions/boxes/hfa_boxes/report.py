@@ -156,8 +156,9 @@ def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
 
 
 def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
-    """Return tables and text of the policy's coefficients, () if the statement stores only a
-    digest.
+    """Return tables and text of the policy's coefficients.
+
+    The result is () if the statement stores only a digest.
     """
     if not isinstance(statement.policy, Gain):
         return ()

@@ -52,9 +52,8 @@ def _square(low: int, high: int, diagonal: list[float]) -> Content:
 def circle(smallest: float) -> Content:
     """Return a forged certificate that x² + y² <= 3 converges to 0 for the oscillator.
 
-    smallest: factor of smallest |y|², the multiplier of V <= 3. Its terms of degree 4 are positive.
-    Its
-        terms of degree 2 are within the rounding error of V' = 0 in rotated coordinates.
+    smallest: factor in smallest |y|², the multiplier of V <= 3. Its terms of degree 4 are positive.
+        Its terms of degree 2 are within the rounding error of V' = 0 in rotated coordinates.
     """
     inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
         "multipliers": {"outside": _square(0, 0, [1.0001])}

@@ -164,7 +164,7 @@ def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> No
 
 
 def test_region_of_attraction_is_not_proved_by_edge(certificate: Path, model: Model) -> None:
-    """A proof of V' < 0 on V = rho only is refused for a loop without disturbances.
+    """Evidence for V' < 0 where V = rho is refused for a loop without disturbances.
 
     It does not prove convergence.
     """

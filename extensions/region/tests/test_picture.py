@@ -1,4 +1,4 @@
-"""The content of the picture of a region."""
+"""Content of the figure of a region."""
 
 from __future__ import annotations
 

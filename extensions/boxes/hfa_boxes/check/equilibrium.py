@@ -24,9 +24,7 @@ _DOUBLINGS = 30
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Enclosure of an equilibrium: exactly one equilibrium differs from x (n,) by at most radius
-    (n,).
-    """
+    """Enclosure of an equilibrium: x (n,) ± radius (n,) contains exactly one."""
 
     x: np.ndarray
     radius: np.ndarray

@@ -15,10 +15,10 @@ _CHANGE = 1e-5
 
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
-    """Return a sentence on the largest kink of the rates at the equilibrium, or "" if there is
-    none.
+    """Return a sentence on the largest kink of the rates at the equilibrium, or "".
 
-    It names the rate and the signal in which its slope jumps, and the value of the signal.
+    It names the rate, the signal in which the slope of the rate jumps, and the value of the signal.
+    It is "" if there is no kink.
 
     program: states, or states and inputs -> rates of the states
     """

@@ -71,8 +71,7 @@ def check_motion(
 def check_positive(form: TaylorModel, turn: arb_mat) -> None:
     """Raise Rejected unless every symmetric matrix of the form is proved positive definite.
 
-    turn: (n, n), coordinates in which this is tested; the errors of the parameters are small in
-    them
+    turn: (n, n), coordinates for the test, in which errors of the parameters are small
     """
     turned = form.map(lambda part: turn.transpose() * part * turn)
     if not all(is_positive_definite(corner) for corner in turned.corners()):

@@ -312,16 +312,17 @@ Actuators = FixedActuators | UncertainActuators
 
 @dataclass(frozen=True, eq=False)
 class ScheduleStatement:
-    """Claim about the loop of a flight, a controller and optional actuators, at every scheduling
-    value.
+    """Claim about the loop of a flight, a controller and optional actuators.
+
+    It covers every scheduling value of the flight.
 
     loop: unstable modes of the loop, as runs from `low` to `high` without gaps; a run from 0 to all
         modes claims nothing
     modes: unstable modes of the aircraft alone, as runs in the same form
     decay_rate: 1/s; in runs of the loop without unstable modes, Re λ < -decay_rate for every
         eigenvalue λ; 0 if there is no such run
-    scheduled_rate: largest rate of the scheduling value, per s, at which the loop stays stable; or
-    None
+    scheduled_rate: largest rate of the scheduling value, per s, at which the loop is stable; or
+        None
     """
 
     flight: Flight

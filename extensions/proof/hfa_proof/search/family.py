@@ -69,9 +69,8 @@ def bisected(
     A box is halved if `prove` returns None, or raises Undecided or Rejected. A box no wider than
     `narrowest` is not halved and is yielded with None.
 
-    start: boxes up to this value are skipped. Boxes that contain it are halved without a trial, so
-    that
-        a resumed proof has the same boxes as an uninterrupted one.
+    start: boxes up to this value are skipped. Boxes that contain it are halved without a trial.
+        A resumed proof therefore has the same boxes as an uninterrupted one.
     """
     waiting = list(boxes)[::-1]
     while waiting:

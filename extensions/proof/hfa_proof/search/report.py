@@ -329,9 +329,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
-    """Return a clause on whether a closed loop is proved Hurwitz, proved not Hurwitz, or open
-    (None).
-    """
+    """Return a clause on a closed loop: proved Hurwitz, proved not Hurwitz, or open for None."""
     if closed_loop is None:
         return "open: a mode may lie on the axis"
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"

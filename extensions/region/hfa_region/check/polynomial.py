@@ -53,9 +53,7 @@ def _weight(key: Key) -> fmpq:
 class Polynomial:
     """Polynomial Σ c_α y^α with balls as coefficients.
 
-    parts: parts[k] maps keys to the coefficients of degree k; coefficients that are exactly 0 may
-    be
-        omitted
+    parts: parts[k] maps keys to the coefficients of degree k; zero coefficients may be omitted
     """
 
     def __init__(self, parts: list[dict[Key, arb]]) -> None:

@@ -159,9 +159,8 @@ class Squares:
     ) -> Solution | None:
         """Return the optimal unknowns, or None if the solver finds no solution.
 
-        margin: fixed margin of the Gram matrices; the cost is then minimized with the relative
-        tolerance
-            `_NEAR`. By default the margin is maximized.
+        margin: fixed margin of the Gram matrices; the cost is then minimized to the relative
+            tolerance `_NEAR`. By default the margin is maximized.
         seconds: longest processor time
         enough: a margin that suffices; if it cannot be reached, the present margin is returned
         """
