@@ -70,7 +70,11 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line: the claim, the parts not compared, and the effects not covered."""
+    """Return the first line: the claim, the parts not compared, and the effects not covered.
+
+    verdict: first words of the line
+    not_given: parts of the statement that were not compared
+    """
     claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
     return first_line(claim, not_given, _NOT_COVERED)
 

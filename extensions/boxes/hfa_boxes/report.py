@@ -110,7 +110,12 @@ def checked_report(
 def _title(
     statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
-    """Return the first line: the claim, the parts not compared, and the effects not covered."""
+    """Return the first line: the claim, the parts not compared, and the effects not covered.
+
+    verdict: first words of the line
+    not_covered: effects that the proof neglects
+    not_given: parts of the statement that were not compared
+    """
     claim = f"{verdict}: region of attraction of {statement.loop.model.title}"
     return first_line(claim, not_given, not_covered)
 

@@ -45,7 +45,7 @@ PENDULUM = Model(
 
 
 def cart_bound(coefficient: float) -> CostStatement:
-    """Return the claim W = k y² for x' = u with Q = R = 1, where the least cost is y²."""
+    """Return the claim W = coefficient y² for x' = u with Q = R = 1, where the least cost is y²."""
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     piece = Piece(ONE, Polynomial(1, ((coefficient, (2,)),)), 0.5)
     return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))

@@ -93,7 +93,10 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
 
 
 def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of numbers by name, each with its own tolerance."""
+    """Return a comparison of numbers by name.
+
+    widths: name -> largest difference
+    """
 
     def same(stated: Any, own: Any) -> bool:
         return set(stated) == set(own) and all(
@@ -159,6 +162,8 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
     """Return a claim followed by the subjects that the user did not give.
 
     If the line would exceed 100 columns, the subjects are on a second line.
+
+    not_given: names of the subjects
     """
     names = list(not_given)
     if not names:
@@ -173,6 +178,9 @@ def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
     """Return a claim, the subjects that the user did not give, and the effects not covered.
 
     The effects are on a new line if the line would exceed 100 columns.
+
+    not_given: names of the subjects
+    not_covered: names of the effects
     """
     line = qualified(claim, not_given)
     whole = f"{line}, without {not_covered}"

@@ -132,6 +132,8 @@ def _cut(
     0.
 
     A coordinate is nan if V does not reach the level on its ray.
+
+    T: z = T y, with the set in the unit ball of y
     """
     rays = _rays(T, i, j, _RAYS)
     shares = V.edge(rays, level)
@@ -142,6 +144,8 @@ def _cut(
 def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
     """Return rays (count, n) in the plane of deviations i and j, twice as long as the set's
     extents.
+
+    T: z = T y, with the set in the unit ball of y
     """
     angles = np.linspace(0.0, 2.0 * np.pi, count)
     rays = np.zeros((count, len(T)))

@@ -134,7 +134,11 @@ _WITHOUT = "sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line: the claim, the parts not compared, and the effects not covered."""
+    """Return the first line: the claim, the parts not compared, and the effects not covered.
+
+    verdict: first words of the line
+    not_given: parts of the statement that were not compared
+    """
     title = statement.loop.model.title
     if statement.loop.disturbances:
         claim = f"{verdict}: invariant set of {title} under disturbances"

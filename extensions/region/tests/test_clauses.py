@@ -106,6 +106,8 @@ def _end(side: str) -> Content:
     """Return evidence that 1.735 ± SCALE y_1 > 0 for V <= 3.
 
     It is 0.87 times 1 - V/3, plus a square form.
+
+    side: "low" for the plus sign, "high" for the minus sign
     """
     gram = np.diag([1.735 - 0.87, 0.87 * SCALE**2 / 3.0, 0.87 * SCALE**2 / 3.0])
     gram[0, 1] = gram[1, 0] = (SCALE if side == "low" else -SCALE) / 2.0

@@ -20,7 +20,11 @@ ROOT = Path(__file__).parents[3]
 
 
 def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
-    """Prove a region by the command, and return its verified statement and its JSON data."""
+    """Prove a region by the command, and return its verified statement and its JSON data.
+
+    aircraft: argument of --aircraft
+    words: further arguments
+    """
     printed = proved(path, aircraft, "--json", *words)
     statement = check_certificate(path, model=load_model(aircraft)).statement
     return statement, json.loads(printed)

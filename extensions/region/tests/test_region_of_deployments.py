@@ -18,9 +18,9 @@ PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", 
 
 
 def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]:
-    """Return the options for a deployment file with the policy u = -1.98 angle + gain rate.
+    """Return the options for a deployment file with the policy u = -1.98 angle + gain observed.
 
-    observed: name of the observed rate
+    observed: name of the second observation
     """
     timing = "[timing]\ndt = 0.02\ndelay = 0.04\n"
     path = pendulum_card(folder, timing, observed=observed, gain=gain)

@@ -248,8 +248,9 @@ class CostInequality(OnPiece):
             raise RefutedError("the set meets a face of the cube", in_set[0])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
-        """Return Taylor models of y, z, v and the equilibrium error on boxes: coefficients and
-        radii.
+        """Return Taylor models of the symbols on boxes, as coefficients and radii.
+
+        The inputs v have their guessed values and slopes.
         """
         linear, radius = self.symbols_on(boxes)
         linear[self._of_inputs, 0] = guess.value.T

@@ -190,15 +190,15 @@ class _Reader:
         )
 
     def _maximum(self, first: Row, last: Row) -> Row:
-        """Return max(a, b) as b + max(a - b, 0)."""
+        """Return the row of max(first, last) = last + max(first - last, 0)."""
         return _plus(last, self._relu(_plus(first, last, -_ONE)))
 
     def _minimum(self, first: Row, last: Row) -> Row:
-        """Return min(a, b) as b - max(b - a, 0)."""
+        """Return the row of min(first, last) = last - max(last - first, 0)."""
         return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
 
     def _absolute(self, first: Row, _: Row) -> Row:
-        """Return |t| as 2 max(t, 0) - t."""
+        """Return the row of |first| = 2 max(first, 0) - first."""
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
@@ -238,9 +238,10 @@ class _Reader:
         return self._quotient(self._node("sin", first), self._node("cos", first))
 
     def _angle(self, first: Row, last: Row) -> Row:
-        """Return the row of atan2(b, a) = 2 atan(b / (sqrt(a² + b²) + a)).
+        """Return the row of atan2(first, last) = 2 atan(first / (sqrt(first² + last²) + last)).
 
-        It is undefined for b = 0 and a <= 0. Raises BadInputError if b is the constant 0.
+        It is undefined for first = 0 and last <= 0. Raises BadInputError if first is the constant
+        0.
         """
         if not first:
             raise BadInputError(
@@ -251,12 +252,12 @@ class _Reader:
         return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))
 
     def _arcsine(self, first: Row, _: Row) -> Row:
-        """Return asin t as atan(t / sqrt(1 - t²)), for |t| < 1."""
+        """Return the row of asin t = atan(t / sqrt(1 - t²)), with t = first and |t| < 1."""
         below = self._node("sqrt", _plus({0: _ONE}, self._product(first, first), -_ONE))
         return self._node("atan", self._quotient(first, below))
 
     def _less(self, first: Row, last: Row) -> Row:
-        """Return the row of a < b: 1 for a < b, 0 for a > b.
+        """Return the row of the step that is 1 for first < last and 0 for first > last.
 
         Where the two may be equal, it is enclosed by [0, 1].
         """
@@ -266,11 +267,11 @@ class _Reader:
         return _plus({0: _ONE}, first, -_ONE)
 
     def _less_one(self, first: Row, _: Row) -> Row:
-        """Return exp(t) - 1."""
+        """Return the row of exp(first) - 1."""
         return _plus(self._node("exp", first), {0: _ONE}, -_ONE)
 
     def _of_one_more(self, first: Row, _: Row) -> Row:
-        """Return log(1 + t)."""
+        """Return the row of log(1 + first)."""
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
@@ -320,7 +321,7 @@ _SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
 
 
 def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
-    """Return a + factor b."""
+    """Return the row a + factor b."""
     total = dict(a)
     if not factor:
         return total

@@ -67,7 +67,10 @@ def between(low: np.ndarray, high: np.ndarray) -> Intervals:
 
 
 def jacobian(program: Program, box: Intervals) -> Jacobian:
-    """Return enclosures of the outputs and of their Jacobian over a box of the inputs."""
+    """Return enclosures of the outputs of a program and of their Jacobian over a box.
+
+    box: (inputs,), intervals of the inputs
+    """
     n = program.inputs
     with np.errstate(all="ignore"):
         values = Intervals(np.append(1.0, box.middle), np.append(0.0, box.radius))

@@ -287,9 +287,11 @@ class CostSearch:
         raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(fit.M)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
-        """Return the fit of a level and its first polynomial.
+        """Return the fit of level c and its first polynomial.
 
         The sampled set is enlarged until the linear program has a solution.
+
+        wanted: flights at which W is to be large
         """
 
         def tell(programs: int) -> None:

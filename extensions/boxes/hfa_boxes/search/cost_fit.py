@@ -316,6 +316,7 @@ class Fit:
 
         Return whether W was below 1.01 c at any of them.
 
+        count: number of points on faces
         every: whether rows are added at all points or only where W < 1.01 c
         """
         inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))

@@ -169,6 +169,9 @@ class RegionSearch:
         """Prove the set of a V, scaled by a rising share of its length.
 
         If the first share is not proved, it is halved until one is proved.
+
+        growth: V with its linear programs
+        origin: description of V
         """
         share = _RISING[0]
         while not self._is_proved(growth, share, origin, _OF_FIRST):
@@ -256,6 +259,9 @@ class RegionSearch:
 
     def _prove(self, shape: Shape, origin: str) -> None:
         """Prove a set and keep it if it is the largest so far.
+
+        shape: V, whose set of level 1 is proved
+        origin: description of V
 
         Raises Rejected or OutOfTimeError if it is not proved.
         """

@@ -25,12 +25,14 @@ def imitation(
 ) -> Path:
     """Write the state dict of a network u(z) near -K z for |z_i| <= reach_i, and return its path.
 
-    The network has u(0) = 0.
+    The network has u(0) = 0. Its hidden weights are random, and its last layer is fitted.
 
     path: .npz
     K: (m, n)
     reach: (n,)
     hidden: widths of the hidden layers
+    activation: name of the activation function
+    seed: of the random weights
     """
     generator = np.random.default_rng(seed)
     act = ACTIVATIONS[activation]

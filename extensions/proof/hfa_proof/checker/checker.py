@@ -308,6 +308,10 @@ def interpolation_errors(
 
     The errors are |X - X̂| / |X| for X = A, B and K (Frobenius norm), and |U - Û| for the trim
     inputs U in nominal values. X̂ and Û are interpolated.
+
+    tables: models at breakpoints
+    linear: linear model on the box
+    exact: solution of the game on the box
     """
     model = tables.flight.model
     nominal = np.array([model.signals[name].nominal for name in model.inputs])

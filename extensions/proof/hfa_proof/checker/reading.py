@@ -36,7 +36,11 @@ class Rejected(NoSolutionError):
 
 
 def require(holds: bool, where: str, value: Any = None) -> None:
-    """Raise Malformed, with the name of the entry and its value, unless the condition is true."""
+    """Raise Malformed unless the condition is true.
+
+    where: name of the entry, with the defect if it is not obvious
+    value: the entry, which the message shows
+    """
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
         raise Malformed(f"invalid entry: {where}{shown_value}")
@@ -225,6 +229,10 @@ def rows_of(terms: Terms) -> list[list[Any]]:
 
 def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
     """Return a nested list with `leaf` applied to each number.
+
+    where: name of the entry, for messages
+    shape: length of each level of lists, or None for any length
+    leaf: (where, number) -> value
 
     Raises Malformed if the list has another shape.
     """

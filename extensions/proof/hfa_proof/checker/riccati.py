@@ -166,7 +166,10 @@ def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tu
 def critic_distances(
     critic: Mapping[str, np.ndarray], exact: Solution
 ) -> dict[str, tuple[arb, arb]]:
-    """Return name -> bounds of |X - X*| / |X*| for each part X = K, P or W of the critic."""
+    """Return name -> bounds of |X - X*| / |X*| for each part X = K, P or W of the critic.
+
+    exact: the exact solution X*
+    """
     targets = {"K": exact.K, "P": exact.P}
     if "W" in critic:
         targets["W"] = TaylorModel(weights_of_basis(exact.P.range(), len(critic["W"])))

@@ -141,10 +141,10 @@ def _shares(
 
 
 def _lyapunov_candidate(A: np.ndarray, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield H of (A + a I)'H + H (A + a I) = -I, and its eigenvectors.
+    """Yield H of (A + a I)'H + H (A + a I) = -I with a = rate, and its eigenvectors.
 
-    Nothing is yielded if two eigenvalues are nearly mirror images in the line, so that the equation
-    is nearly singular.
+    Nothing is yielded if two eigenvalues are nearly mirror images in the line Re λ = -a, so that
+    the equation is nearly singular.
     """
     from scipy.linalg import solve_continuous_lyapunov
 

@@ -110,6 +110,10 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
     """Return the matrix of the form in (ζ, d, e) that must be positive definite.
 
     The form is -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q - z'X_2 z.
+
+    rates: (n, n + 2 a), ζ'
+    rows: (2 a, n + 2 a), q and z
+    X: (2 a,), diagonals of X_1 and X_2
     """
     n, size = rates.shape
     growth = np.eye(size)[:, :n] @ H @ rates

@@ -28,6 +28,9 @@ def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
 
     The points are random in a box of states, inputs and parameters. Their rates are computed with
     200 bits.
+
+    radius: half-widths of the box, relative to the values plus 0.01
+    points: number of points
     """
     random = np.random.default_rng(seed)
     rates = BallFunction(rates_function(VARIANTS[dynamics]))

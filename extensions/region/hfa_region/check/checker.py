@@ -152,6 +152,8 @@ def _check_deviation(
 
     index: index of the state
     ends: lowest and highest deviation
+    evidence: for the lowest and the highest deviation
+    inside: constraints of the set
     """
     name = loop.statement.loop.states[index]
     deviation = loop.deviation(index)

@@ -270,7 +270,11 @@ class RegionLoop:
     def _run(
         self, part: Mapping[str, str], disturbances: Sequence[arb]
     ) -> tuple[list[Taylor], list[Taylor]]:
-        """Return Taylor polynomials of the rates and of the limited outputs on the unit ball."""
+        """Return Taylor polynomials of the rates and of the limited outputs on the unit ball.
+
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`
+        disturbances: ball of each disturbance
+        """
         x = [
             self._taylor(Polynomial.constant(at) + self.deviation(i))
             for i, at in enumerate(self.equilibrium.x)

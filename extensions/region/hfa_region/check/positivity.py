@@ -129,6 +129,9 @@ def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -
     """Raise Rejected unless residual = m'Q̃ m for a positive definite Q̃ near Q.
 
     A term of the residual that is no product of two monomials of m must be exactly 0.
+
+    what: name of the claim, for messages
+    main: m and Q
     """
     keys = monomials(variables, main.low, main.high)
     size = len(keys)

@@ -288,7 +288,11 @@ class _Search:
         return max(length_Q, length_Z) > _SHORTEST_STEP
 
     def _direct(self, factors: object, product: float, *, corrected: bool) -> np.ndarray:
-        """Compute the steps of all unknowns toward Q Z = product I, and return the step of f."""
+        """Compute the steps of all unknowns toward Q Z = product I, and return the step of f.
+
+        factors: Cholesky factors of the reduced matrix for the step of f
+        corrected: whether to include the second-order term of the last step
+        """
         side = -self._slope
         for part in self.parts:
             side = side + part.aim(product, corrected=corrected)

@@ -233,7 +233,7 @@ def _falls(
 
 
 def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
-    """Return the proof of the largest level of a V that passes the check, or None."""
+    """Return the proof of the largest level of a candidate that passes the check, or None."""
     n = len(candidate.T)
     degree = candidate.V.degree
     setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)
@@ -260,7 +260,7 @@ def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
 def _at(
     loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
 ) -> ProvedLevel | None:
-    """Return the proof of a share of the sampled level, or None if it is not proved."""
+    """Return the proof of a share of a candidate's sampled level, or None if it is not proved."""
     rho = share * candidate.level
     held = holding_ball(candidate.V, rho, candidate.T)
     if held is None:

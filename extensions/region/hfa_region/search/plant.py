@@ -231,6 +231,7 @@ def first_rise(
 def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """Return the lowest factor of each ray (N, n) at which V' >= 0 is found, or inf, (N,).
 
+    slope: z (N, n) -> gradients (N, n) of V
     radii: increasing factors that are tried; the result is refined by bisection
     """
     count, n = rays.shape
@@ -251,7 +252,10 @@ def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) ->
 
 
 def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
-    """Return the mask of the points at which V' >= 0 or V' is not a number."""
+    """Return the mask of the points at which V' >= 0 or V' is not a number.
+
+    slope: z (N, n) -> gradients (N, n) of V
+    """
     with np.errstate(all="ignore"):
         falls = np.sum(slope(points) * plant.rates(points), axis=1) < 0.0
     return ~falls

@@ -244,6 +244,9 @@ class RegionSearch:
         """Prove the largest level of V up to rho, and return the size of its set, or 0.
 
         The level is kept if its set is the largest so far.
+
+        origin: description of V
+        setting: degrees and order
         """
         self._tell(f"proving {origin}")
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)

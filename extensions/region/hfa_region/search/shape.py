@@ -55,7 +55,11 @@ class _Step:
         self.theta = self.problem.free(len(keys))
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
-        """Return the next V in z, scaled to level 1, or None if the problem is not solved."""
+        """Return the next V in z, scaled to level 1, or None if the problem is not solved.
+
+        rows: (k, n), gradients of the limited signals
+        room: (k, 2), lowest and highest deviation of each
+        """
         proofs = self.search.proofs
         if proofs is None:
             return None
@@ -107,7 +111,10 @@ class _Step:
             problem.subtract(identity, *degrees, limit)
 
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return packed keys (k,) and coefficients (n, k) of y' = T⁻¹ z' below a degree."""
+        """Return packed keys (k,) and coefficients (n, k) of the polynomials y' = T⁻¹ z' on a part.
+
+        highest: degree below which terms are kept
+        """
         polynomials = [Terms.of(rate.polynomial) for rate in self.search.ball.rates(part)]
         keys = np.unique(np.concatenate([terms.keys for terms in polynomials]))
         keys = keys[_degrees(keys) < highest]

@@ -40,7 +40,11 @@ def model() -> Model:
 
 
 def proved(path: Path, aircraft: str, *words: str) -> str:
-    """Prove a region by the command, write its certificate to `path`, and return the output."""
+    """Prove a region by the command, write its certificate to `path`, and return the output.
+
+    aircraft: argument of --aircraft
+    words: further arguments
+    """
     command = ["prove", "region", "--aircraft", aircraft, "-q", "-o", str(path), *words]
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         assert main(command) == 0
