@@ -34,9 +34,7 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """Return the public names in the stub of a package, ordered by `users`, the largest count
-    first.
-    """
+    """Return the public names in the stub of a package, ordered by decreasing `users`."""
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]

@@ -226,9 +226,7 @@ def weights(x, first, last, count):
     knots = np.linspace(first, last, count)
 
     def basis(at):
-        """Return the basis functions at this point: 1, the distance from `first`, and a ramp for
-        each inner knot.
-        """
+        """Return the basis functions 1, at - first, and a ramp that begins at each inner knot."""
         ramps = [ca.fmax(0, at - knot) for knot in knots[1:-1]]
         return ca.vertcat(1.0, at - first, *ramps)
 

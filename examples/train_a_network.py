@@ -119,8 +119,9 @@ def fit(
 
 
 def initial_values(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    """Return random normal weights of variance 1/fan-in. For a single column (a bias), return
-    zeros.
+    """Return random normal weights of variance 1/fan-in.
+
+    For a single column (a bias), return zeros.
     """
     if shape[1] == 1:
         return np.zeros(shape)

@@ -36,8 +36,9 @@ class CommandEntry(NamedTuple):
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
-        """Import the command and return it. Raises BadInputError if the object is not a
-        `Command`.
+        """Import the command and return it.
+
+        Raises BadInputError if the object is not a `Command`.
         """
         module, _, name = self.command.partition(":")
         from hfa.options.command import Command

@@ -154,9 +154,7 @@ def _run(words: list[str], find: Find) -> int:
 
 
 def _refuse_small_address_space() -> None:
-    """Raise BadInputError if the memory limit of this process is below `_ADDRESS_SPACE`
-    megabytes.
-    """
+    """Raise BadInputError if the memory limit is below `_ADDRESS_SPACE` megabytes."""
     try:
         import resource
     except ImportError:  # Windows has no such limit

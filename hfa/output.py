@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 
 
 def stated(report: Report, request: Request) -> Report:
-    """Return the report with the provenance of the run and, if the command has --units, the
-    units.
-    """
+    """Return the report with the provenance of the run and the units of --units."""
     units = getattr(request, "units", None)
     if units is not None:
         report = report.with_data(units=units)

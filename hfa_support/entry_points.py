@@ -1,5 +1,6 @@
-"""Access to the entry points that installed packages declare. The core does not import these
-packages.
+"""Access to the entry points that installed packages declare.
+
+The core does not import these packages.
 
 `importlib.metadata` is imported at the first access, to save time.
 """
@@ -73,9 +74,7 @@ def part(group: str, name: str, what: str) -> Any:
 
 
 def about_part(name: str) -> str:
-    """Return the help of a command part that an installed package supplies, or "" if there is
-    none.
-    """
+    """Return the help of a part that an installed package supplies, or "" if there is none."""
     told = offered(PARTS).get(f"about.{name}")
     return "" if told is None else str(loaded(told))
 

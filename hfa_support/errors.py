@@ -33,9 +33,7 @@ class BadInputError(ValueError):
 
 
 class NoSolutionError(RuntimeError):
-    """Exception for a valid request that has no solution or no certifiable solution (exit code
-    1).
-    """
+    """Exception for a valid request without a certifiable solution (exit code 1)."""
 
 
 @contextmanager
@@ -93,8 +91,9 @@ def advice(name: str, known: Iterable[str]) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> list[str]:
-    """Return the known names nearest to a name, regardless of case. The list is empty if none is
-    near.
+    """Return the known names nearest to a name, regardless of case.
+
+    The list is empty if none is near.
 
     The first nonempty of these lists is returned: the name or its synonyms in other tools, known
     names that begin with it, known names that contain it, the most similar known names.

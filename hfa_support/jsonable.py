@@ -29,9 +29,7 @@ def jsonable(value: Any) -> Any:
 
 
 def finite_or_none(value: float | np.floating[Any]) -> float | None:
-    """Return a number as float, or None if it is not finite, because JSON has no infinity or
-    nan.
-    """
+    """Return a finite number as float, and None for inf and nan, which JSON does not support."""
     return float(value) if math.isfinite(value) else None
 
 

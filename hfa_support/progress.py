@@ -59,9 +59,7 @@ def say_aside(text: str, end: str = "\n") -> None:
 
 
 def drop(stream: TextIO) -> None:
-    """Redirect a stream to the null device, so that flushing it at the end of the process cannot
-    fail.
-    """
+    """Redirect a stream to the null device, so that its final flush cannot fail."""
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         descriptor = stream.fileno()
         os.close(descriptor)  # frees the descriptor for the null device

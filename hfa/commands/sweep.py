@@ -58,9 +58,7 @@ def _suffixes(kind: str) -> tuple[str, ...]:
 
 
 def _purpose() -> str:
-    """Return the help text on the file and store suffixes, in parentheses, or "" if there are
-    none.
-    """
+    """Return the help text on file and store suffixes, or "" if there are none."""
     said = [
         f"{suffix}: {about_part(f'{kind}{suffix}')}"
         for kind in (FILE, STORE)
@@ -100,9 +98,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     @cached_property
     def common_condition(self) -> TrimCondition:
-        """Return the trim condition common to all points, without the variables listed in a
-        file.
-        """
+        """The trim condition common to all points, without the variables listed in a file."""
         if isinstance(self.condition, Path):
             return replace(self, condition=None).common_condition
         return super().common_condition

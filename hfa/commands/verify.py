@@ -210,9 +210,7 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return the games of the printed matrices, and a function that returns the game at any
-    dihedral angle.
-    """
+    """Return other games for comparison: printed matrices, and a function of the dihedral angle."""
     from hfa_model.printed_matrices import published_models
 
     @cache

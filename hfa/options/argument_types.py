@@ -90,9 +90,7 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
 
 
 def one_of(*words: str) -> Callable[[str], str]:
-    """Return an option type that accepts one of these words in any case and converts it to lower
-    case.
-    """
+    """Return an option type that accepts one of these words and converts it to lower case."""
 
     def convert(text: str) -> str:
         word = text.lower()

@@ -100,8 +100,9 @@ class Parser(argparse.ArgumentParser):
         return typed
 
     def parse_some(self, words: list[str]) -> dict[str, Any]:
-        """Return field -> value for the known options in a command line. Other words are
-        ignored.
+        """Return field -> value for the known options in a command line.
+
+        Other words are ignored.
         """
         return self._typed(self.parse_known_args(words)[0])
 

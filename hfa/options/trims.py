@@ -1,6 +1,4 @@
-"""Options of the aircraft, of a trim and of outputs, and the model and condition that they
-define.
-"""
+"""Options of the aircraft, of a trim and of outputs, with the model and condition they define."""
 
 from __future__ import annotations
 
@@ -126,9 +124,7 @@ class HfaOptions(Request):
         return self._origin(self.model, condition={})
 
     def _origin_of_file(self, condition: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the provenance of an aircraft loaded from a file: path, digest and trim
-        condition.
-        """
+        """Return the provenance of an aircraft from a file: path, digest and trim condition."""
         file, digest = self.model.extras.source
         return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
 
@@ -197,9 +193,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 
 def called_at(model: Model) -> str:
-    """Return the name of the option for the scheduling variable: "at", or its name if it has
-    one.
-    """
+    """Return the scheduling variable if the model uses its name for the option, otherwise "at"."""
     return model.schedule if model.extras.names_schedule else "at"
 
 
@@ -323,9 +317,7 @@ class TrimOptions(HfaOptions):
     )
 
     def held_parameters(self) -> dict[str, float]:
-        """Parameter -> value, for the parameters of the model that options set to a single
-        value.
-        """
+        """Parameter -> value, for the parameters that options set to a single value."""
         held = {**self.hold, self.model.schedule: self.at}
         return {
             name: held[name] for name in self.model.parameters if isinstance(held.get(name), float)
@@ -369,9 +361,7 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raise BadInputError if one variable is given by two of the options --free, --hold and
-        --at.
-        """
+        """Raise BadInputError if two of --free, --hold and --at give the same variable."""
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(f"{name} is both set free and held; give it in one option")

@@ -11,8 +11,9 @@ MOST_WORKERS = 1000
 
 
 def _workers(text: str) -> int | str:
-    """Convert a word to a number of processes. An address with "://" (Dask scheduler) is kept as
-    text.
+    """Convert a word to a number of processes.
+
+    An address with "://" (Dask scheduler) is kept as text.
     """
     return text if "://" in text else whole(1, MOST_WORKERS)(text)
 

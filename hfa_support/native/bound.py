@@ -113,7 +113,7 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return the Function for `together` rows at once, with its memory, and keep it for later
+        """Return the Function for blocks of `together` rows and its memory, kept for later
         calls.
         """
         mapped = by_rows
@@ -131,7 +131,5 @@ class RowFunction(threading.local):
 
 
 def by_rows(function: ca.Function, rows: int) -> Any:
-    """Return the Function for several rows, evaluated one after the other, and the memory order
-    "C".
-    """
+    """Return the Function evaluated for several rows in sequence, and the memory order "C"."""
     return function.map(rows) if rows > 1 else function, "C"

@@ -26,9 +26,7 @@ class ByName(tuple[Named, ...]):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return an attribute that an extension adds, for example modes.damping or
-            modes.to_pandas.
-            """
+            """Return an attribute that an extension adds, for example modes.damping."""
             if name[0] == "_":
                 raise AttributeError(name)
             from hfa_support.unknown import attribute_of

@@ -82,8 +82,9 @@ def _for_matlab(data: Any) -> Any:
 
 
 def _stacked(array: np.ndarray) -> np.ndarray:
-    """Return an array (N, rows, columns) as (rows, columns, N). Other arrays are returned
-    unchanged.
+    """Return an array (N, rows, columns) as (rows, columns, N).
+
+    Other arrays are returned unchanged.
     """
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
@@ -122,9 +123,7 @@ def _csv(records: Table, about: str) -> str:
 
 
 def _inert(cell: Any) -> Any:
-    """Return a cell, with an apostrophe before a text that a spreadsheet would evaluate as a
-    formula.
-    """
+    """Return a cell, with an apostrophe before text that a spreadsheet would read as a formula."""
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     if isinstance(cell, str) and re.match(formula, cell):
         return f"'{cell}"

@@ -125,9 +125,7 @@ def _class(names: list[str]) -> str:
 
 
 def _cell(cell: Any) -> str:
-    """Return a cell for a Markdown table, in which characters of columns, tags and links are
-    escaped.
-    """
+    """Return a Markdown table cell in which column, tag and link characters are escaped."""
     text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
     return text.replace("|", "\\|").replace("](", "]\\(")
 

@@ -144,9 +144,7 @@ class Reported:
     """Base class of results that are displayed as reports at the Python prompt and in notebooks."""
 
     def report(self) -> Report:
-        """Return a report with the first line of the class's docstring, fields, small matrices and
-        checks.
-        """
+        """Return a report of the class summary, fields, small matrices and checks."""
         from hfa_support.reporting.fields_report import fields_report
 
         return fields_report(self)

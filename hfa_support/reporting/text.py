@@ -140,8 +140,9 @@ def degrees(value: float, unit: str) -> tuple[str, str]:
 
 
 def short_number(value: float, unit: str) -> str:
-    """Return a value in its `shown_unit` with at least four digits. Rounding errors are printed as
-    0.
+    """Return a value in its `shown_unit` with at least four digits.
+
+    Rounding errors are printed as 0.
     """
     shown = float(shown_values(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
@@ -176,8 +177,9 @@ def columns(
     color: bool = False,
     width: int | None = None,
 ) -> str:
-    """Return a table as text in aligned columns. The first column is aligned left, the others
-    right.
+    """Return a table as text in aligned columns.
+
+    The first column is aligned left, the others right.
 
     color: whether cells with a tone are colored
     width: width of the terminal in characters, or None. Columns that do not fit are printed in
@@ -224,8 +226,9 @@ def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
 
 
 def wrapped(text: str, width: int | None) -> str:
-    """Return a text with its lines wrapped between words to this width. None leaves it
-    unchanged.
+    """Return a text with its lines wrapped between words to this width.
+
+    None leaves it unchanged.
     """
     if width is None:
         return text

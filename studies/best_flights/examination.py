@@ -157,9 +157,7 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return counts, largest errors and the median cost ratio of flights, with the flights
-    themselves.
-    """
+    """Return counts, largest errors, the median cost ratio, and the flights themselves."""
     found = [each for each in flights if "cost" in each]
     lost = [each["linear_over_best"] is None for each in found]
     ratios = [each["linear_over_best"] for each in found if each["linear_over_best"] is not None]

@@ -41,8 +41,7 @@ Columns = dict[str, np.ndarray]
 
 
 def flown(model: Model) -> Columns:
-    """Simulate a 3-2-1-1 elevator input of 2 deg and 0.4 s per unit, and return the record's
-    columns.
+    """Simulate a 3-2-1-1 elevator input (2 deg, 0.4 s per unit) and return the record's columns.
 
     The integrator is SciPy's, and the record has no noise.
     """
@@ -133,9 +132,7 @@ def _with_outlier(values: np.ndarray) -> np.ndarray:
 
 
 def plant(model: Model, columns: Columns) -> None:
-    """Plant each fault in a record, and print the first line of the identification or its
-    refusal.
-    """
+    """Plant each fault in a record, and print the outcome of the identification."""
     begun = model.with_parameters(**{n: 1.2 * model.parameters[n].start for n in FREE})
     silent = count = 0
     for text, column, change in faults():

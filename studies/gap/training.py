@@ -69,9 +69,7 @@ class Run:
         }
 
     def trained(self) -> dict[str, Any] | None:
-        """Return the record of a finished training with the same settings, or None if there is
-        none.
-        """
+        """Return the record of a finished training with the same settings, or None."""
         if not self.policy.exists():
             return None
         return finished(self.record, self.decides())

@@ -324,9 +324,7 @@ def fit(
 
 
 class _Problem:
-    """Weighted errors of the printed entries and their Jacobian as functions of the parameters
-    θ.
-    """
+    """Weighted errors of the printed entries and their Jacobian, as functions of parameters θ."""
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
         own = replace(hfa.aircraft(), equations=Equations(structure))

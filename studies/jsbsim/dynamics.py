@@ -147,9 +147,7 @@ def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
 
 
 def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return the derivatives of speed, alpha, beta and angular velocity, (6,), from JSBSim's
-    response.
-    """
+    """Return JSBSim's derivatives of speed, alpha, beta and angular velocity, (6,)."""
     speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
     along = np.array(
         [

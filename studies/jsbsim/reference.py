@@ -377,9 +377,7 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
 
 
 def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's measurements at a fixed state, after its engines and surfaces have
-    settled.
-    """
+    """Return JSBSim's measurements at a fixed state, after engines and surfaces have settled."""
     _stand_still(simulator)
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
@@ -561,9 +559,7 @@ def _value(simulator: Any, name: str) -> float:
 
 
 def _trimmed(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Trim the aircraft by JSBSim in flight, and return the result or the reason for its
-    failure.
-    """
+    """Trim the aircraft by JSBSim, and return the result or the reason for its failure."""
     simulator["ic/h-sl-ft"] = point["trim"]["altitude"]
     simulator["ic/vc-kts"] = point["trim"]["kcas"]
     simulator["ic/gamma-deg"] = 0.0

@@ -213,9 +213,7 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the claims of several sections, with counts of the verdicts and flights that were
-    lost.
-    """
+    """Return the claims of several sections, the counts of verdicts, and the lost flights."""
     claims = [claim for result in results for claim in result["claims"]]
     verdicts = [claim["verdict"] for claim in claims]
     used = {law for result in results for law in result["laws"]}

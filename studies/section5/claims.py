@@ -203,9 +203,7 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
 
 
 def _final_abscissa(evidence: Evidence, law: str) -> float:
-    """Return the largest real part of the eigenvalues of A - B K, 1/s, with the last learned gain
-    K.
-    """
+    """Return the largest real part of the eigenvalues of A - B K, 1/s, for the last learned K."""
     record = evidence.record(FlightPlan(CASE_II, law))
     game = evidence.setting.case(CASE_II).game
     return float(

@@ -1,6 +1,4 @@
-"""Configuration of Section 5: section5.toml, and the initial condition and signals of the
-flights.
-"""
+"""Configuration of Section 5: section5.toml, initial condition and signals of the flights."""
 
 from __future__ import annotations
 

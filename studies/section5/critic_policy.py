@@ -77,7 +77,7 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return σ and e of the current state (Eq. 32-33), with the policies of the current
+        """Return σ and e of the current state (Eq. 32-33) for the policies of the current
         weights.
         """
         e = self.law.equations

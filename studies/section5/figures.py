@@ -162,9 +162,7 @@ class _Panels:
         return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"
 
     def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
-        """Return (time, label) for T_w and for the times when a learned gain replaces a
-        baseline.
-        """
+        """Return (time, label) for T_w and for each time when a learned gain is first applied."""
         begins = {
             record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
         }
@@ -266,7 +264,7 @@ class _Panels:
         )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the relative rate of learning |W(t + tick) - W(t)| / tick / |W(end)|,
+        """Return a panel of the relative learning rate |W(t + tick) - W(t)| / tick / |W(end)|,
         1/s.
         """
 

@@ -1,6 +1,4 @@
-"""The flights of Section 5: the two aircraft with their games, the control laws, and the
-records.
-"""
+"""The flights of Section 5: the two aircraft with their games, control laws and records."""
 
 from __future__ import annotations
 
@@ -93,9 +91,7 @@ class TrackingPolicy(Policy):
 
 
 def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the values of `TrackingPolicy` that are held in a tick: the entries of K (5, 6) and F
-    (5, k).
-    """
+    """Return the values held by `TrackingPolicy`: the entries of K (5, 6) and F (5, k)."""
     return np.concatenate([column_by_column(K), column_by_column(F)])
 
 
@@ -215,8 +211,9 @@ class FlightPlan:
 
 @dataclass(frozen=True, eq=False)
 class FlightRecord:
-    """Record of a flight. Arrays have one row for each tick. They end when the flight leaves the
-    envelope.
+    """Record of a flight. Arrays have one row for each tick.
+
+    They end when the flight leaves the envelope.
 
     times: (N,), s
     states, commands, errors: x, x_d and z, (N, 6)

@@ -151,9 +151,7 @@ def _flown(on: Start, controller: ScheduledController) -> Policy:
 
 @lru_cache(maxsize=2)
 def designed_servo(aircraft: Model) -> ScheduledController:
-    """Return the servo controller of the project, designed at the breakpoints of its design
-    file.
-    """
+    """Return the project's servo controller, designed at the breakpoints of its design file."""
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     assert design.shaping is not None
     return design_controller(aircraft, design, np.array(design.shaping.breakpoints))

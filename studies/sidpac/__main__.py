@@ -94,9 +94,7 @@ def manoeuvre() -> tuple[np.ndarray, np.ndarray]:
 
 
 def response(parameters: Mapping[str, float], start: np.ndarray) -> np.ndarray:
-    """Return the response (samples, outputs) that SciPy simulates from the initial state
-    `start`.
-    """
+    """Return SciPy's response (samples, outputs) from the initial state `start`."""
     times, inputs = manoeuvre()
     with_bias = np.column_stack([inputs, np.ones(len(times))])
     system = matrices(parameters)

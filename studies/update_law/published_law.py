@@ -304,9 +304,7 @@ class PublishedLaw:
 
     @cached_property
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """σ_j, cost, n_j and σ̄_j for the stored policies, which do not depend on the current
-        weights.
-        """
+        """σ_j, cost, n_j and σ̄_j for the stored policies, independent of the current weights."""
         e = self.equations
         policy = self._scaled(self.settings.recorded_weights)
         regressors, costs = bellman(
@@ -375,8 +373,9 @@ class PublishedLaw:
 
     @cached_property
     def explicit_step_limit(self) -> float:
-        """Largest stable explicit step at the initial weights, s. In flight it includes the current
-        sample.
+        """Largest stable explicit step at the initial weights, s.
+
+        In flight it includes the current sample.
         """
         sample = self._all_samples(*self.start().values())
         return explicit_step_limit(sample, self.settings.gamma, *self.gains, self.settings.eta)

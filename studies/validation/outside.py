@@ -58,9 +58,9 @@ class TrimDifference(NamedTuple):
 
     speed: ft/s
     dihedral, alpha: rad
-    deflection_difference: largest difference of a deflection
+    deflection_difference: largest difference of a deflection, rad
     thrust_difference: relative difference of the thrust
-    eigenvalue_difference: largest difference of an eigenvalue
+    eigenvalue_difference: largest difference of an eigenvalue, 1/s
     """
 
     speed: float
@@ -141,9 +141,7 @@ class Validation(Checked, Reported):
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
-        """Return a report of the released trims, the third printed model, the fast roots and the
-        checks.
-        """
+        """Return a report of released trims, the third printed model, fast roots and checks."""
         sources = outside_data()
         trims = [
             (

@@ -107,9 +107,7 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
 def test_a_saved_point_starts_the_next_trim(command: str) -> None:
-    """A trim that starts from a saved point at 14 deg gives the same result as one without
-    --start.
-    """
+    """A trim that starts from a saved point at 14 deg gives the same result as without --start."""
     assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
     words = ("linearize", "--dihedral", "15")
     again = answer(*words, "--start", "saved.json")
@@ -142,8 +140,9 @@ def test_linearize_json_keeps_the_contract() -> None:
 
 
 def test_sweep_text_and_json() -> None:
-    """`hfa sweep` prints a column for each mode. In JSON, the eigenvalues of each point belong to
-    its A.
+    """`hfa sweep` prints a column for each mode.
+
+    In JSON, the eigenvalues of each point belong to its A.
     """
     shown = text("sweep", "--dihedral", "0:15:5")
     assert shown.startswith("Sweep, published dynamics: trimmed at 4 of 4 points\n")
@@ -183,9 +182,7 @@ def test_sweep_keeps_failed_points_as_rows() -> None:
 
 
 def test_regenerate_passes_with_the_shipped_parameters() -> None:
-    """With the identified parameters, every entry of both printed pairs is within 1.3 half
-    units.
-    """
+    """With the identified parameters, all printed entries are within 1.3 half units."""
     shown = text("regenerate")
     assert "Both printed pairs regenerated: yes\n" in shown
     assert shown.count(" PASS\n") == 4

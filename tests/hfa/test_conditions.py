@@ -30,9 +30,7 @@ def test_it_matters_which_variable_is_held() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "solve"])
 def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
-    """Every command that trims uses the condition, and refuses one that has no trim or is
-    misspelled.
-    """
+    """Every command that trims uses the condition, and refuses an infeasible or misspelled one."""
     words = (
         "--dihedral",
         "10",
@@ -81,8 +79,9 @@ ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
     ],
 )
 def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
-    """A and B of a sweep point equal those of `linearize`. If there is no trim, both give one
-    reason.
+    """A and B of a sweep point equal those of `linearize`.
+
+    If there is no trim, both give one reason.
     """
     swept = hfa("sweep", "--dihedral", "10", *words, "--json")
     single = hfa("linearize", "--dihedral", "10", *words, "--json")
@@ -97,9 +96,7 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
 
 
 def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
-    """A sweep over the throttle with free gamma gives the known glide angles and stores its
-    grid.
-    """
+    """A sweep over the throttle with free gamma gives known glide angles and stores its grid."""
     target = tmp_path / "glide.npz"
     data = answer(
         "sweep",

@@ -1,6 +1,4 @@
-"""Faults of the system: a full disk, closed streams, a home folder without access, and little
-memory.
-"""
+"""Faults of the system: a full disk, closed streams, no home folder, and little memory."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Files written by `hfa`: full precision, names, units, schema, equal bytes in every run, and
-reports.
-"""
+"""Files written by `hfa`: precision, names, units, schema, reproducible bytes, and reports."""
 
 from __future__ import annotations
 
@@ -79,9 +77,7 @@ def plain(value: Any) -> Any:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
-    """A .npz file contains exactly the numbers and texts of the JSON data, and no pickled
-    object.
-    """
+    """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object."""
     path, data = written(tmp_path, name, "npz")
     assert data["schema"].startswith("hfa.")
     with np.load(path, allow_pickle=False) as archive:

@@ -23,9 +23,7 @@ from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
-    """`hfa solve` reports P and K bit by bit as `solve_game`, a valid certificate, delta_min and
-    margins.
-    """
+    """`hfa solve` reports the P and K of `solve_game`, a certificate, delta_min and margins."""
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
     assert (
         set(data)
@@ -93,9 +91,7 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     ],
 )
 def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
-    """`hfa solve`, `learn` and `verify` accept plants without E or delta, or with states without
-    cost.
-    """
+    """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states."""
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
     assert answer("learn", "--model", plant, *QUICK, "-o", "learned.json")["converged"] is True
@@ -142,9 +138,7 @@ def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> N
 
 
 def test_a_linear_model_keeps_its_names() -> None:
-    """A game on a linear model from `hfa linearize` keeps the model's names, units and
-    provenance.
-    """
+    """The game on a model from `hfa linearize` keeps its names, units and provenance."""
     assert hfa("linearize", "--dihedral", "12", "-o", "plant.json").code == 0
     data = answer("solve", "--model", "plant.json")
     assert (tuple(data["states"]), tuple(data["inputs"])) == (LINEAR_STATES, INPUTS)

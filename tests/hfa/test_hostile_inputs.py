@@ -82,9 +82,7 @@ def _hang(_: object) -> int:
     ],
 )
 def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
-    """The test harness reports a command that crashes, hangs, writes a wrong file or fails
-    silently.
-    """
+    """The test harness detects a command that crashes, hangs, leaves a wrong file or is silent."""
     # Planted faults of a command.
     monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
@@ -102,8 +100,6 @@ def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str
     ],
 )
 def test_wrong_words_are_seen(result: Result, said: str) -> None:
-    """The test harness reports an error message that is too long, unprintable or on several
-    lines.
-    """
+    """The test harness detects a message that is too long, unprintable or on several lines."""
     assert said in (said_wrongly(result) or "")
     assert said_wrongly(Result(2, "", "hfa: a\n")) is None

@@ -35,9 +35,7 @@ def test_quiet_prints_errors_alone() -> None:
 
 @needs("hfa_stores")
 def test_a_stored_sweep_notes_its_farthest_dihedral() -> None:
-    """The note of a sweep into a store names the largest dihedral angle, and the store contains
-    it.
-    """
+    """The note of a sweep into a store names its largest dihedral angle, and is stored."""
     import zarr
 
     result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
@@ -88,8 +86,9 @@ def test_tables_fit_a_terminal_of_80_columns(
 def test_a_minutes_work_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A run expected to take more than a minute is announced once. A shorter run is not
-    announced.
+    """A run expected to take more than a minute is announced once.
+
+    A shorter run is not announced.
     """
     clock = iter(range(0, 1000, 2))
     # A simulated clock replaces minutes of waiting.

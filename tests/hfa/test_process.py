@@ -41,9 +41,7 @@ def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
     ],
 )
 def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
-    """If the reader of the pipe has stopped, the exit code is unchanged and standard error is
-    empty.
-    """
+    """If the reader of the pipe has stopped, exit code and standard error are unchanged."""
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as pipe:

@@ -1,6 +1,4 @@
-"""The option --units si: lengths, masses and forces are converted, and physical laws are
-satisfied.
-"""
+"""The option --units si: units are converted, and physical laws are satisfied."""
 
 from __future__ import annotations
 
@@ -22,8 +20,9 @@ ENGLISH = ("ft", "lbf", "slug")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
-    """Return name -> ratio of two values of a trim in SI units. Each ratio is 1 by a physical
-    law.
+    """Return name -> ratio of two values of a trim in SI units.
+
+    Each ratio is 1 by a physical law.
     """
     performance = data["performance"]
     loads = data["loads"]

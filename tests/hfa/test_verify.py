@@ -19,9 +19,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_verify_keeps_the_contract() -> None:
-    """The JSON of `hfa verify` has the documented keys, and the learned critic passes every
-    check.
-    """
+    """The JSON of `hfa verify` has the documented keys, and the learned critic passes."""
     data = answer("verify", *AT_15)
     assert data["ok"] is True
     assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
@@ -64,9 +62,7 @@ def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
 
 @needs("hfa_reasons")
 def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
-    """A wrong weight fails even if it changes neither P nor K, and the diagnosis names the
-    cause.
-    """
+    """A wrong weight that changes neither P nor K fails, and the diagnosis names the cause."""
     P = solve_game(game).P
     row, column = np.triu_indices(6)
     weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(4)])

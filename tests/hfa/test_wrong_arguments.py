@@ -151,9 +151,7 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 
 def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Call a function with each wrong value for each argument, and return case -> improper
-    error.
-    """
+    """Call a function with every wrong value of each argument. Return case -> improper error."""
     found = {}
     for argument in arguments:
         for number, value in enumerate(wrong_values()):
@@ -166,9 +164,7 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
 def test_a_wrong_argument_is_named(name: str) -> None:
-    """A function of the core accepts its arguments and refuses every wrong value with a proper
-    error.
-    """
+    """A core function accepts valid arguments and refuses wrong values with a proper error."""
     function, arguments = right_calls()[name]
     function(**arguments)
     assert faults(function, arguments) == {}
@@ -178,9 +174,7 @@ def test_a_wrong_argument_is_named(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_every_wrong_argument_of_every_function_is_named() -> None:
-    """All public functions, also those of extensions, refuse every wrong value with a proper
-    error.
-    """
+    """All public functions, also of extensions, refuse wrong values with a proper error."""
     count = 0
     for name, (function, arguments) in (right_calls() | right_calls_of_extensions()).items():
         function(**arguments)

@@ -1,6 +1,4 @@
-"""Tests of the benchmarks: peers compute equal results, verdicts can fail, documents are
-current.
-"""
+"""Tests of the benchmarks: equal results of peers, verdicts, and current documents."""
 
 from __future__ import annotations
 
@@ -59,9 +57,7 @@ def test_peers_have_the_dynamics_of_the_aircraft() -> None:
 
 
 def test_other_dynamics_would_be_noticed() -> None:
-    """A change of the inertia by 0.1 % or of the altitude by 10 ft is detected in the peer's
-    equations.
-    """
+    """A change of the peer's inertia by 0.1 % or altitude by 10 ft is detected."""
     heavier = PARAMETERS._replace(inertia_roll=1.001 * PARAMETERS.inertia_roll)
     assert largest_difference_of_rates(six_state_rates(heavier, ALTITUDE)) > 1e-5
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE + 10.0)) > 1e-5
@@ -95,9 +91,7 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
 def test_c_by_hand_flies_our_flight(
     case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
 ) -> None:
-    """A simulation in handwritten C gives the same flight within 1e-6, and a planted error is
-    detected.
-    """
+    """Handwritten C gives the same flight within 1e-6, and a planted error is detected."""
     data = case.data()
     # The planted fault: constants of another aircraft.
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
@@ -150,9 +144,7 @@ def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
 
 
 def test_tables_of_a_page_are_replaced() -> None:
-    """A new table replaces the table with the same header and leaves the other text of a page
-    unchanged.
-    """
+    """A new table replaces the table with the same header and changes no other text."""
     head = "| a | b |\n|---|---|\n"
     page = f"text\n\n{head}| 1 | 2 |\n| 3 | 4 |\n\nmore\n"
     assert report.with_table(page, f"{head}| 5 | 6 |") == f"text\n\n{head}| 5 | 6 |\n\nmore\n"
@@ -204,9 +196,7 @@ def test_the_document_shows_the_stored_figures() -> None:
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
-    """If the stored results are changed, the check reports every one as missing in the
-    documents.
-    """
+    """Changed stored results are all reported as missing in the documents."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     data = report.stored()
     data["figures"] = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in data["figures"]]
@@ -215,9 +205,7 @@ def test_documents_of_other_figures_would_be_noticed() -> None:
 
 
 def test_stored_verdicts_follow_from_their_figures() -> None:
-    """Each stored verdict follows from its stored times, and the first page lists every missed
-    target.
-    """
+    """Stored verdicts follow from the stored times, and the first page lists missed targets."""
     first = report.PAGES[0].read_text("utf-8")
     for figure in report.stored()["figures"]:
         timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])

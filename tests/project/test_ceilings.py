@@ -1,6 +1,4 @@
-"""Ceilings on the source size of commands, of the core and of its tests, in tokens without
-comments.
-"""
+"""Ceilings on the source size of commands, the core and its tests, in tokens."""
 
 from __future__ import annotations
 

@@ -41,9 +41,7 @@ DATA = {
 
 @pytest.mark.slow
 def test_the_wheel_holds_all_modules_and_data(tmp_path: Path) -> None:
-    """A wheel built from the sources contains all modules and data of the packages, and nothing
-    else.
-    """
+    """A wheel built from the sources contains exactly the modules and data of the packages."""
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"
     sources.mkdir()

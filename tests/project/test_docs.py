@@ -242,7 +242,7 @@ def looks_like(picture: Path, other: Path) -> bool:
 
 
 def test_every_public_name_is_in_an_example() -> None:
-    """Each public name of the packages, except `hfa`, occurs in a Python example of the
+    """Each public name of a package other than `hfa` occurs in a Python example of the
     documents.
     """
     blocks = (block for path in DOCUMENTS for block in blocks_of(text_of(path)))

@@ -138,9 +138,7 @@ def test_commands_of_the_page_run(results: list[Result]) -> None:
 
 
 def test_an_aircraft_of_a_package_is_nobody_elses(results: list[Result]) -> None:
-    """If a reader leaves `source` empty, the provenance still names the aircraft's file and its
-    hash.
-    """
+    """If a reader leaves `source` empty, the provenance still names the file and its hash."""
     given, changed = (
         re.search(r"plant (\w+).pm \(SHA-256 (\w+)\)$", each.out) for each in results[-2:]
     )

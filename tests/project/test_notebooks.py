@@ -111,9 +111,7 @@ def png_of(figure: Figure) -> bytes:
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
-    """Run the cells of a notebook and return a message for each output that differs from the stored
-    one.
-    """
+    """Run the cells of a notebook and return a message for each changed output."""
     names: dict[str, Any] = {"__name__": "__main__"}
     problems = []
     for number, (source, outputs) in enumerate(cells, start=1):
@@ -149,9 +147,7 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
 
 
 def test_an_outdated_output_is_noticed() -> None:
-    """The check reports an outdated text or value of a cell, but no difference in rounding
-    errors.
-    """
+    """The check reports an outdated text or value of a cell, but no rounding difference."""
     outputs = [{"output_type": "stream", "text": ["2\n"]}]
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
     alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"

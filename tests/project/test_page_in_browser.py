@@ -1,6 +1,4 @@
-"""The page of `hfa report` in a browser: slider, numbers, window widths, printing and file
-names.
-"""
+"""The page of `hfa report` in a browser: slider, numbers, widths, printing and file names."""
 
 from __future__ import annotations
 
@@ -66,8 +64,9 @@ _TEXTS = (
 
 
 def settles(driver: Any, condition: str) -> bool:
-    """Wait at most 10 s until a JavaScript expression is true. Drawings follow a new width with a
-    delay.
+    """Wait at most 10 s until a JavaScript expression is true.
+
+    Drawings follow a new width with a delay.
     """
     from selenium.webdriver.support.wait import WebDriverWait
 
@@ -97,9 +96,7 @@ def move_to(driver: Any, angle: str) -> None:
 def test_the_page_in_a_browser(
     tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The page shows the numbers of the commands at the selected angle and fits every window
-    width.
-    """
+    """The page shows the commands' numbers at the selected angle and fits every window width."""
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:
@@ -184,9 +181,7 @@ def test_the_page_in_a_browser(
 
 
 def compare_with_the_command(driver: Any) -> None:
-    """Assert that the page at the selected angle shows the results of `hfa linearize` and `hfa
-    trim`.
-    """
+    """Assert that the page shows the results of `hfa linearize` and `hfa trim`."""
     words = ("--dihedral", AT, "--parameters", NAME, "--json")
     model, trim = (json.loads(hfa(name, *words).out) for name in ("linearize", "trim"))
     for letter in ("A", "B"):

@@ -1,6 +1,4 @@
-"""Results at the Python prompt, in notebooks and in other processes: reports, comparison and
-pickling.
-"""
+"""Results in Python: reports at the prompt and in notebooks, comparison and pickling."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Helpers for tests of exported C: compile without warnings, load by ctypes, and measure the
-size.
-"""
+"""Helpers for tests of exported C: compile, load by ctypes, and measure the size."""
 
 from __future__ import annotations
 

@@ -80,8 +80,9 @@ def in_units(problem: Any, units: np.ndarray) -> Any:
 
 
 class _Change(NamedTuple):
-    """Change of coordinates y = T z and its inverse. If T is None, only the last bits are
-    changed.
+    """Change of coordinates y = T z and its inverse.
+
+    If T is None, only the last bits are changed.
     """
 
     T: np.ndarray | None

@@ -41,8 +41,9 @@ class Ended(NamedTuple):
 
 
 def stat(process: int) -> list[str]:
-    """Return the fields of /proc/PID/stat from the state on. The state of an ended process is
-    "X".
+    """Return the fields of /proc/PID/stat from the state on.
+
+    The state of an ended process is "X".
     """
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
@@ -115,9 +116,7 @@ def run(
 
 
 def result_of(folder: Path) -> dict[str, Any]:
-    """Return path -> content for each file in a folder, without dates and commands in JSON
-    files.
-    """
+    """Return path -> content for each file in a folder. JSON is without dates and commands."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     # Files that may remain after SIGKILL.
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
@@ -169,9 +168,7 @@ def in_one_line(ended: Ended, said: str) -> bool:
 
 
 def comes_to_the_same_bits(folder: Path, words: tuple[str, ...]) -> None:
-    """Assert that a run that is ended at random times and resumed writes the same bytes as a full
-    run.
-    """
+    """Assert that a run ended at random times and resumed writes the same bytes as a full run."""
     whole = run(folder / "whole", *words)
     assert whole.code == 0
     expected = result_of(folder / "whole")

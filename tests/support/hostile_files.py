@@ -265,9 +265,7 @@ def _hostile_zip(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
-    """Return a safetensors file with a corrupted header and, in some cases, a wrong header
-    length.
-    """
+    """Return a safetensors file with a corrupted header or a wrong header length."""
     length = struct.unpack("<Q", content[:8])[0]
     header = _hostile_text(content[8 : 8 + length], chance)
     said = len(header)
@@ -277,9 +275,7 @@ def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_onnx(content: bytes, chance: random.Random) -> bytes:
-    """Return an ONNX file with one to three changes of operators, names, shapes, attributes or
-    numbers.
-    """
+    """Return an ONNX file with one to three random changes of its graph or numbers."""
     import onnx
 
     model = onnx.load_from_string(content)
@@ -322,9 +318,7 @@ _OF_SUFFIX: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def hostile_claims(content: bytes, chance: random.Random) -> bytes:
-    """Return a certificate with false entries and correct digests, as an attacker could write
-    it.
-    """
+    """Return a certificate with false entries and correct digests, like a forgery."""
     certificate = json.loads(content)
     for _ in range(chance.randint(1, 3)):
         holder: Any = certificate

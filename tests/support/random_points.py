@@ -1,6 +1,4 @@
-"""Random states and inputs in wider ranges than trims, and equations of motion as CasADi
-columns.
-"""
+"""Random states and inputs in wider ranges than trims, and equations as CasADi columns."""
 
 from __future__ import annotations
 

@@ -127,9 +127,7 @@ class Draw:
         return {slot: _kept(slot) + named, "pitch": pitching("own/f")}
 
     def of_chain(self) -> dict[str, str]:
-        """Return the slots of a chain of one to three components, in rare cases in reversed
-        order.
-        """
+        """Return the slots of a chain of one to three components, sometimes in reversed order."""
         count = int(self._rng.integers(1, 4))
         source = self._signal()
         parts = []
@@ -233,7 +231,7 @@ class Draw:
         return blank.join((self._signal(), str(sign), self._value()))
 
     def of_axes(self) -> dict[str, str]:
-        """Return the slots of forces and moments in random frames, some applied at the center of
+        """Return the slots of forces and moments in random frames, some at the center of
         gravity.
         """
         force = str(self._one(("WIND", "BODY", "STABILITY", "")))
@@ -256,9 +254,7 @@ class Draw:
         return slots
 
     def of_property(self) -> dict[str, str]:
-        """Return the slots of a function that writes a property of JSBSim or of another
-        component.
-        """
+        """Return the slots of a function that writes a property of JSBSim or a component."""
         name = str(
             self._one(
                 (

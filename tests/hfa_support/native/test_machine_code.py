@@ -1,6 +1,4 @@
-"""Machine code gives equal results, is compiled once, and is not used without a working
-compiler.
-"""
+"""Machine code: equal results, one compilation, and behavior without a working compiler."""
 
 from __future__ import annotations
 
@@ -92,9 +90,7 @@ def test_a_broken_compiler_is_noted_and_replaced(
 
 @needs_compiler
 def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
-    """A function is compiled once, and the compiled function gives equal results within
-    rounding.
-    """
+    """A function is compiled once, and its results are equal within rounding."""
     x = ca.SX.sym("x", 3)
     function = ca.Function("step", [x], [ca.sin(x) * x])  # `step` is also a symbol of the C library
     compiled = generated.machine_code(function)
@@ -140,9 +136,7 @@ def test_the_cache_is_closed_to_others(cache: Path) -> None:
 
 @needs_compiler
 def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
-    """If the cache folder is a link, nothing is written into its target, whose mode is
-    unchanged.
-    """
+    """If the cache folder is a link, its target is not changed."""
     target = tmp_path / "target"
     target.mkdir(mode=0o755)
     cache.parent.mkdir(parents=True)

@@ -166,9 +166,7 @@ def test_checks_judge_and_give_reasons() -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
-    """A picture file contains its provenance, and saving the same figure again gives equal
-    bytes.
-    """
+    """A picture file contains its provenance, and saving the figure again gives equal bytes."""
     paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
     for path in paths:
         figure = new_figure(4.0, 3.0)

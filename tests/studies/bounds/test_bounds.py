@@ -66,9 +66,7 @@ def test_the_flexible_aircraft_is_the_paper_s_at_one_altitude() -> None:
 
 @pytest.mark.slow
 def test_the_study_proves_and_flies(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    """The study proves a cost bound for the van der Pol oscillator and simulates 100
-    trajectories.
-    """
+    """The study proves a bound for the van der Pol oscillator and simulates 100 trajectories."""
     words = ["--aircraft", "van der Pol", "--starts", "2", "--flights", "100", "-o", str(tmp_path)]
     assert main(words) == 0
     assert "van der Pol" in capsys.readouterr().out

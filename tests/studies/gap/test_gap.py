@@ -18,9 +18,7 @@ STORED = ROOT / "studies" / "gap" / "results" / "gap.json"
 
 
 def test_actions_reach_the_nearer_limit_at_most() -> None:
-    """The inputs at the ends of the action range stay within the limits, and one of them is at a
-    limit.
-    """
+    """The inputs at the ends of the action range are within the limits, one of them at a limit."""
     point = TASKS[1].point()
     deployment = deployment_of(point)
     inputs = point.model.inputs
@@ -61,9 +59,7 @@ def test_another_setting_trains_anew(tmp_path: Path) -> None:
 
 
 def test_stored_results_have_every_aircraft() -> None:
-    """The stored results contain every aircraft and algorithm, with consistent counts of
-    flights.
-    """
+    """The stored results contain every aircraft and algorithm, with consistent counts."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert [one["aircraft"] for one in data["aircraft"]] == [task.name for task in TASKS]
     for one in data["aircraft"]:

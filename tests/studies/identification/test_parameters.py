@@ -158,9 +158,7 @@ def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     ],
 )
 def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
-    """If one term of the published dynamics is replaced by Newton's, no parameters fit the
-    print.
-    """
+    """If a term of the published dynamics is replaced by Newton's, no parameters fit."""
     found = fit(published_models(), variant)
     assert found.largest > 1000.0, description
 
@@ -178,8 +176,9 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
 def test_of_coupling_two_terms_needed_square_changes_nothing(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
-    """Changes of two terms of the hinge coupling prevent a fit. A term with the squared rate does
-    not.
+    """Changes of two terms of the hinge coupling prevent a fit.
+
+    A term with the squared rate does not.
 
     The added terms are m s V times `speed` and m s² cos η sin η η'² times `square`.
     """

@@ -19,9 +19,7 @@ from studies.identification.parameters import ALTERNATIVES
 def test_it_writes_the_committed_parameters(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The study writes the packaged parameters, standard errors and notes, and equal values as
-    JSON.
-    """
+    """The study writes the packaged parameters, standard errors and notes, also as JSON."""
     words = ["-o", "mine.TOML", "--json"]
     assert run_alone(identification, "python -m studies.identification", words) == 0
     text = capsys.readouterr().out

@@ -11,9 +11,7 @@ from studies.jsbsim.dynamics import slopes, thrust_miss, trimmed
 
 @pytest.mark.slow
 def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
-    """71 of 72 entries of A and B of the T38 agree with JSBSim within 1e-6, and its thrust within
-    1e-12.
-    """
+    """For the T38, 71 of 72 entries of A and B agree within 1e-6, and the thrust within 1e-12."""
     model, point = trimmed("T38")
     agree, entries, _ = slopes("T38", model, point)
     assert (agree, entries) == (71, 72)

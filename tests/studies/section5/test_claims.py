@@ -197,9 +197,7 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
-    """The verdict on a claim follows from its number, its limit and the time when a flight is
-    lost.
-    """
+    """The verdict on a claim follows from its number, its limit and the loss of a flight."""
     measure = {"worst": "cost", "in": "every uncertainty"}
     relation, limit = must.split()
     bound = limit if limit.isidentifier() else float(limit)
@@ -245,9 +243,7 @@ def test_claims_about_print_are_those_of_printed_matrices() -> None:
 def test_flight_fails_when_it_lost_or_critic_refused(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
-    """A flight under this project's laws fails if it leaves the envelope or its critic is not
-    certified.
-    """
+    """A flight of this project's laws fails if it is lost or its critic is not certified."""
     flight = {
         "name": "planted",
         "law": law,

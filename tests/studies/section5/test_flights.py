@@ -205,9 +205,7 @@ def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
 
 
 def test_integral_learning_applies_start_until_it_has_data() -> None:
-    """Integral learning applies the baseline gain until it has enough data, and the LQR gain at the
-    end.
-    """
+    """Integral learning applies the baseline gain until it has data, and finally the LQR gain."""
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
     np.testing.assert_allclose(
@@ -218,8 +216,9 @@ def test_integral_learning_applies_start_until_it_has_data() -> None:
 
 
 def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
-    """The uncertainty changes the plant but not the policy. Noise is added to the measured
-    error.
+    """The uncertainty changes the plant but not the policy.
+
+    Noise is added to the measured error.
     """
     setting = make_setting(
         section5_configuration(BRIEF | {"flight": {"duration": 1.0, "step": 1e-3}})
@@ -258,9 +257,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
     ],
 )
 def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
-    """For each choice of the unprinted signs, the error of alpha is the number in
-    docs/experiments.md.
-    """
+    """For each choice of the unprinted signs, docs/experiments.md states the error of alpha."""
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
         changes = {"reference": Waveform(np.array(changes), own.slope, own.harmonics)}

@@ -1,6 +1,4 @@
-"""Policies of Section 5: the critic follows the published update law, and the feedforward is
-optimal.
-"""
+"""Policies of Section 5: the published update law in flight, and the optimal feedforward."""
 
 from __future__ import annotations
 
@@ -153,9 +151,7 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
 
 
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
-    """The feedforward satisfies its differential equation, with derivatives by central
-    differences.
-    """
+    """The feedforward satisfies its differential equation (derivatives by central differences)."""
     P = solve_game(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
     loop = game.A - game.S @ P
@@ -171,9 +167,7 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
 
 
 def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game) -> None:
-    """A constant reference gives a constant feedforward, and a free motion of the plant gives
-    none.
-    """
+    """A constant reference gives a constant feedforward, and a free motion gives none."""
     P = solve_game(game).P
     level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))
@@ -197,9 +191,7 @@ def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
 
 
 class _Tracking:
-    """The game of tracking the paper's reference, with simulations of the exact and of other
-    policies.
-    """
+    """The game of tracking the paper's reference, with simulations of several policies."""
 
     def __init__(self, game: Game) -> None:
         self.game, self.P = game, solve_game(game).P

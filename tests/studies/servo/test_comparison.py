@@ -33,9 +33,7 @@ FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
 
 
 def errors(flight: ServoFlight) -> tuple[float, float]:
-    """Return the rms errors of the dihedral angle in deg and of the vertical acceleration in
-    ft/s².
-    """
+    """Return the rms errors of dihedral angle (deg) and vertical acceleration (ft/s²)."""
     angle, acceleration = flight.tracked
     return float(np.degrees(angle.rms)), acceleration.rms
 
@@ -148,9 +146,7 @@ def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model,
 
 @pytest.mark.slow
 def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
-    """A flight stays within the envelope for the largest gust and leaves it for one 1 ft/s
-    stronger.
-    """
+    """A flight stays within the envelope in the largest gust, but not in one 1 ft/s stronger."""
     controller = designed_servo(published_aircraft)
     model = model_at(11.0)
     acting = Actuator(2, 2.0)
@@ -186,8 +182,9 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
-    """The servo loop tolerates 20 ms of delay at half effectiveness. With 20 times the gain it does
-    not.
+    """The servo loop tolerates 20 ms of delay at half effectiveness.
+
+    With 20 times the gain it does not.
     """
     aircraft = hfa.aircraft(dynamics)
     controller = designed_servo(aircraft)
@@ -232,9 +229,7 @@ def test_the_stored_requirements_are_of_the_shipped_design(
 
 
 def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
-    """SimVFA's servo loop is stable for `published` and `newton` and unstable with the lags of the
-    air.
-    """
+    """SimVFA's servo loop is stable for `published` and `newton`, but not for `unsteady`."""
     servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
     assert margins_of("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins_of("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)

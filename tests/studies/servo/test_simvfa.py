@@ -1,6 +1,4 @@
-"""SimVFA's servos: properties of the reference model, and an independent form of the adaptive
-laws.
-"""
+"""SimVFA's servos: reference model, and an independent form of the adaptive laws."""
 
 from __future__ import annotations
 
@@ -74,9 +72,7 @@ def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, o
 
 
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) -> None:
-    """The controller's equations are those of the reference model with its gain, correction and
-    integrals.
-    """
+    """The controller consists of the reference model with gain, correction and integrals."""
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
     model = level_model(published_aircraft, ANGLES[1])
     built = design_model(published_aircraft, model, simvfa_design("simvfa-1"))
@@ -114,9 +110,7 @@ def random_models(seed: int, states: int) -> list[ReferenceModel]:
 
 
 def between(models: list[ReferenceModel]) -> tuple[np.ndarray, ...]:
-    """Return A, B, K, L, S, R⁻¹ and the squared-up B halfway between two models, and C of the
-    first.
-    """
+    """Return A, B, K, L, S, R⁻¹ and squared-up B halfway between two models, and C of the first."""
     names = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
     return (*(sum(getattr(each, name) for each in models) / 2 for name in names), models[0].C)
 

@@ -71,9 +71,7 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
 
 
 def test_direction_is_the_printed_sum() -> None:
-    """The update direction equals the printed sum over samples, and the normalizations their
-    formulas.
-    """
+    """The update direction equals the printed sum, and the normalizations their formulas."""
     sample = random_sample()
     gamma = 0.01
     a1 = 3.0
@@ -223,9 +221,7 @@ def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
 
 
 def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
-    """With re-evaluated policies and a stabilizing start, the law converges to the solution of the
-    game.
-    """
+    """With re-evaluated policies and a stabilizing start, the law converges to the game's P."""
     game, exact = published(PUBLISHED[1])
     start = tuple(
         QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P)

@@ -42,9 +42,7 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    """The `newton` dynamics fail the checks of the eigenvalues at 30 ft/s and of the third printed
-    model.
-    """
+    """The `newton` dynamics fail the eigenvalues at 30 ft/s and the third printed model."""
     validation = validate(hfa.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in validation.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
@@ -87,9 +85,7 @@ def test_a_wrong_number_of_theirs_is_seen(
 def test_half_units_of_printed_and_exact_entries(
     published_aircraft: Model,
 ) -> None:
-    """The tolerance of a printed entry is half a unit of its last digit, and of an integer
-    entry 0.
-    """
+    """A printed entry has a tolerance of half a unit of its last digit, an integer entry none."""
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {entry.name: entry for entry in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
@@ -156,8 +152,9 @@ class FreeFactor(PrintedInertia):
 
 
 class NewtonInertia(Published):
-    """The published dynamics with d3 from Newton's law. Its sign agrees with Gibson et al., Eq.
-    (70).
+    """The published dynamics with d3 from Newton's law.
+
+    Its sign agrees with Gibson et al., Eq. (70).
     """
 
     hinge_inertia = Newton.hinge_inertia
@@ -168,8 +165,8 @@ def failed(found: Validation) -> dict[str, float]:
 
 
 def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
-    """Return a factor 1 + size at one dihedral angle, which is 1 farther than about two degrees
-    from it.
+    """Return a factor that is 1 + size at one dihedral angle, and 1 farther than about 2 deg
+    away.
     """
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
@@ -227,9 +224,7 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
 def test_inertia_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
-    """Relative errors of 2e-5 in the hinge inertia and 3e-4 in the pitch inertia at one angle are
-    detected.
-    """
+    """Errors at one angle of 2e-5 in the hinge and 3e-4 in the pitch inertia are detected."""
 
     class Off(Published):
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
