@@ -15,38 +15,35 @@ if TYPE_CHECKING:
 class Extras:
     """Names, range of validity, trim advice and origin of a model. A user's declaration has none.
 
-    called: name in reports, or "" for the name of the model names_schedule: whether options and
-    data contain the name of the scheduling variable (--dihedral,
-      dihedral_deg) instead of --at and scheduled
+    called: name in reports, or "" for the name of the model
+    names_schedule: whether options and data contain the name of the scheduling variable
+        (--dihedral, dihedral_deg) instead of --at and scheduled
     aliases: name in another program -> name in the model
     notes: sentences for every report
     parts: suffix -> linear states. OUTPUT_suffix is the part of an output that these states, the
-      inputs and the disturbances cause. Controllers can measure it.
+        inputs and the disturbances cause. Controllers can measure it.
     variants: names of other equations, which a design may treat differently
 
     range: state -> (largest absolute value, source). Larger values cause a warning.
     envelope: function (x, p) of a trim -> limits of the states in flight, as state -> (lowest,
-      highest), if they differ from min and max. x and p have fields by name.
+        highest), if they differ from min and max. x and p have fields by name.
     check: function of a state x, with fields by name, that raises BadInputError outside the domain
-    of
-      the equations
+        of the equations
 
     alternatives: groups of names, of which a trim imposes one. Imposing another name of the group
-    frees
-      the first.
+        frees the first.
     begin: function (imposed values by name) -> initial values of the other variables in a trim
-    search.
-      Values are numbers or arrays. The first name of a group of alternatives receives its exact
-        value.
+        search. Values are numbers or arrays. The first name of a group of alternatives receives its
+        exact value.
     explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
-      (`trim.point.reasons`)
+        (`trim.point.reasons`)
     describe_trim: function (operating point, its report) -> the report with the aircraft's own
-      description of the trim in place of its outputs
+        description of the trim in place of its outputs
 
-    source: file and name from which the model was loaded, and a hash native: the model from which
-    `hfa_aircraft.units.in_si` converted this one made_by: function that makes the model in another
-    process, from `native`, or from `source` and the
-      parameters. If it is None, the model is pickled.
+    source: file and name from which the model was loaded, and a hash
+    native: the model from which `hfa_aircraft.units.in_si` converted this one
+    made_by: function that makes the model in another process, from `native`, or from `source` and
+        the parameters. If it is None, the model is pickled.
     """
 
     called: str = ""

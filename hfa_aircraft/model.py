@@ -42,18 +42,18 @@ class UsualTrim(dict[str, float]):
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
 
-    name: name of the model states, inputs, parameters, disturbances, outputs: name -> `Signal`, in
-    the order of the vectors equations: function (x, u, p, w) -> (rates by state, outputs by name).
-    Its arguments have fields by
-      name. It accepts numbers and CasADi expressions.
+    name: name of the model
+    states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the vectors
+    equations: function (x, u, p, w) -> (rates by state, outputs by name). Its arguments have fields
+        by name. It accepts numbers and CasADi expressions.
     trim: state, input or output -> value that a trim imposes by default
     steady: states whose rates are zero in a trim, by default all
     linear: states of the linear model, by default all
     schedule: state, input or parameter over which sweeps, gain schedules and proofs run
     modes: name of a mode -> states that dominate it; by default derived from names of states
-      (`usual_modes`)
+        (`usual_modes`)
     replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma; the
-      output must be affine in the state
+        output must be affine in the state
     extras: additional data, set by a reader of files or by the HFA
 
     Raises BadInputError if a name is unknown, declared twice or not an identifier, if a number is

@@ -59,9 +59,9 @@ class FittedQuantity(Result):
     fit: 1 - (variance of the residuals) / (variance of the quantity).
     noise: standard deviation of the residuals.
     white: fraction of the first 25 lags at which the autocorrelation of the residuals is within the
-      95 % band of white noise. It is about 0.95 for white residuals.
+        95 % band of white noise. It is about 0.95 for white residuals.
     theil: Theil's inequality coefficient for records that were not fitted, or None without such
-      records.
+        records.
     unit: unit of `noise`.
     """
 

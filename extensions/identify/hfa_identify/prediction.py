@@ -120,8 +120,7 @@ class Predictions(Responses):
     """Predictor from sample to sample with a steady-state filter gain.
 
     free: names of free parameters and column errors. The unknowns are the turbulence, the sensor
-    noise,
-      the lag of the air's rotation, and the free ones, in this order.
+        noise, the lag of the air's rotation, and the free ones, in this order.
     """
 
     # A controller reacts to gusts, so that the next sample of an input depends on the innovation.

@@ -572,7 +572,7 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
     The first entry is S itself.
 
     change: derivatives of the states after a step with respect to those before and to θ, (steps, n,
-      n + p)
+        n + p)
     S: sensitivities before the first step, (n, p + n)
     """
     n = change.shape[1]

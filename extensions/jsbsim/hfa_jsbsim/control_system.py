@@ -46,8 +46,7 @@ def add_control_systems(
     """Define the properties of all components in these sections.
 
     commands: symbols of the pilot's commands. An integrator that depends on them has no
-    steady-state
-      value.
+        steady-state value.
     """
     order = 0
     switched: list[tuple[Element, list[Writer]]] = []

@@ -110,8 +110,7 @@ class Properties:
     """All properties of an aircraft.
 
     unset: property that is read but never set -> file and line where it is first read. Its value is
-    0,
-      as in JSBSim.
+        0, as in JSBSim.
     notes: notes for the user.
     interpolate: interpolation of tables.
     centered: whether values that depend on themselves are set to 0 instead of raising LoopError.

@@ -546,8 +546,7 @@ class _Declaration:
             """Return initial values by name, {} if no altitude or no positive speed is imposed.
 
             imposed: name -> number, or array of a common length. Used names are speed (ft/s), mach,
-            kcas,
-              altitude (ft), gamma (rad) and parameters.
+                kcas, altitude (ft), gamma (rad) and parameters.
             """
             altitude = imposed.get("altitude")
             if altitude is None:

@@ -354,7 +354,7 @@ def best_flight(
     model: the aircraft
     point: trim at which the flight ends
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
-      another trim
+        another trim
     Q, R: weights, as `hfa.game` accepts them; R is that of the inputs that move
     start: earlier name of `initial`, accepted for one version
     seconds: horizon, s; by default so long that the flight after it costs less than 0.1 %

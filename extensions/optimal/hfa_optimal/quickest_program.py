@@ -40,7 +40,7 @@ class TimeProgram:
         """Return the proposal that IPOPT finds from a guess. Its `cost` is the time, s.
 
         reserve: fraction of the distance from the trim to each limit that the proposal leaves to
-        the policy
+            the policy
         """
         problem = self.problem
         of_states, of_inputs = problem.sizes

@@ -359,7 +359,8 @@ class BestFlights:
         A first proposal on a geometric mesh is solved again on a mesh that is adapted to it.
 
         adapted: pairs (first proposal, result). Equal first proposals reuse a result. New pairs are
-        appended. price: factor on R in the first proposal
+            appended.
+        price: factor on R in the first proposal
         """
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)
