@@ -27,9 +27,12 @@ def main(words: list[str] | None = None) -> int:
     """
     choices = [*report.SUBJECTS, *report.jobs()]
     parser = argparse.ArgumentParser("benchmarks", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="toy sizes, nothing stored")
+    parser.add_argument("--quick", action="store_true", help="run at toy sizes and store nothing")
     parser.add_argument(
-        "names", nargs="*", metavar="name", help=f"of {', '.join(choices)}; default all"
+        "names",
+        nargs="*",
+        metavar="name",
+        help=f"jobs or subjects to run: {', '.join(choices)}; default: all",
     )
     arguments = parser.parse_args(words)
     if unknown := set(arguments.names) - set(choices):

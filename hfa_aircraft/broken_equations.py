@@ -32,8 +32,8 @@ def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputE
         advice = f"use x['NAME']; write x.NAME ({said})"
     else:
         advice = (
-            f"fail ({type(error).__name__}: {said}); write ca.if_else for if, and CasADi's "
-            "functions (ca.sin) for those of other packages"
+            f"fail ({type(error).__name__}: {said}); use ca.if_else instead of if, and "
+            "CasADi's functions (ca.sin) instead of those of other packages"
         )
     return BadInputError(f"{layout.name}: the equations {advice}")
 

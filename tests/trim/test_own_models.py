@@ -360,7 +360,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         ),
         (
             lambda x, u, p, w: ({"x": x.v, "v": u.u if x.x > 0 else 0}, {}),
-            "write ca.if_else for if",
+            "use ca.if_else instead of if",
         ),
         (lambda x, u, p, w: ({"x": x.v, "v": np.fft.fft([u.u, x.x])}, {}), "the equations fail ("),
         (

@@ -31,13 +31,18 @@ def aircraft_text(found: Identified) -> str:
     places = [list(found.parameters).index(name) for name in own]
     rows = [f"aircraft = '{source}'", "", "[parameters]"]
     rows += [f"{name} = {found.parameters[name].value!r}" for name in own]
-    rows += ["", "# The ends of the 95 % bands.", "[bands]"]
+    rows += ["", "# Ends of the 95 % bands.", "[bands]"]
     rows += [f"{name} = [{each.low!r}, {each.high!r}]" for name, each in found.parameters.items()]
     if errors:
         rows += ["", "# Errors of the columns of the records.", "[sensors]"]
         rows += [f"{name} = {found.parameters[name].value!r}" for name in errors]
     covariance = found.covariance[np.ix_(places, places)]
     if np.isfinite(covariance).all():
-        rows += ["", "# Of the parameters, for --draws.", "[covariance]", f"names = {own!r}"]
+        rows += [
+            "",
+            "# Covariance of the parameters, for --draws.",
+            "[covariance]",
+            f"names = {own!r}",
+        ]
         rows += ["rows = [", *(f"    {row!r}," for row in covariance.tolist()), "]"]
     return "\n".join(rows) + "\n"

@@ -264,9 +264,9 @@ class Identified(Result, Reported):
         parts += self._columns()
         if self.plan:
             parts.append(self._planned())
-        factor = f"widen them up to {self.coloured:.2g} times"
+        factor = f"widen them by a factor of up to {self.coloured:.2g}"
         widened = factor if self.coloured > _WIDENED else "do not widen them"
-        parts.append(f"The bands are 95 %; colored residuals {widened}.")
+        parts.append(f"The bands are 95 % bands. Colored residuals {widened}.")
         if self.turbulence:
             parts.append(self._turbulence())
         coloured = [name for name, each in self.quantities.items() if each.white < WHITE]

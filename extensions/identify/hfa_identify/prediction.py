@@ -77,8 +77,7 @@ class Condition:
         if not turbulence:
             raise BadInputError(
                 f"{model.name} has none of the states {', '.join(sizes)}, which turbulence"
-                " disturbs;"
-                " leave turbulence out"
+                " disturbs; leave turbulence out"
             )
         return cls(
             state,

@@ -215,8 +215,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         if len(row) != len(names):
             raise BadInputError(
                 f"{path}, row {number} has {len(row)} cells, but the first row has"
-                f" {len(names)}; give"
-                " one cell for each column"
+                f" {len(names)}; give one cell for each column"
             )
         table[number - 2] = [
             _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)
@@ -252,8 +251,7 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     if match is None:
         raise BadInputError(
             f"{path}: {shown(cell)} in the first row is not a column name; write names with or"
-            " without"
-            ' units, such as "alpha [deg]"'
+            ' without units, such as "alpha [deg]"'
         )
     name, stated = match[1], match[2]
     known = ("time", *model.inputs, *model.states, *model.outputs)
@@ -320,8 +318,7 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
         if len(gaps):
             raise BadInputError(
                 f"{name}: the input {each} has no value at sample {gaps[0] + 1}; give a value"
-                " at every"
-                " sample"
+                " at every sample"
             )
 
 

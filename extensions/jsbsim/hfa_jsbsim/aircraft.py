@@ -575,7 +575,7 @@ class Equations:
                 f"{self.parts.path}: forces depend on simulation/sim-time-sec, which is not"
                 " supported; remove it"
             )
-        statement = "simulation/sim-time-sec stays 0; at some states forces depend on it"
+        statement = "simulation/sim-time-sec is always 0, but forces depend on it at some states"
         self.notes.append(Note(statement))
         self._substitute(self._time, ca.SX(0.0))
 

@@ -179,10 +179,11 @@ def _tank(element: Element) -> Tank:
     if fuel is not None:
         density = _FUELS.get(fuel.text, 6.6)
     unusable = element.value_of("unusable-volume", 0.0, "GAL") * density
-    for amount, what in ((contents, "contents"), (unusable, "what cannot be used")):
+    for amount, what in ((contents, "contents"), (unusable, "unusable contents")):
         if amount > capacity:
             raise element.error(
-                f"{what}, {amount:g} lb, exceeds the capacity, {capacity:g} lb; correct them"
+                f"the {what}, {amount:g} lb, exceed the capacity, {capacity:g} lb; correct one"
+                " of them"
             )
     full = element.find("location")
     location = np.zeros(3) if full is None else full.vector("IN")

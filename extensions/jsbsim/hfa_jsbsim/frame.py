@@ -139,8 +139,7 @@ class Frames:
             if name not in self._equations.states:
                 raise BadInputError(
                     f"the state {shortened(name)} belongs to a filter, which JSBSim's frames"
-                    " integrate; leave"
-                    " out ?filters=states"
+                    " integrate; leave out ?filters=states"
                 )
         for name in self._inputs:
             refuse_surface(
@@ -179,7 +178,7 @@ class Frames:
         if moved.max() > _SETTLED:
             warnings.warn(
                 f"engines or filters still move after {_LONGEST:g} s with the inputs of the trim;"
-                " the flight begins with them in motion",
+                " they still move at the start of the flight",
                 stacklevel=2,
             )
         parts = _split(z)
@@ -329,8 +328,7 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
         part = "a throttle position" if is_position else "a surface"
         raise BadInputError(
             f"the input {name} is {part}, not a pilot command, and --method jsbsim does not"
-            " support it;"
-            " use another method"
+            " support it; use another method"
         )
 
 

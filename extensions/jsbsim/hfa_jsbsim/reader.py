@@ -310,7 +310,7 @@ class _Declaration:
         if not components:
             return ""
         names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
-        what = f"{name} moves and <kinematic> {names} follows at once"
+        what = f"{name} moves, and <kinematic> {names} follows without delay"
         return f"{what}; --method jsbsim includes the travel time"
 
     def _left_out(self, throttle: str) -> str:
@@ -323,7 +323,8 @@ class _Declaration:
         if not left_out:
             return ""
         return (
-            f"{throttle} moves and engines follow at once; ?engines=states after the aircraft's"
+            f"{throttle} moves, and engines follow without delay; ?engines=states after the"
+            " aircraft's"
             f" name makes their lags states ({', '.join(left_out)})"
         )
 

@@ -75,7 +75,7 @@ def cut_surfaces(
                 cut[key] = PilotInput(
                     ca.SX.sym(key), unit, _limits(name, surface, properties, sign)
                 )
-                statement = "the input is the surface itself"
+                statement = "the input is the surface position"
                 notes.append(Note(statement, f"{key} ({error.cause})", error.where))
             _set_surface(name, surface, properties, sign * cut[key].symbol)
     inputs.update(cut)

@@ -245,7 +245,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
                 "none exists."
             )
         bound = f"{self.bracket.lower_bound:.6g}"
-        level = ", the level of the certificate, beyond which W is larger" * self.bracket.beyond
+        level = ", the level of the certificate, which W exceeds here" * self.bracket.beyond
         return (
             f"The least cost is in [{bound}, {self.cost:.6g}]: every flight within the limits from "
             f"this initial condition to the trim is proved to cost at least {bound}{level}."
@@ -255,16 +255,18 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         found = self.found
         meshes = " and ".join(map(str, list(found.meshes)[-2:]))
         lines = [
-            f"Flown with the simulator: {self.cost:.6g}; the optimizer proposed "
+            f"Simulated cost: {self.cost:.6g}. Cost proposed by the optimizer: "
             f"{self.proposed_cost:.6g}.",
             f"Meshes of {meshes} intervals over {self.seconds:.3g} s agree within "
-            f"{100 * found.spread_of_meshes:.2g} %. {len(found.guesses)} guesses end up to "
+            f"{100 * found.spread_of_meshes:.2g} %. Costs from {len(found.guesses)} guesses are"
+            " up to "
             f"{100 * found.spread_of_guesses:.2g} % above the best.",
         ]
         if self.problem.has_kinks:
             lines.append(
-                "The optimizer had a copy of the aircraft with smooth tables and kinks; the flight "
-                "is of the true equations."
+                "The optimizer used equations with smoothed tables and kinks. The simulation"
+                " used the "
+                "exact equations."
             )
         return " ".join(lines)
 

@@ -48,8 +48,7 @@ _STEPS = 2000
 #: Durations of the guesses, relative to the horizon of the linear loop.
 _GUESSES = (0.3, 0.1)
 _NONE_WITHIN = (
-    "IPOPT finds none that satisfies the equations within the limits, from any guess; that none "
-    "exists is not proved"
+    "IPOPT finds none that satisfies the equations within the limits from any guess; one may exist"
 )
 #: Duration of the linear policy after the arrival, relative to the duration of the flight.
 _HELD = 0.5
@@ -172,8 +171,9 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def _checked(self) -> str:
         meshes = " and ".join(map(str, list(self.meshes)[-2:]))
         return (
-            f"Flown with the simulator: at {self.seconds:.4g} s each state is within "
-            f"{100 * ARRIVED:g} % of its largest deviation. Meshes of {meshes} intervals: within "
+            f"In the simulation, at {self.seconds:.4g} s each state is within "
+            f"{100 * ARRIVED:g} % of its largest deviation. Meshes of {meshes} intervals agree"
+            " within "
             f"{100 * self.spread:.2g} %. The proposal leaves {100 * self.reserve:.2g} % of the "
             "distance to each limit to the policy that follows it."
         )
@@ -230,8 +230,9 @@ def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str
             name = problem.states[worst]
             off = 100 * ARRIVED * parts[worst]
             return (
-                f"the flight that follows the proposal is at {seconds:.4g} s off the trim by "
-                f"{off:.3g} % of the largest deviation of {name}; {100 * ARRIVED:g} % are allowed"
+                f"at {seconds:.4g} s, {name} in the flight that follows the proposal deviates from "
+                f"the trim by {off:.3g} % of its largest deviation; at most {100 * ARRIVED:g} % are"
+                " allowed"
             )
     return ""
 

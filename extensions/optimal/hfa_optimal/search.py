@@ -63,8 +63,9 @@ _FIRST_TAIL = 3e-4
 _LONGER = 1.6
 _EXTENSIONS = 5
 _NONE_WITHIN = (
-    "IPOPT finds none that satisfies the equations within the limits, from any guess (tables and "
-    "kinks can stop it too); it is not proved that none exists"
+    "IPOPT finds none that satisfies the equations within the limits from any guess, which can"
+    " also "
+    "be due to tables or kinks; one may exist"
 )
 #: Duration of the linear policy after the horizon, relative to the horizon.
 AFTER = 0.25
@@ -285,8 +286,8 @@ class BestFlights:
             turns = int((np.diff(side[side != 0]) != 0).sum())
             if turns >= _ALTERNATES:
                 texts.append(
-                    f"; {name} alternates between its limits {turns} times, on a finer mesh more "
-                    "often and for less: give it a larger R"
+                    f"; {name} alternates between its limits {turns} times, and more often on a "
+                    "finer mesh; give it a larger R"
                 )
         return "".join(texts)
 

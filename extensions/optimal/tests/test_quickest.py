@@ -68,7 +68,7 @@ def test_another_integrator_arrives(moved: QuickestFlight) -> None:
 
 def test_a_flight_that_misses_is_refuted(moved: QuickestFlight) -> None:
     late = moved.flown._replace(times=1.3 * moved.time)
-    assert "is at 4.0" in not_arrived(moved.problem, late, moved.proposal)
+    assert "at 4.0" in not_arrived(moved.problem, late, moved.proposal)
     assert not not_arrived(moved.problem, moved.flown, moved.proposal)
 
 
