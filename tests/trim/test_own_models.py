@@ -448,7 +448,7 @@ def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
     They refuse options that apply only to the flexible aircraft.
     """
     assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
-    assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA")
+    assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture supports only the HFA")
     saved = tmp_path / "point.json"
     done = hfa("trim", *OWN, "--hold", "xcg=0.3", "--hold", "turn_rate=17.188734", "-o", str(saved))
     assert done.code == 0
