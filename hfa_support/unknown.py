@@ -44,7 +44,8 @@ def no_attribute(value: object, name: str, *more: str) -> AttributeError:
 def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     """Return the BadInputError for an argument that does not match its annotation.
 
-    If an array was expected, a BadInputError that names the faulty row is raised instead.
+    If an array was expected and the value has a faulty row, a BadInputError that names the row is
+    raised instead.
 
     name: name of the function, for the message
     wanted: description of a valid argument

@@ -17,7 +17,7 @@ __all__ = ["small_disk"]
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
 def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -> None:
-    """If a standard stream is closed, bad input still gives exit code 2."""
+    """If standard error is closed or full, bad input still gives exit code 2."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 

@@ -57,8 +57,8 @@ def random_start(
 ) -> np.ndarray:
     """Return random initial weights far from the solution.
 
-    Depending on index modulo 4, the matrix is indefinite, near the solution, positive semidefinite,
-    or random without scaling. Its magnitude varies over several decades.
+    Depending on index modulo 4, the matrix is indefinite, a multiple of the solution plus noise,
+    positive semidefinite, or random without scaling. Its magnitude varies over several decades.
 
     exact: solution P, (n, n)
     sizes: typical magnitudes of the states, (n,)
