@@ -1,7 +1,7 @@
 """The two exceptions of a request. Every message is one line that states the remedy.
 
 Words typed by the user and values from the user's files are shortened in messages, and control
-characters are removed.
+characters are escaped.
 """
 
 from __future__ import annotations

@@ -100,8 +100,9 @@ def result_as_meant(
     named: dict[str, Any],
     error: BadInputError,
 ) -> Any:
-    """Repeat a failed call with arguments that an installed package corrects, and return its
-    result.
+    """Repeat a failed call with arguments that an installed package corrects.
+
+    Returns the result of the call.
 
     Raises `error` if no package corrects the arguments.
     """

@@ -158,7 +158,7 @@ def _design(model: Model, name: str) -> Any:
 
 
 def _about_design(model: Model) -> str:
-    """Return the help of --design for a model. Only for the HFA does it list named designs."""
+    """Return the help of --design for a model. For the HFA, it lists the named designs."""
     names = of_hfa(about_part("design"))(model)
     return f"design with actuators and weights: {f'{names}, or ' if names else ''}a .toml file"
 

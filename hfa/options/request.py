@@ -153,7 +153,7 @@ class Request:
         return Provenance(self.line, date=self.date, **self.origin())
 
     def origin(self) -> Mapping[str, Any]:
-        """Additional entries of the provenance. A request without a model file has none."""
+        """Return additional entries of the provenance. There are none by default."""
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
