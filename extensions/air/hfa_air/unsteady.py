@@ -152,7 +152,8 @@ class _Plate(NamedTuple):
 class _CarriedAir(NamedTuple):
     """Loads of the air accelerated by a plate.
 
-    The load vector is the value at zero acceleration minus M_a a, where a holds the accelerations.
+    The load vector is its value at zero acceleration minus M_a a. The accelerations a are (w_b',
+    q', η''), with w_b = V sin α.
 
     forward: force at zero acceleration along the x axis of the body, lbf
     downward: force at zero acceleration along the z axis, lbf
@@ -266,7 +267,7 @@ def lag_rates(
 ) -> dict[str, Quantity]:
     """Return the rates z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
 
-    half_chords: V/b, the number of half chords b flown in a second, 1/s
+    half_chords: V/b, airspeed in half chords b per second, 1/s
 
     The other arguments are those of `missing`.
     """

@@ -296,7 +296,7 @@ def _start(document: Document, variable: Variable) -> float:
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """Return the model's unit for a variable, and the factor from the file's unit to it.
+    """Return the model's unit for a variable, and the factor from the file's unit to the model's.
 
     Raises BadInputError if the unit is unknown or measures another quantity, such as a mass in ft.
     """

@@ -104,9 +104,10 @@ def spelled(units: str) -> str:
 
 
 def model_unit(units: str) -> tuple[str, float] | None:
-    """Return the model's unit for the units of a file, and the factor from the file's unit to it.
+    """Return the model's unit for a unit in a file, and the factor from the file's unit to the
+    model's.
 
-    Returns None if the units are unknown.
+    Returns None if the unit is unknown.
     """
     written = spelled(units)
     if written in _OTHERS:

@@ -53,14 +53,14 @@ def read_model(text: str) -> Model:
 def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     """Return the six-degree-of-freedom aircraft of a table of stability derivatives, as a `Model`.
 
-    The table contains geometry, mass, inertias and non-dimensional derivatives. The aircraft flies
-    over a flat Earth in standard air.
+    The table contains geometry, mass, inertias and non-dimensional derivatives. The model has a
+    flat Earth and standard air. Its parameters are mass, inertias and derivatives.
 
-    table: the path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers
-        in the table's `units`, or texts with a unit: "2.4 deg". Derivatives are per rad, or per deg
-        where `per` is "deg". The parameters of the model are mass, inertias and derivatives.
+    table: path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers in
+      the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or per
+      deg if `per` is "deg".
 
-    Raises a BadInputError that names an entry that is unknown, missing or not a number.
+    Raises BadInputError with the entry that is unknown, missing or not a number.
 
     >>> import hfa
     >>> uav = hfa.from_derivatives("examples/uav.toml")

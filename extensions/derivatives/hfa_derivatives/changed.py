@@ -82,5 +82,5 @@ def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _is_pair(band: Any) -> bool:
-    """Return whether this is a list of two numbers. A truth value is not a number."""
+    """Return whether `band` is a list of two numbers of type int or float (not bool)."""
     return isinstance(band, list) and [type(end) in (int, float) for end in band] == [True, True]

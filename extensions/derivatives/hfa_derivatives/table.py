@@ -307,8 +307,8 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raise BadInputError if a size is not positive, if both mass and weight are given, or if the
-    moments of inertia are not those of a rigid body.
+    """Raise BadInputError if a size is not positive, if both mass and weight are given, or if no
+    rigid body has the moments of inertia.
     """
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:

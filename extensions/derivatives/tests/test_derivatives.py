@@ -355,8 +355,8 @@ def test_a_small_aircraft_has_its_published_short_period():
 def test_the_f104_has_its_published_modes(mode):
     """The longitudinal modes of the F-104 agree with the printed polynomials within `tolerance`.
 
-    So do those of the matrix derived by hand. With Cm_alpha 10 % too large, the short period
-    disagrees.
+    The modes of the matrix derived by hand agree as well. With Cm_alpha 10 % too large, the short
+    period disagrees.
     """
     damping, stiffness, tolerance = PRINTED_F104[mode]
     root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))
@@ -425,7 +425,11 @@ def load_factor(rates, x):
 
 
 def test_lift_by_rate_of_alpha_is_solved_for():
-    """With CL_alphadot, the lift corresponds to the rate of alpha and the rate to the lift."""
+    """The rate of alpha and the lift that CL_alphadot causes satisfy both equations.
+
+    The added lift coefficient is CL_alphadot α' c/2V. The load factor computed from the rates
+    equals the output.
+    """
     x = [170.0, 0.1, 0.02, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
     u = [300.0, 0.05, 0.0, 0.0]
     rates, outputs = evaluated(from_derivatives({**NAVION, "CL_alphadot": 30.0}), x, u)

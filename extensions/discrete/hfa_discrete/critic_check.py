@@ -222,8 +222,9 @@ def _errors_of_parts(
 ) -> tuple[Check, ...]:
     """Return the checks of L and H, as far as they are given.
 
-    The error of L is relative to |L|, and that of an entry H_ij to √(H_ii H_jj). An H over (x, u)
-    is compared with the exact one for the worst w. Raises BadInputError if L has a wrong shape.
+    The error of L is relative to |L|. The error of an entry H_ij is relative to √(H_ii H_jj). An H
+    over (x, u) is compared with the exact one for the worst w. Raises BadInputError if L has a
+    wrong shape.
     """
     checks = []
     if "L" in parts:

@@ -23,7 +23,7 @@ _LEFT = 1e-9
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     """Return the critic with the policy that its value implies in discrete time.
 
-    A critic without a value, or with a policy of its own, is returned unchanged. A critic whose
+    A critic without a value, or with an explicit policy, is returned unchanged. A critic whose
     value is not quadratic becomes a network of V and u.
     """
     if critic.P is None or critic.feedback is None:

@@ -53,8 +53,9 @@ def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
 
 
 def test_one_state_without_disturbance_is_root_of_quadratic():
-    """P of a scalar game without disturbance is the root of a quadratic equation, and K follows
-    from it.
+    """P and K of a scalar game without disturbance equal the closed form.
+
+    P is the positive root of a quadratic equation.
     """
     a = 1.02
     b = 0.01

@@ -46,12 +46,12 @@ def _verdict(problem: DiscreteGame) -> bool:
 
 
 def _changed(kind: str, seed: int, count: int) -> list[str]:
-    """Return a sentence for each copy of a game that is judged differently from the game itself.
+    """Return a sentence for each copy of a game whose verdict differs from that of the game.
 
     At four values of δ, the copy must have a solution exactly if the game has one. The brackets of
     δ_min of copy and game must overlap.
 
-    count: number of copies of each kind
+    count: number of copies
     """
     problem = _problem(kind, seed)
     smallest = minimum_delta_discrete(problem)

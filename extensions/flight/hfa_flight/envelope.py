@@ -1,4 +1,4 @@
-"""Envelope of a flight, first departure from it, and inputs beyond their control limits.
+"""Envelope of a flight, first departure from the envelope, and inputs beyond their control limits.
 
 An envelope consists of `trim.limits.Limits` on the states of a model. In moving air, the limits of
 alpha apply to the angle of attack through the air.

@@ -22,7 +22,7 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 #: Levels of the reported quantiles.
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
 #: Note if all members are the same flight.
-_ALIKE = "nothing differs from member to member: give parameter errors, noise or turbulence"
+_ALIKE = "all members are the same flight; give parameter errors, noise or turbulence"
 #: Function from the name of a result of `fly_members` to its values, (N, ...).
 Read = Callable[[str], np.ndarray]
 
@@ -95,13 +95,12 @@ def _outcomes(found: MemberSummary) -> list[str]:
     lines = []
     if found.drawn is not None:
         lines.append(
-            "members are aircraft drawn from the parameters, each simulated from the trim of the "
-            "model"
+            "members are aircraft with drawn parameters, each simulated from the trim of the model"
         )
     if found.first_left is not None:
         lines.append(
-            f"left the envelope, by the state that left first: {_listed(found.left)};"
-            f" the first after {found.first_left:.3g} s"
+            f"left the envelope (members by first state): {_listed(found.left)};"
+            f" the earliest after {found.first_left:.3g} s"
         )
     if any(found.exceeded.values()):
         lines.append(f"exceeded control limits: {_listed(found.exceeded)}")
@@ -159,4 +158,4 @@ def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
             cells = [short_number(value, unit) for value in values]
             rows.append((f"{quantity} {variable}", *cells, shown_unit(unit)))
     shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
-    return Table(("of those inside the envelope", *shares, "unit"), rows)
+    return Table(("members inside the envelope", *shares, "unit"), rows)

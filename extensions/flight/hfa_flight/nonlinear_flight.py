@@ -428,7 +428,7 @@ class Flight(StatesAndInputs, Result, Reported):
             flight += f", {scheduled}"
         flight += f", law {self.loop.policy.name}"
         if self.method == JSBSIM:
-            flight += f", JSBSim's steps of 1/{1.0 / self.loop.scenario.step:g} s over its earth"
+            flight += f", JSBSim's steps of 1/{1.0 / self.loop.scenario.step:g} s and Earth model"
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
         duration = f"{self.flown:g} s"
@@ -519,7 +519,8 @@ class Flight(StatesAndInputs, Result, Reported):
         return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
-        """Return a table with one row for each state.
+        """Return a table with one row for each state: deviations, errors, envelope and linear
+        prediction.
 
         moving: whether a row for the angle of attack through the air is added
         """
@@ -528,7 +529,7 @@ class Flight(StatesAndInputs, Result, Reported):
         header.append("envelope")
         differences = self.largest_difference_from_linear
         if differences is not None:
-            header.append("off the linear model")
+            header.append("difference from linear")
         final = self.final
         largest = self.largest_deviation
         errors = self.rms_error
@@ -550,7 +551,9 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(tuple(header), rows)
 
     def _inputs(self) -> Table:
-        """Return a table with one row for each input."""
+        """Return a table with one row for each input: its range, and the time beyond its control
+        limits.
+        """
         shares = self.share_beyond_control_limits
         rows = []
         for name, column in zip(self.model.inputs, self.inputs.T, strict=True):

@@ -228,7 +228,7 @@ def card_option() -> Any:
 
 def controller_option() -> Any:
     """Return the option `--controller` as a dataclass field."""
-    about = "file of `hfa design`, or with scheduled gains"
+    about = "file with a controller of `hfa design`, or scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 

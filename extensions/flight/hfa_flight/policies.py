@@ -148,7 +148,9 @@ class GainPolicy(Policy):
         return self.gains[0] if len(self.gains) == 1 else None
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return name, units of the states and the gain of the last tick."""
+        """Return the JSON data on the policy: name, units of the states, and the gain of the
+        last tick.
+        """
         units = list(model.units(model.linear))
         return {"law": self.name, "state_units": units, "K": self.gains[-1]}
 

@@ -103,7 +103,7 @@ class ScheduledGainPolicy(Policy):
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return name, units of the states, breakpoints and gains."""
+        """Return the JSON data on the policy: name, units of the states, breakpoints and gains."""
         return {
             "law": self.name,
             "state_units": list(model.units(model.linear)),

@@ -175,7 +175,11 @@ class CompiledLoop:
     ) -> np.ndarray:
         """Return the mask of the steps begin ... done that end the flight.
 
-        Without `stop`, raises NoSolutionError if a state is not finite.
+        Without `stop`, raises NoSolutionError with the time if a state is not finite.
+
+        rows: y of all steps
+        columns: observed values of all steps
+        stop: as in `fly`
         """
         if stop is not None:
             return stop(self._flight(rows, columns, begin, done))

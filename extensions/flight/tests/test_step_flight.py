@@ -29,8 +29,9 @@ def test_a_flight_costs_what_its_value_says():
 
 @pytest.mark.usefixtures("folder")
 def test_the_command_flies_game_s_policy_and_critics():
-    """The exact policy and critics P, K and H of it give the same cost. A wrong gain and wrong
-    options are refused.
+    """The exact policy, and critics made from its P, K and H, have the same cost.
+
+    A wrong gain fails. Wrong options are refused.
     """
     parts = {name: getattr(STEP, name) for name in ("A", "B", "Q", "R")}
     continuous = stored("continuous.json", **parts)

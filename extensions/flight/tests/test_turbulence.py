@@ -206,7 +206,7 @@ def _rotation(x):
 
 
 def test_rates_of_the_air_act_as_damping() -> None:
-    """Gust rates p, q and r change the angular accelerations as the aircraft's own rates do.
+    """Gust rates p, q and r change the angular accelerations as angular rates of the aircraft do.
 
     They do not change the rates of the attitude angles.
     """

@@ -266,7 +266,7 @@ def test_drawn_aircraft_are_flown(folder, capsys):
         "PASS: 2 of 2 members stayed within limits",
         "linear loop stable for 2 of 2 drawn aircraft",
     ]
-    assert lines[3].startswith("members are aircraft drawn from the parameters")
+    assert lines[3].startswith("members are aircraft with drawn parameters")
     main(["fly", "--law", "none", "--aircraft", "found.toml", "--draws", "2", "--duration", "1"])
     assert capsys.readouterr().out.splitlines()[1].startswith("trimmed: 2 of 2 drawn aircraft; ")
 

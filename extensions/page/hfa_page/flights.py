@@ -66,9 +66,10 @@ def flights_section(
     """
     same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
     about = (
-        "The cost of x'Qx + u'Ru, the paper's Q and R. The policies are exact for the linear game; "
-        f"their inputs are saturated. Outside: the flight leaves the limits. {flights.limits} "
-        f"Stored by {_STUDY}, of {same}."
+        "Costs are integrals of x'Qx + u'Ru with the paper's Q and R. The policies are exact for "
+        "the linear game, and their inputs are saturated. Outside: the flight leaves the limits. "
+        f"{flights.limits} "
+        f"Computed by {_STUDY} for {same}."
     )
     return Report(_TITLE, (flights.table, about), data=flights.data)
 

@@ -164,7 +164,9 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """Return what the slider shows at one angle: trim, modes, and A and B with their units."""
+    """Return the report that the slider shows at one angle: trim, modes, and A and B with their
+    units.
+    """
     title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
     if model is None:

@@ -19,8 +19,7 @@ from trim import trim_figure
 def test_lift_is_across_panels_and_carries_weight(
     published_aircraft: Model, degrees: float
 ) -> None:
-    """The lift of each panel is normal to it, the lifts balance the weight, and arrows are to
-    scale.
+    """Each lift is normal to its panel, the lifts balance the weight, and arrows are to scale.
 
     The hinge moments are printed.
     """

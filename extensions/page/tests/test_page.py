@@ -112,7 +112,7 @@ def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
     assert f"{best:,.0f}" in drawn
     assert "does not converge" in drawn
     assert "pitch_rate -39.39 to 39.39 deg/s" in drawn
-    assert "of this page's aircraft" in flights_section(flights, flown_pairs(job)).text()
+    assert "for this page's aircraft" in flights_section(flights, flown_pairs(job)).text()
     for changed in ({}, {angle: (A, 1.01 * B) for angle, (A, B) in flown_pairs(job).items()}):
         assert "ANOTHER aircraft" in flights_section(flights, changed).text()
 

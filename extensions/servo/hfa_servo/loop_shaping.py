@@ -80,7 +80,7 @@ def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> 
         "robustness",
         gain,
         (1.0 + ROUNDING) * found.gamma,
-        "the loop is less robust than gamma promises",
+        "the robustness norm of the loop exceeds gamma",
     )
 
 

@@ -86,7 +86,7 @@ class PlantSolution(Result, Reported):
         upper = ", ".join(eigenvalue_text(value) for value in poles if value.imag >= 0)
         limits = f"delta {self.solution.delta:.6g}, smallest possible {self.smallest.value:.7g}"
         if self.smallest.condition != "none":
-            limits += f", where the {self.smallest.condition} ends it"
+            limits += f", limited by the {self.smallest.condition}"
         return Report(
             title=f"{self.law} for {self.plant}: certified\n{limits}",
             parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(self.solution.checks)),

@@ -49,7 +49,9 @@ class Side(NamedTuple):
     N: np.ndarray
 
     def reduced(self) -> Reduced:
-        """The problem without cross terms between the cost of the input and that of x and w."""
+        """The problem without cross terms: only v has a cost, and the remaining cost depends on
+        x and w.
+        """
         past, rest = self._split()
         into = self.B @ past
         left = rest @ self.C

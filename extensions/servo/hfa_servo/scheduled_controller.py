@@ -271,7 +271,7 @@ class ScheduledController(ByValue, Reported):
             parts.append(f"commands: {', '.join(self.commands)}")
         if self.command_filter:
             bandwidth, damping = self.command_filter
-            parts.append(f"of a command filter of {bandwidth:g} rad/s, damping {damping:g}")
+            parts.append(f"command filter: {bandwidth:g} rad/s, damping {damping:g}")
         return "; ".join(parts)
 
     def _data(self) -> dict[str, Any]:

@@ -249,10 +249,9 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
 def test_path_from_inputs_sensor_once_closed_equations_say(
     published_aircraft: Model,
 ) -> None:
-    """With a direct path from inputs to a sensor, the closed loop has the rates of the equations
-    solved for u.
+    """With a direct path D from inputs to a sensor, the closed loop has the correct rates.
 
-    u = Ck x_c + Dk (C x + D u).
+    They are compared with the equations solved for u, where u = Ck x_c + Dk (C x + D u).
     """
     rng = np.random.default_rng(0)
     shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}

@@ -555,7 +555,7 @@ def test_smallest_delta_of_scalar_plant_and_its_report() -> None:
         solve_plant(scalar(), smallest * 0.999)
     report = solution_of_plant(scalar(), 3.0, "one state").report()
     assert report.title.endswith(
-        f"delta 3, smallest possible {smallest:.7g}, where the coupling condition ends it"
+        f"delta 3, smallest possible {smallest:.7g}, limited by the coupling condition"
     )
     assert report.data["delta_margin"] == pytest.approx(3.0 / smallest)
     with pytest.raises(

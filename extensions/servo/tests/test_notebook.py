@@ -545,7 +545,7 @@ def test_wrong_calls_are_one_line() -> None:
     """A wrong call raises a one-line error about the call, not an error from inside a function."""
 
     class Table:
-        """Object whose comparison is entry by entry, as that of a DataFrame."""
+        """Object that is compared entry by entry, like a DataFrame."""
 
         __hash__ = None  # type: ignore[assignment]
 

@@ -85,10 +85,9 @@ def test_outputs_are_those_of_the_linear_model(
 def test_in_moving_air_accelerometer_feels_alpha_through_air(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """In an updraft, the measured acceleration changes by its derivative F with respect to the
-    updraft.
+    """An updraft w changes the measured acceleration by F w, where F is its derivative.
 
-    This is the effect of alpha = w / V, within 5 %.
+    F agrees within 5 % with the effect of a change of alpha by w / V.
     """
     names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
     outputs = MeasuredOutputs(published_aircraft, point, names)

@@ -55,7 +55,7 @@ class Argument:
         return int(self.value.numel())
 
     def at(self, _: Any) -> ca.SX:
-        """Return the symbols of the input at any time."""
+        """Return the symbols of the input, which are independent of time."""
         return self.value
 
 
@@ -144,8 +144,8 @@ def exported_loop(
 ) -> ExportedLoop:
     """Return the loop X' = f(X, U, w) with the states [X; actuators; memory of the policy; filter].
 
-    The inputs are [w; v], with w the disturbances of the model. `steering` defines v and computes U
-    from it; by default v = U. Actuator states and memory are deviations from trim.
+    The inputs are [w; v], with w the disturbances of the model. `steering` defines v and computes
+    U; by default v = U. Actuator states and memory are deviations from trim.
 
     Raises BadInputError if a trim input is outside its actuator's limits, or if the policy measures
     actuator states that do not exist.

@@ -130,7 +130,7 @@ def report(request: ReportRequest) -> int:
 
 
 def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
-    """Write the page and return the line that names what was written.
+    """Write the page and return a line with the names of the written files.
 
     place: an .html file, or a folder for the page, its pictures and its numbers
     """

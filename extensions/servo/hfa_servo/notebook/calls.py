@@ -119,7 +119,7 @@ def attribute(value: Any, name: str, *more: str) -> Any:
 
 
 def _known(value: Any) -> list[str]:
-    """Return attribute names, in addition to those of the class, that messages may suggest."""
+    """Return attribute names that messages may suggest in addition to attributes of the class."""
     if isinstance(value, LinearModel):
         return [*dir(value), *names_of_control()]
     if isinstance(value, ByName) and value:

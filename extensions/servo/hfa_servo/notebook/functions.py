@@ -48,7 +48,7 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
 
     get: function from a public name to its object
 
-    Raises AttributeError if the name is that of a command.
+    Raises AttributeError if the name is the name of a command.
     """
     if name in FUNCTIONS:
         known: Callable[..., Any] = get(FUNCTIONS[name])
