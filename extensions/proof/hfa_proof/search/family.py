@@ -121,7 +121,7 @@ class Family:
         return flights.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
-        """Return the trim at a scheduling value, in doubles. Raises TrimError if there is none."""
+        """Return the trim at a scheduling value, in doubles. Raises TrimError without a trim."""
         model = self.model
         if model.schedule in model.parameters:
             value = in_model_unit(model, scheduling_value)

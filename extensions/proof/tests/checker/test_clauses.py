@@ -389,7 +389,7 @@ def test_the_delay_acts_on_the_commands_that_arrive() -> None:
 
 
 def test_a_line_beside_the_axis_bounds_one_side() -> None:
-    """A line beside the imaginary axis gives a bound on one side only.
+    """A line to the left or right of the imaginary axis gives only one bound.
 
     For x' = -x, the line at -2 counts the stable mode, and the line at +1 counts none.
     """

@@ -291,7 +291,7 @@ class RegionSearch:
         return turn.V
 
     def _turn(self, V: PolynomialFunction, setting: Setting, least: float = 0.0) -> _Turn | None:
-        """Return V with a floating-point proof of level 1, or None if there is none.
+        """Return V with a floating-point proof of level 1, or None if no proof is found.
 
         V is scaled to slightly lower levels if level 1 is not proved.
 
