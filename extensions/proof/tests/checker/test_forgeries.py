@@ -74,7 +74,7 @@ def _witness_of_the_other_trim(kind: str) -> Change:
 
 
 def _bounds_of_the_other_trim(made: Content) -> None:
-    """Insert the delta_min of the other trim, with its evidence, into a certificate of this trim."""
+    """Insert the delta_min of the other trim, with its evidence, into this trim's certificate."""
     other = of_the_other_trim("one of two")
     made["statement"]["delta_min"] = other["statement"]["delta_min"]
     for name in ("value", "refused", "frequencies"):

@@ -125,7 +125,7 @@ class _Step:
         return keys, np.linalg.solve(self.search.T, values)
 
     def _positive(self) -> None:
-        """Require that V - least |y|² is a sum of squares."""
+        """Require that V - `_LEAST` |y|² is a sum of squares."""
         problem = self.problem
         length = Terms.of(power_of_length(self.n, 2))
         identity = problem.identity(length.scaled(-_LEAST))
