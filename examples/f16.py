@@ -221,7 +221,7 @@ def weights(x, first, last, count):
     """Return the weights of `count` evenly spaced knots in a linear interpolation at x.
 
     first, last: positions of the outermost knots; beyond them the interpolation is extrapolated
-    linearly
+      linearly
     """
     knots = np.linspace(first, last, count)
 

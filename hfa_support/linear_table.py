@@ -44,7 +44,7 @@ class LinearTable(ByValue):
             v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
 
         where: x, a number or an array; its shape precedes the shape of the tabulated array in the
-        result
+          result
         """
         x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
         count = len(self.breakpoints)

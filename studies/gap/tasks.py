@@ -56,8 +56,7 @@ def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Depl
     """Return the deployment of a policy about a trim.
 
     policy: zip of Stable-Baselines3, trained without a normalizer of observations, or None before
-    the
-      training
+      the training
     """
     reaches = _reaches(point)
     action = {

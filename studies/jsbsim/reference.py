@@ -132,9 +132,8 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
     The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated.
 
     items: {"aircraft": NAME, "point": {...}}. "root" is the folder that contains the folder
-    "aircraft",
-      by default JSBSim's. "earth": "own" selects JSBSim's earth in place of a sphere without
-        rotation.
+      "aircraft", by default JSBSim's. "earth": "own" selects JSBSim's earth in place of a sphere
+      without rotation.
     seconds: time limit of each child process
     """
     answers: list[Any] = []

@@ -24,9 +24,9 @@ class PaperFlight:
     All are deviations from the trim in ft/s, rad and rad/s, in the order of
     `hfa_model.LINEAR_STATES`.
 
-    INITIAL: initial condition x(0) of Section 5.1 REFERENCE: command x_d. The speed command is 7 +
-    0.01 t + 2 sin(0.5 t) ft/s, alpha 0.1 rad and the
-      dihedral angle 0.5 rad.
+    INITIAL: initial condition x(0) of Section 5.1
+    REFERENCE: command x_d: speed 7 + 0.01 t + 2 sin(0.5 t) ft/s, alpha 0.1 rad and dihedral angle
+      0.5 rad
     DISTURBANCE: disturbance d, 1.1 times the printed amplitudes
     NOISE: measurement noise of Section 5.4
 
@@ -95,7 +95,7 @@ def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configur
     """Return the configuration used by this project.
 
     changes: name of a table -> changed entries, or name of the initial condition or a signal ->
-    value
+      value
     """
     given = dict(changes or {})
     tables = read_toml(str(Path(__file__).with_name("section5.toml")))

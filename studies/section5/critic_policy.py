@@ -23,8 +23,7 @@ class CriticPolicy(Policy):
     W'(46) is the update of Eq. (46). p = 1 during learning, and p = 0 when the weights are frozen.
 
     law: samples, gains, normalization and coordinates of Eq. (46). The memory contains W (M,) in
-    the
-      law's coordinates y = z / scales.
+      the law's coordinates y = z / scales.
     forcing: r(t) = A x_d - x_d' (6,), or zero if the critic receives F = A z
 
     Raises BadInputError if the law re-evaluates the policies of the samples, which is not supported

@@ -251,7 +251,7 @@ def run_case(
     """Simulate a case of `CASES`, write FOLDER/NAME.json and a figure, and return the result.
 
     resume: whether to reuse a stored result of this version for the same aircraft, laws and
-    duration
+      duration
     """
     target = folder / f"{name}.json"
     picture = folder / f"{name}.png"

@@ -67,8 +67,7 @@ def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) ->
     """Return five equal actuators with the control limits of a trim and without a rate limit.
 
     faults: faults of the actuators. A reduced effectiveness of the actuator is added as a fault of
-    the
-      surfaces.
+      the surfaces.
     """
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))

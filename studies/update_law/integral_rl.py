@@ -38,8 +38,7 @@ class IrlSettings:
 
     interval: length Δ of an interval, s; longer intervals distinguish the slow modes better
     intervals: number N of simulated intervals, at least the number M of weights. None means 40, or
-    more
-      if the basis has more than 26 weights (`enough_for`).
+      more if the basis has more than 26 weights (`enough_for`).
     iterations: number of policy updates, one for each Δ after the simulation
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller)
     initial_weights: W(0) of the first policies in the model's units; 0 means u = 0 and requires a
