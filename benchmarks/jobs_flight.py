@@ -94,9 +94,7 @@ class FlightCase:
         self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
-        """Simulate the project's loop and return states and weights at all steps, (steps +
-        1, n).
-        """
+        """Simulate the project's loop and return its states and weights, (steps + 1, n)."""
         flight = self.compiled(compile_code, steps).fly()
         return np.hstack([flight.states, flight.memory])
 

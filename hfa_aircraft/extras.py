@@ -31,7 +31,7 @@ class Extras:
         of the equations
 
     alternatives: groups of names, of which a trim imposes one. Imposing another name of the group
-        frees the first.
+        frees the imposed one.
     begin: function (imposed values by name) -> initial values of the other variables in a trim
         search. Values are numbers or arrays. The first name of a group of alternatives receives its
         exact value.

@@ -313,8 +313,9 @@ def fault_of_columns(
     """Return the wrong sign or unit of a column, or the exchange of two, that explains the records,
     or "".
 
-    Without the fault the records must be clearly likelier, or nearly as likely with parameters
-    closer to their initial values. Faults that explain the records equally well are joined by "or".
+    Without the fault the records must be clearly more likely, or nearly as likely with
+    parameters closer to their initial values. Faults that explain the records
+    equally well are joined by "or".
 
     fit: None if the simulation diverges
     errors: name of a column error -> its estimate by one Newton step from 0

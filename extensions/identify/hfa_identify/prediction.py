@@ -62,7 +62,7 @@ class Condition:
         measured: Sequence[str],
         held: Mapping[str, float],
     ) -> Condition:
-        """Return the mean of the records' initial conditions, with initial values of the noise.
+        """Return the mean condition at the records' first samples and a guess of the noise.
 
         measured: names of the measured quantities
         held: input or state without a column -> value
@@ -89,9 +89,7 @@ class Condition:
 
 
 def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
-    """Return the standard deviation of the white noise that causes the second differences of a
-    column.
-    """
+    """Return the standard deviation of sensor noise from the second differences of a column."""
     differences = []
     for record in records:
         values = record.measured.get(name, np.empty(0))

@@ -186,7 +186,7 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
 def test_slow_noise_beside_white_noise_is_seen():
     """Slow noise is detected in its sum with stronger white noise.
 
-    The autocorrelation is 0.2 0.98^lag. Its sum over all positive and negative lags is 20.6.
+    The autocorrelation at positive lags is 0.2 0.98^lag. Its sum over all lags is 20.6.
     """
     generator = np.random.default_rng(0)
     slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)

@@ -1,4 +1,4 @@
-"""XML files of an aircraft: elements with line numbers, conversion of units, and search of
+"""XML files of an aircraft: elements with line numbers, conversion of units, and search for
 files.
 """
 
