@@ -345,7 +345,8 @@ class _Reader:
         for key, points in zip(keys, breakpoints, strict=True):
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
-                    f"breakpoints {key}", "do not increase; give at least two increasing numbers"
+                    f"breakpoints {key}",
+                    "the values do not increase; give at least two increasing numbers",
                 )
         values = self._numbers(element, "dataTable")
         shape = tuple(points.size for points in breakpoints)
@@ -388,7 +389,7 @@ class _Reader:
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:
-            raise self._error(place, f"has no <{tag}>; add it")
+            raise self._error(place, f"<{tag}> is missing; add it")
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
@@ -424,7 +425,7 @@ class _Reader:
     def _attribute(self, element: ElementTree.Element, name: str) -> str:
         value = element.get(name)
         if not value:
-            raise self._error(f"<{element.tag}>", f"has no {name}; add it")
+            raise self._error(f"<{element.tag}>", f"the attribute {name} is missing; add it")
         return value
 
     def _error(self, place: str, fault: str) -> BadInputError:

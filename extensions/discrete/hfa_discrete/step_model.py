@@ -20,7 +20,7 @@ def step_model(path: Path) -> Model:
     problem = stored_game(path).discrete
     if problem is None:
         raise BadInputError(
-            f'{path} is in continuous time; hfa fly --model needs time = "discrete"; use'
+            f'{path} is in continuous time, but hfa fly --model needs time = "discrete"; use'
             " --aircraft FILE.py:NAME for a continuous-time plant"
         )
     step = problem.step

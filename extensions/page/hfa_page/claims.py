@@ -114,7 +114,9 @@ def load_claims(path: Path) -> Claims:
         ]
         return Claims(data, verdicts, about, claims_table(data["claims"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(f"{file} is damaged ({error!r}); give a file of {study}") from error
+        raise BadInputError(
+            f"{file} is damaged ({error!r}); write it again with {study}"
+        ) from error
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:

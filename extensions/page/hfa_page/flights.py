@@ -98,7 +98,9 @@ def load_flights(path: Path) -> StoredFlights:
         table = flights_table(data["flights"])
         return StoredFlights(data, table, limits_in_words(data["limits"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(f"{file} is damaged ({error!r}); give a file of {_STUDY}") from error
+        raise BadInputError(
+            f"{file} is damaged ({error!r}); write it again with {_STUDY}"
+        ) from error
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:

@@ -154,7 +154,7 @@ class ScheduledController(ByValue, Reported):
             if np.shape(values) != shape:
                 raise BadInputError(f"{where} {name} is {np.shape(values)}; it must be {shape}")
             if not np.all(np.isfinite(values)):
-                raise BadInputError(f"{where} {name} has an entry that is not finite")
+                raise BadInputError(f"{where} {name} has an entry that is not finite; correct it")
         positive = all(0.0 < number < np.inf for number in self.command_filter)
         if len(self.command_filter) not in (0, 2) or not positive:
             raise BadInputError(

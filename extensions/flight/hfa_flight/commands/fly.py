@@ -192,7 +192,7 @@ def _fly_members(request: FlyRequest) -> int:
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(f"{target}: members are written to a Zarr store; use -o FILE.zarr")
     if request.resume and target is None:
-        raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
+        raise BadInputError("--resume requires a store; add -o FILE.zarr")
     spread = None if request.draws is None else spread_of(request)
     plan = MonteCarlo(members, request.seed, *request.flight(), spread=spread)
     progress = ProgressLine("simulate")
