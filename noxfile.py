@@ -1,5 +1,4 @@
-"""Nox session of `make test-matrix`: tests with the oldest and newest dependencies, for every
-Python.
+"""Nox session of `make test-matrix`: every Python, with the oldest and newest dependencies.
 
 Each session installs this project with its extras, at the lower bounds in pyproject.toml or at the
 newest versions that have wheels. It compares results of commands with those in .venv and runs some

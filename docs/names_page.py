@@ -92,8 +92,7 @@ def _restructured(parts: list[str]) -> str:
 
 @cache
 def results() -> dict[str, list[type]]:
-    """Return package -> classes in the return annotations of its functions that have no public
-    name.
+    """Return package -> classes without a public name that its functions return.
 
     Each class is listed once, under the first package whose functions return it.
     """

@@ -1,5 +1,4 @@
-"""The accuracy of the linear model at 10 deg: the widest error bands, and their effect on the
-modes.
+"""The accuracy of the linear model at 10 deg: its widest error bands, and bands of the modes.
 
 The half-width of a band is two standard errors, caused by the rounding of the printed matrices. The
 modes are computed for 1000 draws of A within its bands. Entries are drawn independently although

@@ -98,8 +98,7 @@ def _identity(path: str | Path) -> tuple[int, int] | None:
 
 @contextmanager
 def all_or_none(folder: Path | None = None) -> Iterator[None]:
-    """Give the files written in the block their final names only if the block ends without an
-    error.
+    """Give files their final names only if the block that writes them ends without an error.
 
     folder: created if it does not exist, and removed again after an error
     """
@@ -214,8 +213,7 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """Yield a binary stream whose content becomes the file `path` if the block ends without an
-    error.
+    """Yield a binary stream that becomes the file `path` if the block ends without an error.
 
     The content is written to a temporary file in the same folder, which is then renamed. After an
     error `path` is unchanged. The mode of an existing file is kept. Raises BadInputError if the

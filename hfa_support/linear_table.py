@@ -38,8 +38,7 @@ class LinearTable(ByValue):
         object.__setattr__(self, "values", values)
 
     def at(self, where: float | np.ndarray) -> np.ndarray:
-        """Return the array at x, interpolated linearly between breakpoints and constant beyond both
-        ends.
+        """Return the array at x, interpolated linearly and constant beyond both ends.
 
             v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
 

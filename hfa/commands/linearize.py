@@ -126,8 +126,7 @@ def _with_winds(
     outputs: tuple[str, ...],
     kept: tuple[str, ...],
 ) -> LinearModel:
-    """Return the linear model of all states at a trim, with the winds of the aircraft as
-    disturbances.
+    """Return the linear model of all states at a trim, with winds as disturbances.
 
     The winds are left out if a wind acts on an omitted state that acts on a kept state. The reduced
     model has no column for this effect. The winds of the HFA are always included.

@@ -141,8 +141,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """Return name -> values for the columns of a list of points and for the variables given by
-        options.
+        """Return name -> values, from the columns of a list of points and from options.
 
         listing: CSV file of points
         ranges: value of each variable given by an option

@@ -138,8 +138,7 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(
     *suffixes: str, folder: bool = False, stores: Sequence[str] = ()
 ) -> Callable[[str], Path]:
-    """Return an option type that accepts the path of an output file and checks it before the
-    computation.
+    """Return an option type for an output file, whose path is checked before the computation.
 
     suffixes: accepted suffixes
     folder: whether folders are accepted too; their names have no suffix

@@ -62,8 +62,7 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """Return a copy of this option in which functions of the model are replaced by their
-        values.
+        """Return a copy of this option with functions of the model replaced by values.
 
         model: None for an option that does not depend on the model
         name: name of the field, used as the name of the option if it declares no other

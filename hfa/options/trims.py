@@ -129,8 +129,7 @@ class HfaOptions(Request):
         return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
-        """Return the provenance of the HFA: dynamics, parameters, and parameters changed by
-        options.
+        """Return the provenance of the HFA: dynamics, parameters, and changed parameters.
 
         of_the_trim: entries added to the provenance
         """
@@ -400,8 +399,7 @@ class TrimOptions(HfaOptions):
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
-        """Trim the aircraft under the condition given by the options and return the operating
-        point.
+        """Trim the aircraft under the condition of the options and return the operating point.
 
         The search begins at the point of --start. Raises TrimError with an explanation if no trim
         is found.

@@ -113,9 +113,7 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return the Function for blocks of `together` rows and its memory, kept for later
-        calls.
-        """
+        """Return the Function for blocks of `together` rows and its memory, kept for later."""
         mapped = by_rows
         if self._rows >= _MANY:
             from hfa_support.native.columns import by_columns_or_rows as mapped

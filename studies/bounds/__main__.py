@@ -56,8 +56,7 @@ AIRCRAFT = {
 
 
 def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any]:
-    """Prove a lower bound for one aircraft, compare it with flights, and return the row of the
-    results.
+    """Prove a lower bound for one aircraft, compare it with flights, and return the row.
 
     starts: number of initial conditions of best flights
     flights: number of other flights, or None for the default of the aircraft

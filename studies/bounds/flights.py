@@ -46,8 +46,7 @@ class FlownAbove(NamedTuple):
 def flown_above(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
 ) -> FlownAbove:
-    """Simulate flights until `flights` of them end at the trim, and compare their costs with a
-    bound.
+    """Compare the costs of `flights` flights that end at the trim with a lower bound.
 
     Half of the flights begin on the faces of the usual box. Three control laws are used in turn:
     the inputs that minimize the running cost plus the rate of the bound to first order, the gain of
@@ -88,8 +87,7 @@ def flown_costs(
     pulses: np.ndarray,
     most: int,
 ) -> np.ndarray:
-    """Return the costs (N,) of flights from the deviations z (N, n), with the cost of the final
-    state.
+    """Return the costs (N,) of flights from deviations z (N, n), including the final state's cost.
 
     The cost is inf for flights that leave the limits or do not end at the trim.
 

@@ -134,8 +134,7 @@ def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
 
 
 def drawn(aircraft: Sequence[dict[str, Any]]) -> Figure:
-    """Draw the median cost of each policy relative to the best flight found, in one row per
-    aircraft.
+    """Draw each policy's median cost relative to the best flight found, a row per aircraft.
 
     A policy that always leaves the envelope is drawn at the right edge.
     """

@@ -143,8 +143,7 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
-    """Return the spectral radius of the sampled loop at the trim, and the first unstable delay in
-    s.
+    """Return the spectral radius of the sampled loop, and the first unstable delay in s.
 
     The delay is None if the loop is unstable without delay or if no unstable delay was found.
     """

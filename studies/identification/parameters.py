@@ -364,8 +364,7 @@ class _Problem:
         return list(z * self._system.scales)
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (entry - print) / half unit for each printed entry that depends on θ, and the
-        Jacobian.
+        """Return (entry - print) / half unit for entries that depend on θ, and the Jacobian.
 
         The Jacobian includes the change of the trim. The last result is cached, because the solver
         requests values and Jacobian separately.

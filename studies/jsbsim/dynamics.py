@@ -165,8 +165,7 @@ def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarra
 
 
 def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
-    """Return the largest difference between the thrust of the model and of JSBSim at five
-    throttles.
+    """Return the largest difference of the model's thrust from JSBSim's at five throttles.
 
     It is relative to JSBSim's thrust, or to 1 lb if this is larger. It is 0 for an aircraft without
     a throttle.
@@ -189,8 +188,7 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim in the response to an elevator pulse, with the
-    state.
+    """Return the largest difference from JSBSim after an elevator pulse, with its state.
 
     The difference at the end of the flight is relative to the change of the state, or to 10 % of
     its nominal value if this is larger. The response is the difference of flights with and without

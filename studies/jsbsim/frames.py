@@ -1,5 +1,4 @@
-"""Simulations of `hfa fly --method jsbsim`, compared with JSBSim over its rotating, flattened
-earth.
+"""Simulations of `hfa fly --method jsbsim`, compared with JSBSim over its rotating earth.
 
 `python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md. Each row contains
 the largest difference of a state at a full second, in the nominal value of the state. The flights

@@ -1,5 +1,4 @@
-"""Linear models identified from JSBSim flights with sensor noise, compared with JSBSim's
-linearization.
+"""Linear models identified from noisy JSBSim flights, compared with JSBSim's linearization.
 
 `python -m studies.jsbsim.identified [COUNT]` prints the table of README.md, with COUNT
 identifications of each aircraft (default 24). It requires the packages jsbsim and hfa-identify.

@@ -225,8 +225,7 @@ def _printed_coupling(evidence: Evidence, law: str) -> float:
 
 
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
-    """Return the largest difference between a quoted eigenvalue and the nearest eigenvalue of A,
-    1/s.
+    """Return the largest difference of a quoted eigenvalue from the nearest one of A, 1/s.
 
     The paper quotes magnitudes without signs, so the signs of the eigenvalues are ignored.
     """
@@ -293,8 +292,7 @@ def _entries() -> tuple[dict[str, Any], ...]:
 def _each(
     must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any
 ) -> Iterator[dict[str, Any]]:
-    """Yield a claim for each entry of `each`, whose words replace the placeholders {..} of the
-    claim.
+    """Yield a claim for each entry of `each`, whose words replace the placeholders {..}.
 
     must: relation and limit, for example "<= 0.1"
     """

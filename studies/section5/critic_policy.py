@@ -76,9 +76,7 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return σ and e of the current state (Eq. 32-33) for the policies of the current
-        weights.
-        """
+        """Return σ and e of the current state and the policies of the weights (Eq. 32-33)."""
         e = self.law.equations
         y = z / self._scales
         drift = (ca.mtimes(ca.DM(self.law.game.A), z) + self.forcing.at(t)) / self._scales

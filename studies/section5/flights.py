@@ -108,8 +108,7 @@ class PaperCase:
 
     @property
     def input_limits(self) -> np.ndarray:
-        """Lowest and highest deviations of the inputs from the trim, (2, 5), for this project's
-        limits.
+        """Assumed lowest and highest deviations of the inputs from the trim, (2, 5).
 
         The paper states no limits.
         """
@@ -346,9 +345,7 @@ def law_of(
 
 
 def generator(reference: Waveform) -> Waveform:
-    """Return w = [1, t, sin f₁t, cos f₁t, ...], (2 + 2 k,), the signals that compose a
-    reference.
-    """
+    """Return the signals w = [1, t, sin f₁t, cos f₁t, ...], (2 + 2 k,), of a reference."""
     unit = np.eye(2 + 2 * len(reference.harmonics))
     waves = tuple(
         Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i])
@@ -358,8 +355,7 @@ def generator(reference: Waveform) -> Waveform:
 
 
 def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
-    """Return F = -R⁻¹B'P_s, (5, k), for which u = -K z + F w(t) is the exact policy for a
-    reference.
+    """Return F = -R⁻¹B'P_s, (5, k), with which -K z + F w(t) is the exact policy.
 
     w is the result of `generator`.
     """

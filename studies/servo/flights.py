@@ -107,8 +107,7 @@ def gust_held(
     length: float,
     peak: float,
 ) -> float:
-    """Return the largest peak of a 1-cosine gust for which a flight of 30 s stays within the
-    envelope.
+    """Return the largest 1-cosine gust with which a flight of 30 s stays in the envelope.
 
     It is searched up to `peak` ft/s with the resolution `APART`, and has the sign of `peak`.
 

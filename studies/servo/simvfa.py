@@ -105,8 +105,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return an additional output row c, (n,), with which (A, B, [C; c]) is square with stable
-    zeros.
+    """Return an output row c, (n,), with which (A, B, [C; c]) is square with stable zeros.
 
     The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
     drives directly is a smaller plant with the same outputs. If its C B has full rank, c is the

@@ -263,8 +263,7 @@ class IntegralLearning:
 
 
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
-    """Run the law on a simulated probing flight with the quadratic basis, and return the training
-    run.
+    """Run the law on a simulated probing flight with the quadratic basis and return the run.
 
     options: fields of `IrlSettings`
     """

@@ -1,5 +1,4 @@
-"""The critic update of the paper, Eq. (46), with the gains of Theorem 1 and the step that they
-require.
+"""The critic update of the paper, Eq. (46), the gains of Theorem 1, and the stable step.
 
 It is also an example of a user-defined learning law. Such a law is an object with `ticks`, `start`,
 `advance` and `observe`, which `controller.run` calls. `conclude` converts the final weights to P

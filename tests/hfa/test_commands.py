@@ -248,9 +248,7 @@ def test_without_names_every_state_is_an_output() -> None:
 
 
 def test_names_choose_rows_and_columns_in_their_order() -> None:
-    """--states, --inputs and --outputs select rows and columns of A, B, C, D and E in the given
-    order.
-    """
+    """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
     part = answer("linearize", *AT_15, *CHOSEN)
     rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
@@ -334,9 +332,7 @@ def test_text_says_which_aircraft(heavy: Path) -> None:
 
 
 def test_json_has_the_whole_condition(heavy: Path) -> None:
-    """The provenance in JSON contains the trim condition, the changed parameters and the
-    command.
-    """
+    """The provenance in JSON contains the trim condition, changed parameters and the command."""
     words = (
         "--dihedral",
         "12",

@@ -242,9 +242,7 @@ def looks_like(picture: Path, other: Path) -> bool:
 
 
 def test_every_public_name_is_in_an_example() -> None:
-    """Each public name of a package other than `hfa` occurs in a Python example of the
-    documents.
-    """
+    """Each public name of a package other than `hfa` occurs in an example of a document."""
     blocks = (block for path in DOCUMENTS for block in blocks_of(text_of(path)))
     code = "\n".join(block.text for block in blocks if block.language == "python")
     stubs = {name: FOLDERS[name] / "__init__.pyi" for name in PACKAGES if name != "hfa"}

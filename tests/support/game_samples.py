@@ -86,8 +86,7 @@ def first() -> tuple[Game, np.ndarray]:
 
 
 def game_in(state: float, of_input: float = 1.0) -> Game:
-    """Return a game with two states and two inputs, whose second state and input are in other
-    units.
+    """Return a game with two states and inputs, of which the second have other units.
 
     state, of_input: scale of the second state and the second input
     """

@@ -11,8 +11,7 @@ Rows = Mapping[str, NDArray]
 
 
 def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]:
-    """Return the numbers of the chunks whose results in four threads differ from those in one
-    thread.
+    """Return the numbers of the chunks whose results differ between four threads and one.
 
     chunk: function number -> name -> array
     """

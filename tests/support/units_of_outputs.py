@@ -28,8 +28,7 @@ def assert_no_feet(*words: str, folder: Path) -> None:
 
 
 def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
-    """Assert that a store in SI units contains converted numbers and cannot be resumed in English
-    units.
+    """Assert that a store in SI units is converted and cannot be resumed in English units.
 
     name: array whose first three columns are a speed, an angle and a length
     """

@@ -231,9 +231,7 @@ class Draw:
         return blank.join((self._signal(), str(sign), self._value()))
 
     def of_axes(self) -> dict[str, str]:
-        """Return the slots of forces and moments in random frames, some at the center of
-        gravity.
-        """
+        """Return slots of forces and moments in random frames, some at the center of gravity."""
         force = str(self._one(("WIND", "BODY", "STABILITY", "")))
         slots = {}
         names: tuple[str, ...] = ("Z", "X", "Y")

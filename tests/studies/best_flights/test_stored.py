@@ -55,8 +55,7 @@ def test_a_flight_is_found_again(index: int) -> None:
 
 
 def test_stored_examination_is_what_the_page_shows() -> None:
-    """Each table row in docs/optimize.md follows from the stored flights and meets the
-    requirements.
+    """The table in docs/optimize.md follows from stored flights, which meet the requirements.
 
     The costs by SciPy agree within 1 %, finer meshes within 0.5 %, and 95 % of the flights are
     found.

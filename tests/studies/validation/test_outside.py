@@ -165,9 +165,7 @@ def failed(found: Validation) -> dict[str, float]:
 
 
 def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
-    """Return a factor that is 1 + size at one dihedral angle, and 1 farther than about 2 deg
-    away.
-    """
+    """Return a factor that is 1 + size at one dihedral angle, and 1 beyond about 2 deg."""
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
