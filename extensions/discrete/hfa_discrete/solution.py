@@ -333,9 +333,10 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 
 
 def _existence(form: StepForm) -> Answer:
-    """Return whether a step has a value, or that rounding hides it, with the reason.
+    """Return whether the game has a value, with the reason if it has none.
 
-    A value exists if the equivalent continuous-time game has one and δ² I - α E'P E > 0.
+    The answer is None if rounding errors leave it undecided. A value exists if the equivalent
+    continuous-time game has one and δ² I - α E'P E > 0.
     """
     try:
         answer = existence(form.equivalent)

@@ -200,7 +200,12 @@ class Expressions(NamedTuple):
 
 
 class StateParts(NamedTuple):
-    """Parts of the state y, or their sizes, in the order in which y contains them."""
+    """Parts of the state y, or their sizes, in the order in which y contains them.
+
+    plant: deviations of the plant's states from trim, (n,)
+    actuators: states of the actuators; size 0 without actuators
+    memory: states of the policy; size 0 without memory
+    """
 
     plant: Any
     actuators: Any
@@ -208,8 +213,15 @@ class StateParts(NamedTuple):
 
 
 class HeldParts(NamedTuple):
-    """Parts of the held inputs of a loop, or their sizes, in the order of the vector.
+    """Inputs of a loop that are constant during a tick, or their sizes, in the order of the vector.
 
+    A part that the flight does not have has size 0.
+
+    parameters: parameters of the plant that differ between flights
+    actuators: frequency, damping and effectiveness of each actuator, (3 m,), if faults change them
+    policy: gain or command that the policy holds
+    noise: (k,), noise of the measured states
+    gust: held inputs of the gust (`Gust.held_inputs`)
     delay: (1 + 2 m,), time at the start of the tick, delayed command at its start and at its end
     """
 
@@ -407,7 +419,7 @@ class ClosedLoop:
             held[parts.gust] = scenario.gust.held_inputs(tick)
 
     def parts(self, y: np.ndarray) -> StateParts:
-        """Return the parts of y, an array whose last axis is the state."""
+        """Return the columns of y, (..., size), that belong to each part of the state."""
         return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
 
 

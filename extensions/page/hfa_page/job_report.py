@@ -93,12 +93,12 @@ def main_report(job: MainJob) -> Report:
 
 
 def glosses() -> Table:
-    """Return a table that explains each check of the page."""
+    """Return a table with one row for each check: its name and what it means."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
 
 def verdicts(job: MainJob) -> Table:
-    """Return the table of checks with their verdicts."""
+    """Return a table with one row for each check of the job: its name and its verdict."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)

@@ -202,8 +202,9 @@ def _in_degrees(value: Any, name: str) -> Any:
 
 
 def _of_table(value: Any, name: str) -> Any:
-    """Return a method of the pandas table of a sweep or flight, a `to_...` method of the table of
-    any result, or None.
+    """Return the method of a pandas table that has this name, or None.
+
+    The table is that of a sweep or flight. For any other result, only methods `to_...` are found.
     """
     if not isinstance(value, Reported) or find_spec("pandas") is None:
         return None
