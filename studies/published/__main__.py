@@ -36,9 +36,9 @@ as printed: all 20 entries
 ```
 
 [A verdict](critics.md#a-printed-answer) describes the agreement of digits, not the cause of a
-difference. [The results](../studies/published/results.csv) list every solution with its verdict.
-[The sources](../studies/published/sources) contain the printed digits. `python -m
-studies.published` checks all of them.
+difference. [The table](../studies/published/results.csv) lists the verdict on each published
+solution. [The source files](../studies/published/sources) contain the printed digits. `python -m
+studies.published` checks all source files.
 """
 
 
