@@ -42,8 +42,9 @@ _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")
 
 
 def _best_flight(quick: bool) -> list[Row]:
-    """Time the solution of the problem, without the functions that are built once for an
-    aircraft.
+    """Return the row with the times of both solutions, or no row without rockit.
+
+    Functions that are built once for an aircraft are not timed.
     """
     if importlib.util.find_spec("rockit") is None:
         return []

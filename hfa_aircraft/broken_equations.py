@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
     """Return the BadInputError for equations that raised an exception.
 
+    The BadInputError is raised here if the equations use an undeclared name.
+
     arguments: x, u, p and w of the failed call
     """
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):

@@ -18,9 +18,9 @@ _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 def notes_on_degrees(model: Model) -> list[str]:
     """Return a warning for each signal in degrees whose sine, cosine or tangent is computed.
 
-    The equations receive values in the declared unit. Such an angle is therefore wrong by 180/π.
-    Sums and differences of such signals count too. A signal that is multiplied first is assumed to
-    be converted.
+    The equations receive values in the declared unit, so the angle is wrong by 180/π. Sums and
+    differences of signals in degrees count too. A signal that is multiplied first is assumed to be
+    converted.
     """
     model = model.extras.native or model
     names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")

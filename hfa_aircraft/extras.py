@@ -13,15 +13,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """Names, range of validity, trim advice and origin of a model. A user's declaration has none.
+    """Optional data of a model.
 
     called: name in reports, or "" for the name of the model
     names_schedule: whether options and data contain the name of the scheduling variable
         (--dihedral, dihedral_deg) instead of --at and scheduled
     aliases: name in another program -> name in the model
     notes: sentences for every report
-    parts: suffix -> linear states. OUTPUT_suffix is the part of an output that these states, the
-        inputs and the disturbances cause. Controllers can measure it.
+    parts: suffix -> linear states. The measurable quantity OUTPUT_suffix is the part of an output
+        that
+        these states, the inputs and the disturbances cause.
     variants: names of other equations, which a design may treat differently
 
     range: state -> (largest absolute value, source). Larger values cause a warning.
@@ -41,7 +42,7 @@ class Extras:
         description of the trim in place of its outputs
 
     source: file and name from which the model was loaded, and a hash
-    native: the model from which `hfa_aircraft.units.in_si` converted this one
+    native: model that `hfa_aircraft.units.in_si` converted to this one, or None
     made_by: function that makes the model in another process, from `native`, or from `source` and
         the parameters. If it is None, the model is pickled.
     """

@@ -28,7 +28,7 @@ _FAILURES = (
 
 
 class Layout(NamedTuple):
-    """Equations and names of a model, without numbers. Its CasADi functions depend on nothing else.
+    """Equations and names of a model, without numbers.
 
     name: name of the model
     equations: equations of the `Model`
@@ -51,9 +51,7 @@ class Layout(NamedTuple):
 
     @property
     def has_nan(self) -> bool:
-        """True if the equations contain the constant NaN, for example after math.sin of a
-        symbol.
-        """
+        """True if the state derivatives contain the constant NaN, as after math.sin of a symbol."""
         vectors = self.symbols("x", "u", "p")
         rates, _ = self.expressions([components(vector) for vector in vectors], ())
         function = ca.Function("f", vectors, [rates])
@@ -130,14 +128,15 @@ class Layout(NamedTuple):
         """Return x, u, f and the named outputs without disturbance, as functions of a trim's
         variables.
 
-        A state in `replaced` is computed from the output that replaces it, x = (value - y(0)) /
+        A state in `replaced` is computed from the output y that replaces it, x = (value - y(0)) /
         (dy/dx).
 
         values: value of each variable of the trim
         p: parameters
         outputs: names of outputs or states
 
-        Raises BadInputError if that output is not affine in the state.
+        Raises BadInputError if a replacing output is not affine in its state or does not depend on
+        it.
         """
         unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
         x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
@@ -174,11 +173,9 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
     """Return the symbols [x, u, p, w], and f and the outputs by name as expressions of these
     symbols.
 
-    The result is cached, because building it takes longer than deriving functions from it.
-
     still: whether the disturbances are 0. The symbol w is then omitted.
 
-    Raises BadInputError, which names the fault of the equations.
+    Raises BadInputError if the equations are faulty.
     """
     if still and not layout.names[3]:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)
@@ -197,9 +194,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raise BadInputError if an expression contains a symbol other than `symbols`, which has no
-    value.
-    """
+    """Raise BadInputError if an expression contains a symbol other than `symbols`."""
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):
         if symbol.element_hash() not in own:
@@ -250,7 +245,7 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
     """Return a rate or an output as a scalar expression. Raises BadInputError if it is not a
-    number.
+    scalar.
 
     kind: "rate" or "output", for messages
     """

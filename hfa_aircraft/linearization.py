@@ -41,6 +41,9 @@ def linearized(
 
     outputs: names of outputs or states
     disturbances: names of the disturbances in w
+
+    Raises BadInputError for an unknown disturbance, and for a state or input that affects f only in
+    steps.
     """
     x, u, p = layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", len(disturbances))
@@ -72,7 +75,9 @@ def linearized(
 def linearized_rows(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> RowFunction:
-    """Return `linearized` for rows (x, u, p). Each result is one row with all fields.
+    """Return the function rows of (x, u, p) -> rows of the fields of a `Linearization`.
+
+    Matrices are stored row by row (`places_of_parts`).
 
     outputs: names of outputs or states
     disturbances: names of the disturbances in w

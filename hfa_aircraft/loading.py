@@ -44,7 +44,8 @@ def load_model(text: str) -> Model:
 
     text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
 
-    Raises BadInputError, which names the file and its fault.
+    Raises BadInputError if the text has another form, or if the file or module cannot be read,
+    fails, or contains no model of this name.
 
     >>> import hfa
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
@@ -94,8 +95,8 @@ def load_model(text: str) -> Model:
 def _loaded(model: Model, text: str, digest: str) -> Model:
     """Return the model with its source, from which another process can load it.
 
-    If a model with the same text and digest was loaded before, its equations are reused. Their
-    CasADi functions then exist already.
+    The equations that were first loaded for this text and digest are reused, with their CasADi
+    functions.
     """
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
     known = _known_equations(text, digest)
@@ -120,7 +121,8 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the entry point for a scheme or for the longest suffix, or None if there is none.
+    """Return the entry point for the scheme of a text, else for its longest known suffix, else
+    None.
 
     The text after a "?" is an argument of the reader.
     """
@@ -148,7 +150,10 @@ def _read(offer: EntryPoint, text: str) -> Model:
 
 
 def _digest(model: Model, text: str) -> str:
-    """Return the hash that the reader computed, or else one of the file and the model."""
+    """Return the hash that the reader computed, or else a hash of the file and the model.
+
+    If the file does not exist, the text is hashed in its place.
+    """
     if model.extras.source[1]:
         return model.extras.source[1]
     path = Path(text.partition("?")[0])
@@ -190,7 +195,7 @@ def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
     source: text and hash
     parameters: values of all parameters
 
-    Raises BadInputError if the file has changed since it was loaded.
+    Raises BadInputError if the file has changed or can no longer be loaded.
     """
     model = load_model(source[0])
     if model.extras.source != source:

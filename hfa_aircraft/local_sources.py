@@ -32,8 +32,8 @@ _EXTENSIONS = Path(__file__).resolve().parents[1] / "extensions"
 def fingerprint(model: Model, sources: str) -> str:
     """Return the SHA-256 fingerprint of a model.
 
-    It covers the hash of the source files, the signals, the trim, and each instruction of the
-    equations. Thus it also covers numbers that the model reads from other files.
+    The fingerprint covers the hash of the source files, the signals, the trim, and each instruction
+    of the equations. The instructions contain numbers that the model reads from other files.
 
     sources: hash of the source files
     """
@@ -58,9 +58,8 @@ def fingerprint(model: Model, sources: str) -> str:
 def hash_of_sources(file: Path, package: str = "") -> str:
     """Return the SHA-256 hash of an executed Python file and of the local modules that it imports.
 
-    Modules are local if they are in the folder of the file, or below the folder of its outermost
-    package, and do not belong to an installed package. Local modules that these import are
-    included.
+    Local modules are below the folder of the file, or of its outermost package, and do not belong
+    to an installed package. Modules that local modules import are included.
 
     file: the executed file
     package: package of the file, for relative imports

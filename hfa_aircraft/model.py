@@ -50,14 +50,15 @@ class Model(Reported):
     steady: states whose rates are zero in a trim, by default all
     linear: states of the linear model, by default all
     schedule: state, input or parameter over which sweeps, gain schedules and proofs run
-    modes: name of a mode -> states that dominate it; by default derived from names of states
+    modes: name of a mode -> states that dominate it; by default derived from names and units of
+        states
         (`usual_modes`)
     replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma; the
         output must be affine in the state
     extras: additional data, set by a reader of files or by the HFA
 
-    Raises BadInputError if a name is unknown, declared twice or not an identifier, if a number is
-    invalid, or if the equations fail.
+    Raises BadInputError if there are no states, if a name is unknown, declared twice or not an
+    identifier, if a number is invalid, or if the equations fail.
 
     >>> import hfa
     >>> states = {"position": hfa.Signal("ft"), "velocity": hfa.Signal("ft/s")}
@@ -86,7 +87,7 @@ class Model(Reported):
     extras: Extras = field(default_factory=Extras)
 
     def __post_init__(self) -> None:
-        """Check the declaration and, unless the model is loaded from a file, the equations."""
+        """Check the declaration and, if `extras.made_by` is None, the equations."""
         self._check_signals()
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; a model needs at least one")
@@ -112,7 +113,7 @@ class Model(Reported):
         """Convert each group of signals to a dictionary.
 
         Raises BadInputError for an invalid name, a name that is declared twice, or an invalid
-        number.
+        signal.
         """
         seen: set[str] = set()
         for kind in (*VECTORS.values(), "outputs"):
@@ -176,7 +177,9 @@ class Model(Reported):
         return signals_report(self)
 
     def __reduce__(self) -> Any:
-        """Return the arguments of a pickle. A model that was loaded from a file is loaded again."""
+        """Return the data of a pickle: `extras.made_by` with its arguments, or all fields without
+        it.
+        """
         extras = self.extras
         if extras.made_by is None:
             return super().__reduce__()
@@ -246,8 +249,9 @@ class Model(Reported):
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Return the output or state of a name in `measurable`, and the linear states on which it
-        depends.
+        """Return (output or state, linear states on which it depends) for a measurable name.
+
+        name: a name in `measurable`
         """
         for ending, states in self.extras.parts.items():
             whole = name.removesuffix(f"_{ending}")
@@ -257,10 +261,9 @@ class Model(Reported):
 
     @cached_property
     def rates(self) -> dict[str, Signal]:
-        """Name -> signal, for the rates of the states, which a trim can impose too. An example is
-        speed_dot.
+        """Name of a rate, such as speed_dot -> signal. A trim can impose rates.
 
-        A rate whose name is declared otherwise is omitted.
+        A rate is omitted if a signal has its name.
         """
         return {
             f"{name}_dot": Signal(self.rate_unit(name), self.rate_scale(name))
@@ -308,8 +311,10 @@ class Model(Reported):
 
     @cached_property
     def time_unit(self) -> str:
-        """Unit of time: "min", "h" or "day" if the declared units contain it and do not contain
-        "s". Else "s".
+        """Unit of time: the first of "min", "h" and "day" that the declared units contain, else
+            "s".
+
+        If the declared units also contain "s", the unit of time is "s".
         """
         bases = set()
         for signal in self.signals.values():
@@ -423,7 +428,9 @@ class Model(Reported):
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
-        """Return the message about a rate or derivative that is not finite, with the point.
+        """Return the message about a rate or derivative that is not finite.
+
+        The message contains the point unless the equations contain the constant NaN.
 
         rates: rates of the states `names`
         values: state or input -> value at the point
@@ -471,7 +478,9 @@ class Model(Reported):
 
 
 def _is_identifier(name: Any) -> bool:
-    """Return whether a name is an ASCII identifier in Python and C without a leading underscore."""
+    """Return whether a name is an ASCII identifier, is not a Python keyword, and does not begin
+    with _.
+    """
     if not isinstance(name, str) or keyword.iskeyword(name):
         return False
     return name.isidentifier() and name.isascii() and name[0] != "_"

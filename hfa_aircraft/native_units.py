@@ -27,13 +27,12 @@ def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarr
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:
-    """Convert a value from an English unit to the unit that the model uses instead.
-
-    It is returned unchanged unless the model is converted to SI.
+    """Return a value converted from an English unit to SI if the model was converted, else
+    unchanged.
     """
     return value if model.extras.native is None else value * si_factor(unit)
 
 
 def unit_of(model: Model, unit: str) -> str:
-    """Return the unit of the values that `in_units_of` returns for an English unit."""
+    """Return the unit of a value that `in_units_of` converts from an English unit."""
     return unit if model.extras.native is None else si_unit(unit)

@@ -43,7 +43,7 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 
 
 def record(names: tuple[str, ...]) -> Any:
-    """Return the class of named tuples with these fields. It is created if none is registered."""
+    """Return the class of named tuples with these fields, which is created at the first call."""
     if names not in _RECORDS:
         remember_record(namedtuple("Values", names))
     return _RECORDS[names]

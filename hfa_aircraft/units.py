@@ -1,6 +1,6 @@
 """Conversion of a model to SI units.
 
-The declaration and the equations are converted. All later computations are therefore in SI.
+The declaration and the equations are converted, so that all later computations are in SI.
 """
 
 from __future__ import annotations

@@ -34,9 +34,10 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     """Return name of a mode -> states that dominate it, for the states of an aircraft.
 
     The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
-    and spiral (phi). A mode is omitted if one of its states is not recognized. The phugoid is also
-    omitted without alpha and q, because the model may then not be an aircraft. Roll and spiral are
-    omitted without beta and r.
+    and spiral (phi). A mode is omitted if one of its states is not recognized by name and unit.
+
+    The phugoid requires the states of the short period too, because other models also have a speed
+    and an angle. Roll and spiral require the states of the Dutch roll.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():

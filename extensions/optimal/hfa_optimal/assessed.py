@@ -38,6 +38,7 @@ def best_costs(
 
     deployed: the policy, with the cost for which it was trained
     assessed: the assessed trim
+    seed: seed of the initial conditions
     certificate: file with a lower bound of the cost of these flights, or None
 
     Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound` does.
@@ -83,7 +84,5 @@ def best_costs(
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Return a summary of the cost ratios of the flights that converge to the trim, or None if none
-    does.
-    """
+    """Return the summary of the cost ratios `over_best`, or None if no flight has a ratio."""
     return ratios([each.over_best for each in flights if each.over_best is not None])

@@ -36,10 +36,12 @@ class PolicyFlight(Result):
 
     policy: name of the policy.
     converges: whether the flight converges to the trim.
-    cost: its cost, or None if it does not converge.
-    over_best: its cost divided by that of the best flight found, or None without either.
-    departure: first departure from the envelope (state, time, value, limit), or None if it stays
-        within.
+    cost: cost of the flight, or None if the flight does not converge.
+    over_best: cost of the flight divided by the cost of the best flight found, or None if the
+        flight
+        does not converge or no best flight was found.
+    departure: first departure from the envelope (state, time, value, limit), or None if the flight
+        stays within.
     saturated: names of saturated inputs.
     """
 
@@ -57,7 +59,7 @@ class PolicyFlight(Result):
 
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
-        """Compare a flight with the cost of the best flight.
+        """Return the comparison of a flight with the best flight.
 
         best: cost of the best flight, or None if none was found
         """
@@ -72,11 +74,11 @@ class PolicyFlight(Result):
 class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """Best flight found from an initial condition to a trim within limits.
 
-    The flight was simulated. Its cost is therefore an upper bound of the least cost. A cheaper
-    flight may exist.
+    The cost of the simulated flight is an upper bound of the least cost. A cheaper flight may
+    exist.
 
     problem: aircraft, trim, weights and limits.
-    found: the flight, and the optimizer's proposal that it follows.
+    found: the flight, and the optimizer's proposal that the flight follows.
     others: flights of policies from the same initial condition.
     bracket: bounds of the least cost, or None without a certificate.
 
@@ -129,22 +131,20 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs on the last two meshes and from different
+        """Largest relative difference of the costs, either on the last two meshes or from different
         guesses.
         """
         return self.found.spread
 
     @property
     def linear_cost(self) -> float:
-        """Cost x'Px of the linear model without limits. It differs from the cost of the
-        aircraft.
-        """
+        """Cost z'Pz of the linear model without limits, which is not a cost of the aircraft."""
         start = self.found.proposal.start
         return float(start @ self.problem.P @ start)
 
     @property
     def seconds(self) -> float:
-        """Horizon of the optimizer, s. The linear policy controls the aircraft after it."""
+        """Horizon of the optimizer, s, after which the linear policy controls the aircraft."""
         return self.found.seconds
 
     @property
@@ -183,7 +183,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def over_bound(self) -> float | None:
         """Cost divided by the lower bound, or None without a positive bound.
 
-        The ratio of the cost to the least cost is at most this large.
+        The cost is at most this factor above the least cost.
         """
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
@@ -236,9 +236,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 
     def _bracket(self) -> str:
-        """Return a sentence on the difference between the cost and the least cost, as far as it is
-        known.
-        """
+        """Return sentences on the interval that contains the least cost, as far as it is known."""
         if self.bracket is None:
             return (
                 "No cheaper flight from this initial condition was found. This does not prove that "
@@ -275,13 +273,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def plot(self) -> np.ndarray:
-        """Draw the flight and those of the policies in a pyplot figure and return its Axes."""
+        """Draw the flight and the policies' flights in a pyplot figure and return its Axes."""
         from matplotlib import pyplot
 
         return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
 
     def figure(self) -> Figure:
-        """Return a new figure with the flight and those of the policies."""
+        """Return a new figure with the flight and the policies' flights."""
         from hfa_support.reporting.figure import new_figure
 
         return self._drawn(new_figure(10.0, 8.0))
@@ -315,13 +313,13 @@ def _saturated(flight: str, names: Sequence[str]) -> str:
 
 
 def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
-    """Return state -> lowest and highest permitted value."""
+    """Return state -> (lowest, highest) permitted value."""
     pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
     return dict(zip(problem.envelope.names, pairs, strict=True))
 
 
 def limits_table(problem: FlightProblem) -> Table:
-    """Return a table of the limits of states and inputs."""
+    """Return a table of the limits of all states and of the moving inputs."""
     model = problem.model
     pairs: dict[str, Any] = envelope_pairs(problem)
     signals = model.inputs
@@ -350,23 +348,24 @@ def best_flight(
     """Return the flight of least cost ∫ z'Qz + v'Rv dt that was found from an initial condition to
     a trim.
 
-    z and v are the deviations from the trim. Collocation proposes the flight. It is accepted if a
-    simulation confirms it.
+    z and v are the deviations from the trim. Collocation proposes the flight. The proposal is
+    accepted if a simulation confirms it.
 
     model: the aircraft
     point: trim at which the flight ends
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim
-    Q, R: weights, as `hfa.game` accepts them; R is that of the inputs that move
+    Q, R: weights, as `hfa.game` accepts them; R is the weight of the moving inputs
     start: earlier name of `initial`, accepted for one version
-    seconds: horizon, s; by default so long that the flight after it costs less than 0.1 %
+    seconds: horizon, s; by default long enough for a negligible cost after it
     inputs: inputs that move, by default all; the others are constant
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
-    bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
+    bound: certificate of `hfa prove cost`, which is verified; its bound is `.lower_bound` of the
+        result
 
-    Raises BadInputError for unknown names, an initial condition outside the limits and a horizon
-    that is too short. Raises NoSolutionError, with the reason, if no flight was found or the
-    simulation refutes it.
+    Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
+    is too short, and a certificate about other flights. Raises NoSolutionError if no flight was
+    found, if the simulation refutes it, or if the certificate does not prove its bound.
 
     >>> import hfa
     >>> cart = hfa.Model(

@@ -27,7 +27,7 @@ _CONDITION = 1e6
 def plant_of(problem: FlightProblem) -> Plant:
     """Return the aircraft at the trim of a problem, with its envelope and input limits.
 
-    Raises BadInputError if derivatives depend on a state that the cost omits. A bound would be
+    Raises BadInputError if derivatives depend on a state that the cost omits. A bound would then be
     valid only while this state is constant.
     """
     model = problem.model
@@ -58,9 +58,10 @@ def plant_of(problem: FlightProblem) -> Plant:
 
 
 def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
-    """Return the indices of the unknowns for which the equilibrium equations are well conditioned.
+    """Return the indices of n well-conditioned unknowns (x, u) of the equilibrium equations.
 
-    They are the states, or else a mixture of states and inputs.
+    The unknowns are the states if the scaled Jacobian of the states is well conditioned. Otherwise
+    a QR decomposition with pivoting selects states and inputs.
     """
     n = len(plant.states)
     both = np.hstack([problem.linear.A, problem.linear.B])
@@ -72,12 +73,12 @@ def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
 
 
 def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
-    """Return the user's value for each entry of a certificate.
-
-    The keys are the entries' paths.
+    """Return path of an entry in a certificate -> the user's value.
 
     option: option that selects the aircraft, for messages
     weights: Q and R if the user gave them, else {}
+
+    Raises BadInputError as `plant_of` does.
     """
     plant = plant_of(problem)
     widths = SAME_TRIM * plant.nominal
@@ -116,8 +117,9 @@ def lower_bound(
 
     weights_from: file that contains Q and R, or "" if they are given by options
 
-    Raises BadInputError if the certificate is about other flights, and BadInputError or
-    NoSolutionError if it does not prove its statement.
+    Raises BadInputError if an input of the problem is constant or the certificate is about other
+    flights. Raises BadInputError or NoSolutionError if the certificate does not prove its
+    statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
         raise BadInputError(f"{path} bounds flights in which all inputs move; leave inputs out")

@@ -60,9 +60,11 @@ class Proposal(NamedTuple):
     start: initial deviations z, (k,).
     z: deviations of the followed states at the collocation points, (N, DEGREE, followed).
     v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m).
-    cost: cost by quadrature at the collocation points, plus the tail.
+    cost: cost by quadrature at the collocation points, plus the tail. From a `TimeProgram` it is
+        the
+        time, s.
     tail: linear cost after the last interval.
-    feasible: whether the collocation equations are satisfied.
+    feasible: whether all unknowns are finite and satisfy the collocation equations.
     """
 
     lengths: np.ndarray
@@ -80,19 +82,18 @@ class Proposal(NamedTuple):
 
     @property
     def nodes(self) -> np.ndarray:
-        """Deviations of the followed states at the start and the collocation points of each
-        interval.
+        """Deviations of the followed states, (N, 1 + DEGREE, followed).
 
-        The shape is (N, 1 + DEGREE, followed).
+        The nodes of an interval are its start and its collocation points.
         """
         start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
         before = np.vstack([start[None], self.z[:-1, -1]])
         return np.concatenate([before[:, None], self.z], axis=1)
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the followed states (N, followed) and v (N, m) at these times, 0 after the end.
+        """Return the followed states (T, followed) and v (T, m) at these times, 0 after the end.
 
-        times: s, (N,)
+        times: s, (T,)
         """
         ends = self.ends
         count = len(self.lengths)
@@ -127,10 +128,12 @@ def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
 def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
     """Return lengths of intervals that grow geometrically and add up to `seconds`, s, (N,).
 
-    intervals: number N of intervals.
-    fastest: frequency of the fastest mode of the linear loop, 1/s. The first interval resolves it
-        if the limit of the growth permits.
-    step: simulation step, s. Each length is a multiple of it.
+    The last interval is clip(`seconds` `fastest` / N, 4, `_LONGEST_GROWTH`) times as long as the
+    first, before the lengths are rounded to steps.
+
+    intervals: number N of intervals
+    fastest: frequency of the fastest mode of the linear loop, 1/s
+    step: simulation step, s
     """
     equal = seconds / intervals
     growth = np.clip(equal * fastest, 4.0, _LONGEST_GROWTH)
@@ -141,9 +144,9 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
     """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,).
 
-    Each length is at least one step. The simulation then applies the proposed inputs exactly.
+    Each length is at least one step, so that the simulation applies the proposed inputs exactly.
 
-    ends: ends of the intervals, s, (N + 1,); the last is a multiple of the step
+    ends: ends of the intervals, s, (N + 1,)
     step: s
     """
     whole = np.round(ends / step).astype(int)
@@ -189,8 +192,8 @@ def _leading(points: np.ndarray) -> np.ndarray:
 def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the unknowns of the nonlinear program as a vector.
 
-    v at the start comes first. For each interval, z at the collocation points and v at the end
-    follow.
+    The order is v at the start, then for each interval z at the collocation points and v at the
+    end.
 
     z: (N DEGREE, k)
     v: (N + 1, m)
@@ -227,8 +230,8 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
 def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
     """Return the solution of IPOPT with the constraints g = 0.
 
-    Raises KeyboardInterrupt if the user interrupted it, which CasADi ignores or reports as another
-    error.
+    Raises KeyboardInterrupt if the user interrupts IPOPT. CasADi reports an interruption as another
+    error, or only in IPOPT's status.
     """
     try:
         solved: dict[str, ca.DM] = solver(lbg=0.0, ubg=0.0, **arguments)
@@ -242,13 +245,11 @@ def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
 
 
 class Equations(NamedTuple):
-    """Equations of an aircraft and their derivatives at one point, from a `FlightProblem`.
+    """Equations of an aircraft and their derivatives at one point, in nominal values.
 
-    They are CasADi functions, or machine code.
-
-    rates: scaled states and inputs -> scaled time derivatives
-    slopes: Jacobian of `rates`
-    curvature: Hessian of `rates`, weighted by multipliers
+    rates: states and inputs -> time derivatives
+    slopes: Jacobian of `rates`, possibly as machine code
+    curvature: Hessian of `rates`, weighted by multipliers, possibly as machine code
     """
 
     rates: ca.Function
@@ -259,8 +260,8 @@ class Equations(NamedTuple):
     def of(problem: FlightProblem, starts: int = 1) -> Equations:
         """Return the equations of a problem.
 
-        Their derivatives are machine code if the number of initial conditions is large enough. The
-        rates are not, because CasADi cannot differentiate machine code.
+        From `_MACHINE_CODE_STARTS` initial conditions on, the derivatives are machine code. CasADi
+        cannot differentiate machine code, so the rates are not.
 
         starts: number of initial conditions
         """
@@ -272,10 +273,10 @@ class Equations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """Nonlinear program of a problem with a given number of intervals. It is built once.
+    """Nonlinear program of a problem with a given number of intervals.
 
-    Its Jacobian and Hessian are assembled from the derivatives of the equations at single points.
-    This takes a quarter of the time that differentiation of the entire program takes.
+    The Jacobian and Hessian are assembled from derivatives of the equations at single points. This
+    is faster than differentiation of the entire program.
     """
 
     problem: FlightProblem
@@ -291,14 +292,14 @@ class Transcription:
         margin: float = MARGIN,
         price: float = 1.0,
     ) -> Proposal:
-        """Return the proposal that IPOPT finds from a guess.
+        """Return the proposal that IPOPT finds from a guess, which may be infeasible.
 
         start: initial deviations z, (k,).
         lengths: lengths of the intervals, s, (N,).
-        z: guess at the collocation points, (N DEGREE, k), or for all followed states.
+        z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed).
         v: guess at the ends of the intervals, (N + 1, m).
         margin: fraction by which the limits of the states are narrowed, as in `inner_limits`.
-        price: factor on R.
+        price: factor on R, also in the cost of the proposal.
         """
         problem = self.problem
         of_states, of_inputs = problem.sizes
@@ -400,7 +401,7 @@ class Transcription:
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
-    """Return an expression that does not depend on the symbols, with the symbols replaced by 0."""
+    """Return an expression whose value does not depend on the symbols, without these symbols."""
     zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
     (constant,) = ca.substitute([expression], symbols, zeros)
     return constant

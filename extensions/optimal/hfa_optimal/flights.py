@@ -44,10 +44,10 @@ class Flown(NamedTuple):
     states: absolute states, (N, n).
     inputs: absolute inputs, (N, m).
     running_cost: cost until the end of the flight.
-    tail: linear cost after the end, z'P z.
+    tail: linear cost z'Pz after the end of the flight.
     cost: running cost plus tail, or inf if the flight does not converge to the trim.
     departure: first departure from the envelope, or None if the flight stays within.
-    saturated: names of saturated inputs.
+    saturated: names of the inputs that reach a limit.
     """
 
     name: str
@@ -79,7 +79,9 @@ class Flown(NamedTuple):
         return ", ".join(words)
 
     def outcome(self) -> str:
-        """Return the outcome in words, with the state and the limit of the first departure."""
+        """Return the outcome in words, with the state and the limit of a departure from the
+        envelope.
+        """
         if self.departure is None:
             return "converges" if self.converges else "does not converge"
         left = self.departure.text()
@@ -88,7 +90,7 @@ class Flown(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """Simulator of a problem. It compiles each policy once.
+    """Simulator of the flights of a problem.
 
     problem: aircraft, trim, weights and limits.
     count: approximate number of flights, which decides whether machine code is used.
@@ -101,8 +103,9 @@ class Flights:
 
     @cached_property
     def step(self) -> float:
-        """Integration step, s. It resolves the fastest modes of the aircraft and of the linear
-        loop.
+        """Integration step, s, at most `longest_step`.
+
+        It resolves the fastest mode of the aircraft and of the linear loop.
         """
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
@@ -133,8 +136,7 @@ class Flights:
         return self.compiled(self.gain_policy("linear optimum, saturated", self.problem.K))
 
     def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
-        """Return the policy v = -K z, saturated at the limits. Inputs that do not move are
-        constant.
+        """Return the policy v = -K z, saturated at the limits, with the other inputs constant.
 
         K: gain, (m, k)
         """
@@ -145,9 +147,7 @@ class Flights:
         return self.function_policy(name, ca.Function("gain", [z], [u]))
 
     def function_policy(self, name: str, function: ca.Function) -> FunctionPolicy:
-        """Return the policy of a function z -> deviations of all inputs, saturated at the
-        limits.
-        """
+        """Return the policy of a function z -> deviations of all inputs, saturated at limits."""
         problem = self.problem
         limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
         for whole, moved in zip(limits, problem.input_limits, strict=True):
@@ -157,7 +157,7 @@ class Flights:
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
         """Return the compiled closed loop of a policy at the trim of the problem.
 
-        scenario: scenario with the sampling of the policy; by default that of `scenario`
+        scenario: scenario with the sampling of the policy; by default `scenario(tick)`
         """
         calm = scenario or self.scenario(self.tick)
         plant = NonlinearPlant(self.problem.model, self.problem.point)
@@ -170,8 +170,7 @@ class Flights:
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
     def follow(self, proposal: Proposal, seconds: float) -> Flown:
-        """Return the flight that follows a proposal. The linear policy controls it after the
-        proposal's end.
+        """Return the flight that follows a proposal, and then the linear policy.
 
         seconds: duration of the flight, s
         """
@@ -192,7 +191,7 @@ class Flights:
     ) -> Flown:
         """Simulate a closed loop from an initial condition and return the flight.
 
-        The simulation stops early if the flight diverges.
+        The simulation ends early if a state deviates by more than `_FAR` nominal values.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s

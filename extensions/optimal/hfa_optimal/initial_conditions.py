@@ -38,11 +38,13 @@ class StartFlights(Result):
     """Flights from one initial condition.
 
     start: state -> initial deviation from the trim.
-    cost: cost of the best flight found, or None if none was found.
-    reason: reason why none was found, or None.
-    spread: relative difference of the costs between meshes and guesses, or None if none was found.
-    linear_cost: cost x'Px of the linear model without limits.
-    policies: flights of the policies.
+    cost: cost of the best flight, or None if no flight was found.
+    reason: reason why no flight was found, or None if one was found.
+    spread: largest relative difference of the costs between meshes or guesses, or None if no flight
+        was
+        found.
+    linear_cost: cost z'Pz of the linear model without limits.
+    policies: flights of the policies, the saturated linear optimum first.
     bracket: bounds of the least cost, or None without a certificate.
     """
 
@@ -66,17 +68,17 @@ class StartFlights(Result):
 
 @dataclass(frozen=True, eq=False)
 class PolicySummary(Result):
-    """Summary of a policy's flights, over all initial conditions from which a best flight was
-    found.
+    """Summary of a policy's flights from all initial conditions from which a best flight was found.
 
     policy: name of the policy.
     lost: number of flights that left the envelope or do not converge to the trim.
     left: number of flights that left the envelope.
     converged: number of flights that converge to the trim, within the envelope or not.
-    median: median cost relative to the best flights found, over the flights that converge, or None
-        if none does.
-    high: 90 % quantile of that ratio, or None.
-    worst: largest value of that ratio, or None.
+    median: median of the cost relative to the best flights found, over the flights that converge,
+        or
+        None if none converges.
+    high: 90 % quantile of this relative cost, or None if no flight converges.
+    worst: largest value of this relative cost, or None if no flight converges.
     """
 
     policy: str
@@ -107,7 +109,7 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def starts(self) -> int:
-        """Number of initial conditions that were simulated."""
+        """Number of initial conditions whose flights are finished."""
         return len(self.flights)
 
     @property
@@ -117,8 +119,8 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def refused(self) -> int:
-        """Number of initial conditions from which no flight was found, or only one that simulation
-        refutes.
+        """Number of initial conditions without a best flight: none was found, or the simulation
+        refutes it.
         """
         return self.starts - self.found
 
@@ -132,12 +134,12 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def over_bound(self) -> Sequence[float]:
-        """Cost of each best flight divided by its lower bound, if that is positive."""
+        """Cost of each best flight divided by its lower bound, for positive bounds."""
         return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
 
     @property
     def _bounded(self) -> list[Bracket]:
-        """Bounds of the least cost, from initial conditions with a best flight and a positive lower
+        """Bounds of the least cost for initial conditions with a best flight and a positive lower
         bound.
         """
         brackets = [each.bracket for each in self.flights if each.bracket is not None]
@@ -197,7 +199,8 @@ class StartsTable(OfProblem, Result, Reported):
 class WithFlights(Result):
     """Field that `--flights N` adds to a result.
 
-    flights: flights of the nonlinear aircraft, compared with the best flights found.
+    flights: flights of the nonlinear aircraft compared with the best flights found, or None without
+        `--flights`.
     """
 
     flights: StartsTable | None = None
@@ -220,9 +223,10 @@ def _number(value: float | None) -> str:
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:
-    """Return the half-widths of the default box of initial deviations, reduced to the limits, (k,).
+    """Return the half-widths of the default box of initial deviations, within the limits, (k,).
 
-    For the HFA they are typical deviations. For other aircraft they are those of `hfa assess`.
+    They are the typical deviations of the HFA. For other aircraft they are the half-widths that
+    `hfa assess` uses.
     """
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
@@ -262,10 +266,9 @@ def starts_table(
 ) -> StartsTable:
     """Return the best flights, and the flights of policies, from each initial condition.
 
-    After Ctrl-C the finished ones are returned.
+    After Ctrl-C the table contains only the finished initial conditions.
 
     starts: initial deviations, (N, k)
-    pilots: policies
     bound: lower bound of the cost, or None
     """
     done: list[StartFlights] = []
@@ -289,7 +292,6 @@ def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]
     The policies are simulated even if no best flight is found.
 
     start: initial deviations z, (k,)
-    pilots: policies
     """
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))

@@ -58,9 +58,9 @@ def drawn(
 
 
 def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
-    """Draw one state or input of all flights, with its limits.
+    """Draw a state or an input of all flights, with its limits.
 
-    The vertical range fits the first flight and those that converge.
+    The vertical range fits the first flight and all flights that converge.
     """
     model = problem.model
     unit = model.unit(name)

@@ -41,14 +41,14 @@ _SAME = 1e-6
 class FlightProblem:
     """Problem of minimizing ∫ z'Qz + v'Rv dt for flights to a trim within limits.
 
-    z are the deviations of the linear model's states from the trim, and v those of the moving
-    inputs.
+    z are the deviations of the linear model's k states from the trim. v are the deviations of the m
+    moving inputs.
 
     linear: linear model at the trim, with the moving inputs only.
-    Q: (k, k).
-    R: (m, m).
+    Q: weight of z, (k, k).
+    R: weight of v, (m, m).
     P: matrix of the linear model's least cost z'Pz without limits, (k, k).
-    K: gain of its policy v = -K z, (m, k).
+    K: gain of the linear model's optimal policy v = -K z, (m, k).
     envelope: limits of all states.
     """
 
@@ -76,7 +76,7 @@ class FlightProblem:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the moving inputs, which are those in v."""
+        """Names of the moving inputs."""
         return self.linear.inputs
 
     @cached_property
@@ -87,8 +87,9 @@ class FlightProblem:
 
     @cached_property
     def carried(self) -> tuple[str, ...]:
-        """States outside the linear model on which the derivatives of z depend, such as
-        altitude.
+        """Names of the states, such as altitude, on which z' depends but which are not in z.
+
+        States on which z' depends through such states are included.
         """
         every = ca.SX.sym("x", len(self.model.states))
         vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
@@ -118,7 +119,7 @@ class FlightProblem:
         """Return the deviations of the followed states, (..., followed), with the carried states at
         0.
 
-        z: (..., k), or deviations of all followed states, which are returned unchanged
+        z: (..., k) or (..., followed)
         """
         missing = len(self.followed) - z.shape[-1]
         return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
@@ -131,9 +132,7 @@ class FlightProblem:
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nominal values of the followed states, and of the moving inputs, (m,): the units of the
-        optimizer.
-        """
+        """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
         signals = self.model.signals
         of_states = np.array([signals[name].nominal for name in self.followed])
         return of_states, np.array([signals[name].nominal for name in self.inputs])
@@ -153,12 +152,12 @@ class FlightProblem:
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return narrowed lowest and highest deviations of the followed states, for a proposal.
+        """Return narrowed lowest and highest deviations of the followed states, (followed,) each.
 
-        The fraction `margin` of each limit is left to the policy. A limit is wide enough to contain
-        the initial condition.
+        A limit that excludes the initial condition is widened to contain it.
 
-        start: initial deviations of the followed states
+        start: initial deviations of the followed states, (followed,)
+        margin: fraction by which each limit is narrowed
         """
         lowest, highest = self.state_limits
         lowest = np.minimum((1.0 - margin) * lowest, start)
@@ -166,9 +165,10 @@ class FlightProblem:
 
     @cached_property
     def rates(self) -> ca.Function:
-        """CasADi function (followed states, v) -> their time derivatives, in nominal values.
+        """CasADi function (followed states, v) -> time derivatives of the followed states.
 
-        Inputs that do not move have their trim values.
+        The argument is one column of deviations. All deviations and derivatives are divided by
+        nominal values. Inputs that do not move have their trim values.
         """
         of_states, of_inputs = self.sizes
         both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
@@ -185,14 +185,16 @@ class FlightProblem:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """True if the equations have tables or kinks. The optimizer then uses smoothed
-        equations.
+        """True if the optimizer uses smoothed equations, because the equations have tables or
+        kinks.
         """
         return self.smooth_rates is not self.rates
 
     @cached_property
     def smooth_rates(self) -> ca.Function:
-        """The function `rates` for the optimizer. Tables and kinks are smoothed."""
+        """The function `rates` with tables and kinks smoothed, or `rates` itself if nothing is
+        smoothed.
+        """
         of_states, of_inputs = self.sizes
         pairs = zip(self.state_limits, self.input_limits, strict=True)
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -218,7 +220,7 @@ class FlightProblem:
     def curvature(self) -> ca.Function:
         """CasADi function (followed states and v, multipliers) -> dense Hessian, in nominal values.
 
-        It is the Hessian of the multipliers' dot product with `smooth_rates`.
+        The Hessian is that of the dot product of the multipliers and `smooth_rates`.
         """
         rates = self.smooth_rates
         at = ca.SX.sym("at", rates.numel_in(0))
@@ -239,8 +241,10 @@ class FlightProblem:
 
         start: state -> deviation, or another trim
 
-        Raises BadInputError for an unknown name, a number that is not finite, a point outside the
-        limits, the trim itself, or a trim that no flight reaches.
+        Raises BadInputError in these cases:
+        - An unknown name, or a number that is not finite.
+        - A trim of another model, or one that differs in a state outside the linear model.
+        - A point outside the limits, or the final trim itself.
         """
         z = self._deviations_of(start)
         if not z.any():
@@ -264,8 +268,8 @@ class FlightProblem:
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
         """Return another trim as deviations z, (k,).
 
-        Raises BadInputError if it is a trim of another model, or if it differs in a state that the
-        linear model lacks.
+        Raises BadInputError if `other` is a trim of another model, or differs in a state outside
+        the linear model.
         """
         other.refuse_other(self.model)
         off: np.ndarray = np.array(other.states) - np.array(self.point.states)
@@ -333,12 +337,12 @@ def flight_problem(
 ) -> FlightProblem:
     """Return the optimal control problem of flights to a trim.
 
-    Q, R: weights, as `hfa.game` accepts them; R is that of the moving inputs.
-    inputs: inputs that move, by default all. The others are constant.
-    limits: state -> (lowest, highest), replacing the limits of the flight envelope.
+    Q, R: weights, as `hfa.game` accepts them; R is the weight of the moving inputs
+    inputs: inputs that move, by default all; the others are constant
+    limits: state -> (lowest, highest), replacing the limits of the flight envelope
 
-    Raises BadInputError for names and weights that do not fit the model. Raises NoSolutionError if
-    the linear model cannot be stabilized at a finite cost.
+    Raises BadInputError for a point of another model, and for names and weights that do not fit the
+    model. Raises NoSolutionError if the linear model cannot be stabilized at a finite cost.
     """
     point.refuse_other(model)
     linear = linearize(model, point)
@@ -356,9 +360,9 @@ def named_initial(
     initial: Mapping[str, float] | OperatingPoint | None,
     start: Mapping[str, float] | OperatingPoint | None,
 ) -> Mapping[str, float] | OperatingPoint:
-    """Return `initial`, or `start`, the name of the same argument in earlier versions.
+    """Return `initial`, or `start`, its name in earlier versions.
 
-    Raises BadInputError unless exactly one is given.
+    Raises BadInputError unless exactly one of the two is given.
     """
     if (initial is None) == (start is None):
         raise BadInputError(

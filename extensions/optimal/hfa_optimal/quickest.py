@@ -58,8 +58,7 @@ _HELD = 0.5
 class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """Quickest flight found from an initial condition to a trim within limits.
 
-    The flight was simulated. Its time is therefore an upper bound of the least time. A quicker
-    flight may exist.
+    The simulated flight reaches the arrival box in this time. A quicker flight may exist.
 
     problem: aircraft, trim and limits.
     proposal: the optimizer's flight.
@@ -112,7 +111,9 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def saturated(self) -> Sequence[str]:
-        """Inputs that were at a limit, or at the part of it that the proposal may use."""
+        """Inputs that reach their limit in the proposal, which is narrowed by the fraction
+        `reserve`.
+        """
         lowest, highest = self.problem.input_limits
         used = 1.0 - 1.01 * self.reserve
         at_limit = (self.proposal.v <= used * lowest) | (self.proposal.v >= used * highest)
@@ -217,8 +218,8 @@ def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.nd
 def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
     """Return the reason why a simulated flight refutes a proposal, or "" if it does not.
 
-    The flight must stay in the envelope. It must be in the arrival box at the proposed time and at
-    its end.
+    The flight must stay in the envelope. It must be in the arrival box at the proposed time and
+    when the simulation ends.
     """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
@@ -251,7 +252,7 @@ def quickest_flight(
 ) -> QuickestFlight:
     """Return the quickest flight that was found from an initial condition to a trim.
 
-    Collocation proposes the flight. It is accepted if the simulated flight arrives too.
+    Collocation proposes the flight. The proposal is accepted if the simulated flight arrives too.
 
     model: the aircraft
     point: trim at which the flight ends
@@ -329,9 +330,9 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest proposal that is found from straight lines to the trim as guesses.
+    """Return the quickest feasible proposal found from guesses that are straight lines to the trim.
 
-    The guesses differ in their duration, a fraction of the horizon, s.
+    The durations of the guesses are different fractions of the horizon, s.
 
     Raises NoSolutionError if no proposal is feasible.
     """

@@ -32,7 +32,7 @@ _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Request of `hfa prove cost`: flights whose cost is bounded from below, or a certificate to
+    """Arguments of `hfa prove cost`: flights whose cost is bounded from below, or a certificate to
     verify.
     """
 
@@ -116,8 +116,8 @@ def cost(request: CostRequest) -> int:
 def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     """Verify the certificate of a lower bound, print the report, and return the exit code 0.
 
-    This also serves `hfa prove --check`. Raises BadInputError or NoSolutionError if the certificate
-    contradicts the request or proves nothing.
+    Raises BadInputError for an option that does not apply. Raises BadInputError or NoSolutionError
+    if the certificate contradicts the request or proves nothing.
     """
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.cost_report import checked_bound_report
@@ -184,7 +184,8 @@ def _prove(request: CostRequest) -> int:
 def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
     """Return the verified bound of an earlier run, or None without --resume.
 
-    Raises BadInputError if the earlier certificate is about other flights.
+    Raises BadInputError if the earlier certificate is about other flights, and BadInputError or
+    NoSolutionError if the certificate proves nothing.
     """
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_optimal.bound import given_of, refuse_other

@@ -35,7 +35,7 @@ _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Request of `hfa optimize`: one initial condition or many, and the final trim."""
+    """Arguments of `hfa optimize`: one initial condition or many, and the final trim."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -126,7 +126,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
         """Return the policies to be compared: the exact game policy, --weights and --policy.
 
-        The exact policy is omitted for a game without disturbance.
+        The exact policy is omitted if δ is infinite.
         """
         from controller.critic.critic_file import Reading, critic_in
         from controller.riccati.gare import solve_game
@@ -176,7 +176,7 @@ def optimize(request: OptimizeRequest) -> int:
 
 
 def _quickest(request: OptimizeRequest) -> int:
-    """Search for the quickest flight, print its report, and return the exit code."""
+    """Search for the quickest flight, print its report, and return the exit code 0."""
     from hfa_optimal.quickest import quickest_flight
 
     search, game = request.search()
@@ -209,8 +209,8 @@ def _one(
     pilots: list[Pilot],
     bound: CostStatement | None,
 ) -> int:
-    """Search for the best flight from one initial condition, print its report, and return the exit
-    code.
+    """Search for the best flight from one initial condition, print its report, return the exit code
+    0.
     """
     from hfa_optimal.best_flight import BestFlight, bracket_of
     from hfa_optimal.search import AFTER
@@ -235,7 +235,7 @@ def _table(
 ) -> int:
     """Search for the best flights from many initial conditions and print a table.
 
-    Returns exit code 0, or 1 if no flight was found.
+    Returns exit code 0, or 1 if no flight was found from any initial condition.
     """
     from hfa_optimal.initial_conditions import drawn_starts, starts_table
 

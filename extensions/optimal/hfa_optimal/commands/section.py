@@ -25,8 +25,8 @@ _SEED = 0
 def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, count: int) -> Report:
     """Return the report with a section on simulated flights of the critic's policy.
 
-    They are compared with flights of the exact policy and with the best flights found, all within
-    the limits of the nonlinear aircraft.
+    The flights are compared with the best flights found and, if δ is finite, with flights of the
+    exact game policy. The limits of the nonlinear aircraft hold for all flights.
 
     verdicts: the verdict on the critic
     named: game of the aircraft's linear model
@@ -57,5 +57,5 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return all sentences but the first, which is about the linear optimum."""
+    """Return all sentences but the first, which describes the linear optimum."""
     return list(sentences[1:])
