@@ -17,8 +17,8 @@ from hfa_support.units import si_factor
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
 
-#: Half widths of the box of typical deviations of the aircraft: ft/s, rad and rad/s, in the order
-#: of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
+#: Half-widths of the box of typical deviations of the aircraft: ft/s, rad and rad/s, in the order
+#: of `LINEAR_STATES`. They have the size of the commands in Section 5.1, and less for the dihedral.
 ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 

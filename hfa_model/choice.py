@@ -10,8 +10,8 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import loaded
 from hfa_support.errors import BadInputError, is_finite, shown
 
-#: Parameters that no aircraft has below zero. Inertias are not among them: a fit to one printed
-#: angle leaves one of them open, and it may come out negative.
+#: Parameters that must not be negative. Inertias are not included: a fit to one printed angle does
+#: not determine one of them, and it may be negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
 
 
@@ -49,10 +49,10 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
     Raises BadInputError if one is not finite or a size is negative, and TypeError for another type.
     """
     if not isinstance(parameters, Parameters):
-        raise TypeError("parameters must be Parameters, as in default_parameters().values")
+        raise TypeError("parameters must be a Parameters, such as default_parameters().values")
     for name, value in parameters._asdict().items():
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
         if name in _SIZES and value < 0.0:
-            raise BadInputError(f"parameter {name} is {value:g}; it must be positive")
+            raise BadInputError(f"parameter {name} is {value:g}; it must not be negative")
     return parameters

@@ -101,7 +101,7 @@ def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
     }
 
 
-#: Typical size of an output, by its unit.
+#: Unit of an output -> its typical size.
 _TYPICAL = {
     "ft/s^2": 10.0,
     "rad": 0.1,
@@ -157,7 +157,7 @@ _DECLARED = Model(
     extras=Extras(
         called="published dynamics",
         names_schedule=True,
-        # Of the vertical acceleration: SimVFA's A_z.
+        # For the vertical acceleration, A_z in SimVFA.
         parts={"short_period": ("alpha",)},
         variants=tuple(VARIANTS),
         # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
@@ -177,7 +177,7 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
     The parameters are not checked, because a fit of the printed matrices also tries impossible
     ones.
     """
-    # Any numbers: a fit of the print tries those that no aircraft has.
+    # The values are not checked: a fit of the printed matrices also tries impossible ones.
     values = {
         name: signal._replace(start=float(getattr(parameters, name)))
         for name, signal in _DECLARED.parameters.items()

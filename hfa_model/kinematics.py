@@ -54,8 +54,8 @@ class Winds(NamedTuple):
 
 
 STILL_AIR = Winds(Wind(), Wind())
-#: The disturbances of a model, ft/s: a component of `Wind` at all panels, at the center panel or at
-#: the outer ones.
+#: Disturbances of a model, ft/s: a component of `Wind` at all panels, at the center panel or at the
+#: outer panels.
 DISTURBANCES = (
     *("updraft", "updraft_center", "updraft_outer"),
     *("headwind", "headwind_center", "headwind_outer", "outward_outer"),
@@ -80,7 +80,8 @@ def winds_named(
     return Winds(Wind(**sums["center"]), Wind(**sums["outer"]), ground_drag)
 
 
-#: Of a panel through the air, along its own axes, ft/s: forward, toward the center, downward.
+#: Velocity of a panel relative to the air in panel axes, ft/s: forward, toward the center,
+#: downward.
 Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 

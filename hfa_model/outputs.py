@@ -141,24 +141,24 @@ def _elastic_moment(m: Moment) -> Quantity:
     )
 
 
-#: Name -> unit, and the function that gives it from a `Moment`. States are outputs
-#: too, by their own names.
+#: Name of an output -> its unit, and its function of a `Moment`. States are also outputs, under
+#: their names.
 OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
     "vertical_acceleration": ("ft/s^2", _vertical_acceleration),
     "load_factor": ("1", _load_factor),
     "load_factor_center": ("1", _center_load_factor),
     "load_factor_outer": ("1", _outer_load_factor),
-    # Of the center of mass through the air of the center panel; of the panels through their own
-    # air.
+    # Angle of attack of the center of mass in the air of the center panel, and of each panel in the
+    # air there.
     "angle_of_attack": ("rad", lambda m: angle_of_attack(m.x, m.winds)),
     "alpha_air_center": ("rad", lambda m: center_flow(m.x, m.p, m.winds).alpha),
     "alpha_air_outer": ("rad", lambda m: outer_flow(m.x, m.p, m.winds).alpha),
-    "gamma": ("rad", lambda m: m.x.pitch - m.x.alpha),  # over ground
+    "gamma": ("rad", lambda m: m.x.pitch - m.x.alpha),  # relative to the ground
     "climb_rate": ("ft/s", lambda m: m.rates.altitude),
-    # Of loads and weight about a hinge; with spring and damper.
+    # Hinge moment of loads and weight, without and with spring and damper.
     "hinge_moment": ("ft lbf", lambda m: m.loads.hinge_moment),
     "hinge_moment_total": ("ft lbf", _elastic_moment),
-    # Wing and tail of one panel.
+    # Lift of wing and tail of one panel.
     "lift_center": ("lbf", lambda m: m.loads.center.lift),
     "lift_outer": ("lbf", lambda m: m.loads.outer.lift),
     "dynamic_pressure": ("lbf/ft^2", lambda m: density(m.x.altitude) * m.x.speed**2 / 2),

@@ -31,7 +31,7 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
         if name in errors:
             lines += [f"standard_error = {errors[name]:.3g}"]
         if name in parameters.notes:
-            lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON's strings are TOML's
+            lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON strings are valid TOML
     if parameters.covariance.size:
         names = ", ".join(f'"{name}"' for name in parameters.identified)
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())

@@ -93,9 +93,9 @@ FIELDS = Parameters(
     gravity=Field("ft/s^2", "acceleration of gravity"),
 )
 
-#: A matrix of correlations without a negative eigenvalue may have one of this size after rounding.
+#: Magnitude of a negative eigenvalue of a correlation matrix that counts as rounding.
 _ROUNDING = 1e-10
-#: Where a value may come from.
+#: Possible sources of a value.
 SOURCES = ("identified", "assumed", "print", "released")
 _FILE: dict[str, Any] = {
     f"{name}*": {
@@ -155,7 +155,7 @@ class ParameterSet(ByValue, Reported):
         return Report("Parameters of the aircraft", (self.table(),))
 
 
-#: Parameter sets that come with the package: name -> file.
+#: Parameter sets in the package: name -> file.
 NAMED = {
     "identified": "parameters.toml",
     "gibson-2011-simulation": "parameters_gibson_2011_simulation.toml",
@@ -212,14 +212,14 @@ def _read(name: str) -> ParameterSet:
     covariance = np.array(rows if one_length else [[]])
     if table["names"] != list(identified) or not _is_covariance(covariance, len(identified)):
         raise BadInputError(
-            f"{name}: [covariance] is not the covariance of the identified parameters: symmetric,"
+            f"{name}: [covariance] must list the identified parameters and be symmetric,"
             " without a negative eigenvalue; remove it or run `python -m studies.identification`"
             " again"
         )
     return replace(parameters, covariance=covariance)
 
 
-_packaged = cache(_read)  # once: nothing changes it while the program runs
+_packaged = cache(_read)  # read once, because the files do not change
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:

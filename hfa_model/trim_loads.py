@@ -20,10 +20,10 @@ from hfa_support.units import si_factor
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-#: Name -> unit, and how the table calls what it shows. The coefficients are C_L = L / (q S) and C_D
-#: = D / (q S) of the whole aircraft, tails included, q = ρ V² / 2, S = 3 s c the wing without
-#: tails. hinge_moment_total: of loads and weight about a hinge, with spring and damper, zero in
-#: balance.
+#: Name -> unit, and name in the table ("" if not printed). The coefficients are C_L = L / (q S) and
+#: C_D = D / (q S) of the entire aircraft, including tails, with q = ρ V² / 2 and the wing area S =
+#: 3 s c without tails. hinge_moment_total is the moment of loads, weight, spring and damper about a
+#: hinge, which is zero in balance.
 PERFORMANCE: dict[str, tuple[str, str]] = {
     "dynamic_pressure": ("lbf/ft^2", "dynamic pressure q"),
     "density": ("slug/ft^3", "air density"),
@@ -156,7 +156,7 @@ def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> T
     center = loads.center
     outer = loads.outer
     weight = numbers["weight"]
-    # q S of one of the three panels: what makes a coefficient of its lift.
+    # q S of one of the three panels, for its lift coefficient.
     panel_force = numbers["dynamic_pressure"] * numbers["wing_area"] / 3
     coefficients = (
         numbers["lift_coefficient"],

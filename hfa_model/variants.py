@@ -114,7 +114,7 @@ class Newton:
 
 Variant = Published | Newton
 
-#: The variants that a user chooses between by name.
+#: Variants that the user can choose by name.
 VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 
@@ -138,5 +138,6 @@ def variant_named(name: str) -> Variant:
         return VARIANTS[name]
     refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))
     raise BadInputError(
-        f"the {name} dynamics have more than seven states; use {' or '.join(VARIANTS)}"
+        f"the {name} dynamics, with more than seven states, are not supported here; use"
+        f" {' or '.join(VARIANTS)}"
     )

@@ -10,14 +10,14 @@ from hfa_aircraft.signals import Signal
 if TYPE_CHECKING:
     import casadi as ca
 
-#: A number or a CasADi expression; docstrings say the shape where it is not one number.
-#: SX stands for MX too: whatever computes with one does with the other, and a union of both would
-#: let them be added.
+#: A number or a CasADi expression. Docstrings state the shape if it is not a single number. SX also
+#: represents MX, because code that accepts one accepts the other; a union of both would permit
+#: their sum.
 Quantity: TypeAlias = "ca.SX | ca.DM | float"
-#: What a State, an Input, ... holds: numbers, CasADi expressions, units or scales.
+#: Type of the values in a State, an Input, ...: numbers, CasADi expressions, units or scales.
 T = TypeVar("T", covariant=True)
 
-#: One degree, rad: 15 * DEGREE.
+#: One degree in radians, used as 15 * DEGREE.
 DEGREE = math.pi / 180
 
 
@@ -75,21 +75,22 @@ class Input(NamedTuple, Generic[T]):
 STATES: tuple[str, ...] = State._fields
 #: The names of the five inputs, in order.
 INPUTS: tuple[str, ...] = Input._fields
-#: The six states of the paper's linear model: the altitude deviation is not controlled (Section
-#: 2.2).
+#: The six states of the paper's linear model. The altitude is omitted, because it is not controlled
+#: (Section 2.2).
 LINEAR_STATES: tuple[str, ...] = tuple(name for name in STATES if name != "altitude")
 
-#: Their rows among all states.
+#: Indices of these states among all seven.
 LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
-#: The highest altitude that the atmosphere covers, ft (the 20 km geopotential limit lies at 65,824
-#: ft).
+#: Highest altitude of the atmosphere model, ft (the limit of 20 km geopotential altitude is at
+#: 65,824 ft).
 HIGHEST_ALTITUDE = 65_000.0
 
 _ANGLE = Signal("rad", 0.1)
 _RATE = Signal("rad/s", 0.1, rate=1.0)
-#: Units, typical sizes (a rate's is g for the speed, and what the eye would notice for the rest),
-#: and limits, assumed: the paper states none. States: attached flow, the atmosphere's altitudes.
+#: Units, typical sizes and limits of the states. The typical rate of the speed is g; all other
+#: typical rates are visible ones. The paper states no limits; the assumed ones mean attached flow
+#: and the altitudes of the atmosphere model.
 STATE_SIGNALS = State(
     speed=Signal("ft/s", 68.0, 1.0, 500.0, start=68.0, rate=32.2),
     alpha=_ANGLE._replace(min=-math.radians(20), max=math.radians(20)),

@@ -10,10 +10,10 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 
-#: How far beyond a limit a value still counts as within: this part of (nominal size + |limit|).
-#: It covers the rounding of a trim, whose equations balance to 1e-10 of their scales.
+#: Tolerance beyond a limit, as a fraction of (nominal size + |limit|). It covers the rounding of a
+#: trim, whose equations balance to 1e-10 of their scales.
 SLACK = 1e-9
-#: How near to a limit a value lies at it, in the same measure.
+#: Distance from a limit below which a value is at the limit, as a fraction of the same quantity.
 NEAR = 1e-6
 
 

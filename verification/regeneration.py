@@ -31,14 +31,14 @@ from trim.linear.linear_report import matrices
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Within 1 half unit an entry prints the same; within 3 it prints the same or one off in the last
-#: digit.
+#: Largest error in half units of the last digit. Up to 1 the rounded entries are equal; up to 3
+#: they differ by at most one in the last digit.
 MOST_HALF_UNITS = 3.0
-#: Eigenvalues: relative, or absolute for those slower than `SLOW`, 1/s.
+#: Largest error of eigenvalues: relative, or absolute for those slower than `SLOW`, 1/s.
 MOST_EIGENVALUE_ERROR = 2e-3
 MOST_SLOW_EIGENVALUE_ERROR = 5e-4
 SLOW = 1.0
-#: Of each pair, how many entries a summary shows.
+#: Number of entries of each pair in a summary.
 _FARTHEST = 3
 
 

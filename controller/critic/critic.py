@@ -22,9 +22,9 @@ from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
-#: What a network may give: V, ∂V/∂z, u.
+#: Possible outputs of a network: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
-#: W and P of one critic may differ by this part, which is what printing six digits leaves.
+#: Largest relative difference between W and P of one critic: the rounding of six printed digits.
 TOGETHER = 1e-6
 
 

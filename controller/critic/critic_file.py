@@ -23,9 +23,9 @@ from hfa_support.entry_points import CRITICS, offered, part
 from hfa_support.errors import BadInputError, file_faults, numbers_in, said_of
 from hfa_support.files import MATRIX_FILES
 
-#: The parts of a critic -> their dimensions.
+#: Array of a critic -> number of its dimensions.
 DIMENSIONS = {"W": 1, "P": 2, "K": 2}
-#: Other names of an entry.
+#: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 
@@ -99,7 +99,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     with said_of(path):
         if UNKNOWN in entries:
             entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
-        # Beside the rows over time a file may hold the last of them under its own name.
+        # In addition to the rows over time, a file may contain the last row under its standard
+        # name.
         over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
         if "time" in over_time and any(name in over_time for name in DIMENSIONS):
             from controller.critic.critic_history import rows_over_time
@@ -110,7 +111,9 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         functions = reading.functions(len(game.A), game.names.states)
         parts = single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
-            raise BadInputError("--basis accepts a list only for weights W; give W or a basis name")
+            raise BadInputError(
+                "--basis lists functions, but the file has no W; give W, or a basis name"
+            )
         return (from_parts(game, parts, functions),)
 
 
@@ -152,7 +155,7 @@ def read_critic(
     if game is None:
         entries = {} if is_network(Path(path)) else entries_in(path)
         if "K" not in entries or "state_units" in entries:
-            raise BadInputError(f"{path} needs its game; write read_critic(FILE, game)")
+            raise BadInputError(f"{path} needs its game to be read; call read_critic(FILE, game)")
         with said_of(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])
     return critic_in(path, game, Reading(basis, network, activation, scale))
@@ -187,7 +190,7 @@ def _format_of(path: Path) -> str:
                 names = [name.removesuffix(".npy") for name in archive.namelist()]
         elif suffix == ".json":
             names = [str(name) for name in read_arrays(path)]
-    except Exception:  # damaged in whatever way: who reads its arrays names the fault
+    except Exception:  # any damage; reading the arrays reports it
         return ""
     if suffix not in MATRIX_FILES:
         return suffix
@@ -210,7 +213,7 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
     if not fitting and max(array.shape, default=1) == array.size:
         fitting = ["W"]
     if len(fitting) != 1:
-        meaning = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"
+        meaning = " or ".join(fitting) or "neither W, P nor K of this plant"
         raise BadInputError(
             f"the array of shape {array.shape} is {meaning}; name the file W.npy, P.npy or K.npy"
         )
@@ -240,8 +243,8 @@ def single_parts(
         is_row = max(values.shape, default=1) == values.size
         if not values.size or (name == "W" and not is_row):
             raise BadInputError(
-                f"{name} has shape {values.shape}; weights are one row or one column, P and K "
-                "matrices"
+                f"{name} has shape {values.shape}; W must be one row or one column, P and K "
+                "must be matrices"
             )
         flat = values.reshape(-1) if name == "W" else values
         parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])

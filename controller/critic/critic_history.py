@@ -50,16 +50,16 @@ def critics_over_time(
     rows = {name: array for name, array in arrays.items() if array.ndim == DIMENSIONS[name] + 1}
     if times.ndim != 1 or not len(times) or not rows:
         raise BadInputError(
-            "a history needs a time for each row, and W (rows of weights), P or K (matrices)"
+            "a history must contain a time for each row, and W (rows of weights), P or K (matrices)"
         )
     for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
         raise BadInputError(
-            f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later"
+            f"time is {times[row]:g} s at row {row + 1}; times must increase from 0 s or later"
         )
     for name, array in rows.items():
         if len(array) != len(times):
             raise BadInputError(
-                f"{name} has {len(array)} rows, time {len(times)}; give one row per time"
+                f"{name} has {len(array)} rows, time has {len(times)}; give one row per time"
             )
     psi = basis(functions, len(game.A))
     critics = []
@@ -79,11 +79,13 @@ def rows_over_time(
     entries: entries of the file, with "time"
     """
     if reading.lists_functions:
-        raise BadInputError("--basis accepts a list only for weights W without times; give a name")
+        raise BadInputError(
+            "--basis lists functions, but W has times; give the name of a basis instead"
+        )
     times = np.ravel(numbers_in("time", entries["time"]))
     stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)
     if reading.basis is None and len(stored_basis) != 1:
-        raise BadInputError("basis must be one name, such as 'quadratic'")
+        raise BadInputError("the entry basis must be one name, such as 'quadratic'")
     n, m = game.B.shape
     psi = basis(reading.basis or stored_basis[0], n)
     sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}

@@ -11,7 +11,7 @@ import casadi as ca
 
 from hfa_support.errors import BadInputError, said_of, shortened
 
-#: What the text may call and do, and its most letters.
+#: Functions that the text may contain, and its largest length.
 _FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
 _OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -43,9 +43,9 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
             return ca.Function("features", [z], [ca.densify(ca.vertcat(*features))])
         except BadInputError:
             raise
-        except Exception as error:  # the parser, Python's floats and CasADi each have their own
+        except Exception as error:  # each raises other exceptions: parser, floats, CasADi
             raise BadInputError(
-                f"{shortened(text)!r} is not a list of expressions, as in 'x1**2, x1*x2'"
+                f"{shortened(text)!r} is not a list of expressions, such as 'x1**2, x1*x2'"
             ) from error
 
 

@@ -43,8 +43,8 @@ def from_weights(
         count = functions.numel_out(0)
         if functions.numel_in(0) != n or weights.shape != (count,):
             raise BadInputError(
-                f"W has {weights.size} weights and the plant {n} states; the basis needs {count} "
-                f"weights and {functions.numel_in(0)} states"
+                f"W has {weights.size} weights and the plant has {n} states; the basis needs"
+                f" {count} weights and {functions.numel_in(0)} states"
             )
         from controller.critic.expressions import from_functions
 
@@ -55,7 +55,7 @@ def from_weights(
     if weights.shape != (psi.size,):
         raise BadInputError(
             f"W has {weights.size} weights; basis {psi.name!r} on {psi.states} states has "
-            f"{psi.size}: name the basis of these weights"
+            f"{psi.size}; give the name of the basis of W"
         )
     P = psi.matrix(weights)
     return Critic(

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.io.matlab import loadmat, whosmat
 from scipy.sparse import issparse
 
-#: Bytes of a number of MATLAB's usual classes.
+#: MATLAB's numeric classes -> bytes per number.
 _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32": 4}
 
 
@@ -40,7 +40,7 @@ def leaves(
             yield from leaves(each, (*path, name), largest)
     elif issparse(value):
         if 8 * value.shape[0] * value.shape[1] > largest:
-            raise ValueError(f"a sparse matrix has {value.shape[0]} x {value.shape[1]} entries")
+            raise ValueError(f"a sparse matrix of {value.shape[0]} x {value.shape[1]} is too large")
         yield path, value.toarray()
     elif isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
         yield from leaves({name: value[name].item() for name in value.dtype.names}, path, largest)
@@ -63,14 +63,14 @@ def main(path: str, largest: int) -> None:
     """
     warnings.simplefilter("ignore")
     try:
-        import resource  # a small file can ask for any amount of memory
+        import resource  # a small file can request any amount of memory
 
         resource.setrlimit(resource.RLIMIT_AS, (24 * largest, 24 * largest))
-    except (ImportError, ValueError, OSError):  # no such limit on this system, or a lower one
+    except (ImportError, ValueError, OSError):  # unsupported by the system, or above its limit
         pass
     declared = [_BYTES.get(kind, 0) * math.prod(shape) for _, shape, kind in whosmat(path)]
-    if sum(declared) > largest:  # before a number is read
-        raise ValueError(f"it unpacks to more than {largest >> 20} MiB")
+    if sum(declared) > largest:  # before any number is read
+        raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
     content = {
         name: value
         for name, value in loadmat(path, appendmat=False).items()
@@ -78,7 +78,7 @@ def main(path: str, largest: int) -> None:
     }
     found = list(leaves(content, (), largest))
     if sum(array.nbytes for _, array in found) > largest:
-        raise ValueError(f"it unpacks to more than {largest >> 20} MiB")
+        raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
     stream = io.BytesIO()
     arrays: Any = {str(place): array for place, (_, array) in enumerate(found)}
     np.savez(stream, allow_pickle=False, paths=json.dumps([names for names, _ in found]), **arrays)

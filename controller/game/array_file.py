@@ -33,7 +33,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
             f"{path}: the suffix {Path(path).suffix!r} is unknown; use {', '.join(_READERS)}"
         )
     try:
-        # NumPy warns of headers that it would have written otherwise.
+        # NumPy warns of headers that other programs write differently.
         with warnings.catch_warnings(action="ignore"):
             return _READERS[suffix](Path(path))
     except (FileNotFoundError, IsADirectoryError) as error:
@@ -52,20 +52,20 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
 def _json(path: Path) -> dict[str, Any]:
     content = read_json(path)
     if not isinstance(content, dict):
-        raise ValueError("it must be an object with keys such as A and B")
+        raise ValueError("the content must be an object with keys such as A and B")
     return content
 
 
 def _npz(path: Path) -> dict[str, Any]:
     with regular_file(path).open("rb") as file, zipfile.ZipFile(file) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
-            raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
+            raise ValueError(f"the file unpacks to more than {LARGEST >> 20} MiB")
         file.seek(0)
         with np.load(file, allow_pickle=False) as arrays:
             entries = {key: arrays[key] for key in arrays.files}
     for array in entries.values():
         if array.dtype.kind == "U":
-            array.tolist()  # ValueError for letters beyond Unicode
+            array.tolist()  # ValueError for characters outside Unicode
     return entries
 
 

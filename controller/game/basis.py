@@ -12,11 +12,11 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Reported
 
-#: The channels, counted from 0, whose fourth power completes the paper's M = 25: the three tracked
-#: ones and the pitch rate, the strongest coupling of Section 5.1. The paper prints M and not its
-#: basis, so this is an assumption.
+#: Indices (from 0) of the states whose fourth powers complete the paper's M = 25: the three tracked
+#: states and the pitch rate, which has the strongest coupling in Section 5.1. This is an
+#: assumption, because the paper prints M but not its basis.
 PAPER_QUARTIC_CHANNELS = (0, 1, 3, 4)
-#: Of the paper's linear model.
+#: Number of states of the paper's linear model.
 PAPER_STATES = 6
 
 
@@ -144,7 +144,7 @@ def _paper(states: int) -> np.ndarray:
     return 4 * np.eye(states, dtype=int)[list(PAPER_QUARTIC_CHANNELS)]
 
 
-#: What each basis adds to the quadratic monomials.
+#: Name of a basis -> exponents of the monomials that it adds to the quadratic ones.
 BASES: dict[str, Callable[[int], np.ndarray]] = {
     "quadratic": lambda states: np.zeros((0, states), dtype=int),
     "quadratic+linear": lambda states: np.eye(states, dtype=int),

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_support.files import regular_file
 
-#: Which sides of a matrix, 0 its rows and 1 its columns, are the states.
+#: Matrix -> sides that belong to the states: 0 for its rows, 1 for its columns.
 _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
 
 

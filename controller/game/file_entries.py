@@ -11,7 +11,7 @@ from controller.game.names import PlantNames
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.units import conversion
 
-#: The entry of a file that holds one array without a name.
+#: Name of the entry that contains a single unnamed array.
 UNKNOWN = "the array"
 
 
@@ -27,7 +27,7 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
     Raises BadInputError for characters that cannot be printed.
     """
-    # As objects: rows of JSON may differ in length.
+    # As objects, because rows of JSON may differ in length.
     entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
     if not all(isinstance(entry, str) for entry in entries):
         return ()
@@ -51,9 +51,9 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
         of_plant = getattr(plant, key)
         if in_file != of_plant and sorted(in_file) == sorted(of_plant):
             raise BadInputError(
-                f"its {key} are in the order {shortened(', '.join(in_file), 200)}; those of the"
-                f" plant are {shortened(', '.join(of_plant), 200)}: reorder the matrices, or leave"
-                f" {key} out of the file"
+                f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the plant"
+                f" {shortened(', '.join(of_plant), 200)}; reorder the matrices, or remove {key}"
+                " from the file"
             )
     units = words(stored, "state_units")
     scales = np.ones(len(plant.state_units))
@@ -65,7 +65,7 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
             scales[i] = factor
         elif unit and unit_of_plant:
             raise BadInputError(
-                f"state {i + 1} is in {shortened(unit)} and that of the plant in {unit_of_plant};"
-                " convert it, or remove state_units from the file"
+                f"state {i + 1} is in {shortened(unit)} in the file but in {unit_of_plant} in the"
+                " plant; convert the matrices, or remove state_units from the file"
             )
     return scales

@@ -10,7 +10,7 @@ from hfa_support.reporting.text import matrix_table, numbered
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
 
-#: Larger matrices are not shown.
+#: Matrices with more rows or columns are not printed.
 _MOST = 12
 
 

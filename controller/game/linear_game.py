@@ -77,5 +77,5 @@ def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...
             raise BadInputError(f"{matrix} of {name} is {shown(weight)}; give a number")
     missing = [name for name in names if name not in given]
     if matrix == "R" and missing:
-        raise BadInputError(f"R has no weight on {', '.join(missing)}; each input needs one")
+        raise BadInputError(f"R has no weight on {', '.join(missing)}; give one for each input")
     return np.diag([float(given.get(name, 0.0)) for name in names])

@@ -14,7 +14,7 @@ import numpy as np
 
 from hfa_support.files import LARGEST, regular_file
 
-#: s; the largest .mat file takes a few.
+#: Time limit, s; reading the largest .mat file takes a few seconds.
 _LONGEST = 60.0
 _CHILD = Path(__file__).with_name("_loadmat.py")
 
@@ -29,12 +29,12 @@ def structures(path: Path) -> dict[str, Any]:
     try:
         done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
     except subprocess.TimeoutExpired as error:
-        raise ValueError(f"reading it takes longer than {_LONGEST:g} s; save it as .npz") from error
+        raise ValueError(f"reading takes longer than {_LONGEST:g} s; use .npz") from error
     if done.returncode:
         message = ""
         if done.returncode == 1:
             message = done.stderr.decode("utf-8", "replace").strip()
-        raise ValueError(message or "it is damaged: SciPy crashes on it")
+        raise ValueError(message or "the file is damaged: SciPy crashes on it")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         return _nested(arrays)
 

@@ -14,7 +14,7 @@ from controller.game.csv_file import matrices_and_names
 from controller.game.file_entries import UNKNOWN
 from hfa_support.files import regular_file
 
-#: What they hold by their own names: a plant, in files beside A.csv, and a critic.
+#: Names of the matrices of a plant, in files next to A.csv, and of a critic.
 PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 CRITIC = ("W", "P", "K", "weights")
 
@@ -42,7 +42,7 @@ def _beside(path: Path) -> dict[str, Path]:
     Raises ValueError if the file is not named after a matrix.
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
-        called = "a .csv holds one matrix and is named after it: A and B in one folder, or K, P, W"
+        called = "a .csv file has one matrix and its name: A and B in one folder, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
     files = {path.stem: path}
     if path.stem == "A":

@@ -18,11 +18,11 @@ from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
-#: What a plant in discrete time (time = "discrete") may have beside them.
+#: Further entries of a plant in discrete time (time = "discrete").
 DISCRETE_KEYS = ("time", "discount", "N")
-#: Keys of names and units, used where they are.
+#: Entries with names and units.
 NAME_KEYS = ("states", "inputs", "state_units", "input_units")
-#: How python-control calls them in a `StateSpace`.
+#: Names of these entries in a `StateSpace` of python-control -> names in this project.
 _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 
 
@@ -87,9 +87,9 @@ def stored_game(
     with said_of(path):
         stored, notes = entries_of(contents, {"A", "B"})
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
-        if "disturbances" in stored and "E" in parts:  # of `hfa linearize`
+        if "disturbances" in stored and "E" in parts:  # a file written by `hfa linearize`
             del parts["E"]
-            notes.append("its E describes the wind and is not used")
+            notes.append("E describes the wind and is not used")
         for key in ("A", "B"):
             if key not in parts:
                 beside = "a model file contains A and B (.csv, .npy: A.csv and B.csv in one folder)"
@@ -137,9 +137,9 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
         ]
         if len(plants) == 1:
             found = found[plants[0]]
-            notes.append(f"{' and '.join(sorted(needed))} are read from its structure {plants[0]}")
+            notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
     stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
-    # Of python-control: 0 or None for continuous time.
+    # python-control stores 0 or None for continuous time.
     dt = np.asarray(stored.pop("dt", None), dtype=object)
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
         text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
@@ -211,7 +211,7 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
     if not unused:
         return []
     names = shortened(", ".join(unused), 200)
-    return [f"{names} not used; a model file contains {', '.join(MODEL_KEYS)}"]
+    return [f"unused: {names}; a model file contains {', '.join(MODEL_KEYS)}"]
 
 
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
@@ -226,10 +226,10 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
         if len(texts) == size and (is_unit or len(set(texts)) == size):
             names[key] = texts
         elif key in stored and is_unit:
-            notes.append(f"{key} needs one unit for each; none is used")
+            notes.append(f"{key} is ignored: it must list one unit for each")
         elif key in stored:
             letter = "u" if key == "inputs" else "x"
-            notes.append(f"{key} needs one name for each; the names {letter}1 and so on are used")
+            notes.append(f"{key} must list one distinct name for each; used: {letter}1, ...")
     states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
     return PlantNames(states, inputs, state_units, input_units)
 
@@ -246,7 +246,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
     for key, size, what in (("Q", n, "states"), ("R", m, "inputs")):
         if key in missing and key not in values:
             raise BadInputError(
-                f"there is no {key}; give {key} of the {size} {what} in the file or as an argument"
+                f"there is no {key}; give {key} for the {size} {what} in the file or as an argument"
             )
     if missing:
         taken = ", ".join(f"{key} {described[key]}" for key in missing)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 
-#: Entries of a matrix that are shown one by one.
+#: Matrices with more entries are summarized.
 _SHOWN = 40
 
 

@@ -14,12 +14,12 @@ from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 
-#: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in
-#: a model.
+#: Larger numbers (or numbers below its inverse) overflow in products and are meaningless in a
+#: model.
 LARGEST = 1e100
-#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
+#: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
-#: A scaled eigenvalue of a semidefinite matrix may be so far below 0.
+#: Magnitude of a negative scaled eigenvalue that counts as rounding.
 SEMIDEFINITE = 1e-12
 
 
@@ -265,7 +265,7 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
         return 0.0
     sizes = np.sqrt(diagonal[weighed])
     scaled = matrix[np.ix_(weighed, weighed)] / sizes / sizes[:, None]
-    if not np.isfinite(scaled).all():  # entries beyond those of any semidefinite matrix
+    if not np.isfinite(scaled).all():  # M_ij² > M_ii M_jj by far
         return -np.inf
     return float(np.linalg.eigvalsh((scaled + scaled.T) / 2.0)[0])
 

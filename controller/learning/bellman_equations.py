@@ -13,7 +13,7 @@ from controller.game.training_run import Excitation
 from controller.game.zero_sum import Game
 from controller.learning.recording import Stack, excitation
 
-#: Most steps of a refinement; each squares the error until rounding stops it.
+#: Largest number of refinement steps; each squares the error until it reaches rounding.
 MOST_REFINEMENTS = 20
 
 
@@ -111,7 +111,7 @@ class StackEquations:
     def excitation(self, weights: np.ndarray) -> Excitation:
         """Return the excitation of the samples for scaled weights (M,), under the policies of the
         game."""
-        with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
+        with np.errstate(over="ignore"):  # regressors that overflow when squared count as 0
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
@@ -271,7 +271,7 @@ def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
 
     size = found.regressors.shape[1]
     both = np.column_stack([found.regressors, found.residuals]) / normaliser[:, None]
-    # R on and above its diagonal, and Q'ē in its last column.
+    # R is on and above the diagonal, and Q'ē is the last column.
     factored = np.linalg.qr(both, mode="raw")[0].T
     step, failed = dtrtrs(factored[:size, :size], factored[:size, size])
     if failed:

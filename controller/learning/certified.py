@@ -109,17 +109,17 @@ def _roots_in_unit_interval(polynomial: np.ndarray) -> list[float]:
     return sorted(1.0 / float(root) for root in real if root >= 1.0)
 
 
-#: A Newton correction below this fraction of |W| ends the iteration on the way (the next one is its
-#: square).
+#: A Newton correction below this fraction of |W| ends an intermediate iteration; the next
+#: correction would be about its square.
 TRACKING = 1e-5
-#: Below this fraction of |W| a correction that no longer halves is rounding, or noise in the data.
+#: A correction below this fraction of |W| that no longer halves is rounding, or noise in the data.
 SETTLED = 1e-6
-#: How often a step that loses stability is halved.
+#: Largest number of halvings of a step that loses stability.
 MOST_HALVINGS = 30
-#: The smallest relative step of β and of the share of 1/δ²: below it the ramp has reached the end
-#: of its road.
+#: Smallest relative step of β and of the share of 1/δ². If it does not succeed, there is no
+#: solution beyond.
 SMALLEST_STEP = 1e-9
-#: A first step of the share that is too large even here belongs to no plant.
+#: If a first step of the share fails even at this size, no plant would succeed.
 NO_STEP = 1e-30
 
 
@@ -268,7 +268,7 @@ def raise_disturbance(
         end_point, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
         if converged and equations.margin(end_point.weights, end_point.problem) > 0.0:
             eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(end_point.weights))
-            if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # except for rounding
+            if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # up to rounding
                 here = end_point
                 step = 2.0 * step
                 continue
@@ -276,32 +276,33 @@ def raise_disturbance(
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"delta = {delta:g} is not reached: the game solution, continued downwards from"
-                f" delta = inf, ends at delta = {end:.6g}; choose a delta above that, unless"
+                f"delta = {delta:g} is not reached: the game solution, followed downwards from"
+                f" delta = inf, ends at delta = {end:.6g}; choose a delta above it, unless"
                 " `hfa solve` reports a smaller delta_min"
             )
     return here
 
 
-#: Where the learning stands, n_j of its stage (N_h,), and the discount of the start, 1/s.
+#: Current point, normalization n_j of the stage (N_h,), and initial discount, 1/s.
 Memory = tuple[Point, np.ndarray, float]
-#: A start counts as stabilizing when its margin is at least this fraction of the fastest
-#: closed-loop rate. Closer to the edge the regressors are singular to rounding and the first Newton
-#: direction is noise.
+#: Initial weights count as stabilizing if their margin is at least this fraction of the fastest
+#: closed-loop rate. With a smaller margin, the regressors are singular within rounding and the
+#: first Newton direction is noise.
 RELATIVE_MARGIN = 1e-8
-#: Margin that the discount leaves, 1/s, beside 1e-6 of the fastest closed-loop rate.
+#: Stability margin with the initial discount, 1/s, in addition to 1e-6 of the fastest closed-loop
+#: rate.
 DISCOUNT_MARGIN = 0.5
-#: Most sub-steps in one tick, and the fraction of |ē| that a sub-step must fall below for another
-#: one.
+#: Largest number of sub-steps in one tick, and the fraction to which a sub-step must reduce |ē| for
+#: another one.
 MOST_SUBSTEPS = 50
 STALLED = 0.999
-#: A relative residual below this is rounding: the stage has come to rest.
+#: A relative residual below this is rounding: the stage has converged.
 AT_REST = 1e-13
 
 
-#: Weights beyond this overflow when they are squared twice.
+#: Larger weights overflow when they are squared twice.
 LARGEST_WEIGHT = 1e60
-#: More recorded samples than this fill the memory, and add nothing.
+#: More recorded samples would fill the memory without benefit.
 MOST_SAMPLES = 100_000
 
 
@@ -320,7 +321,7 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
     if weights.size != basis.size:
         raise BadInputError(
-            f"there are {weights.size} initial_weights; basis '{basis.name}' has {basis.size}"
+            f"initial_weights has {weights.size} numbers; basis '{basis.name}' has {basis.size}"
             " weights"
         )
     return weights
@@ -524,8 +525,8 @@ class CertifiedLaw:
         if clock == 1.0:
             here = iterate(self.equations, here, normaliser, to_the_floor=True)[0]
             # If P is large in one direction, the other directions are small differences in a
-            # sample. The Riccati equation of the drifts' linear fit has them as entries of their
-            # own, and determines their last digits.
+            # sample. In the Riccati equation of the drifts' linear fit they are separate entries,
+            # which determine their last digits.
             e = self.equations
             riccati = Riccati(e.drift_matrix, e.control, e.disturbance, e.Q)
             P = riccati.refined(self.basis.matrix(here.weights))

@@ -14,12 +14,12 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 from hfa_support.reporting.report import Reported
 
-#: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding
-#: of 1e-16 in a sample reaches the weights divided by this fraction, so a stack that passes leaves
-#: eight digits.
+#: Singular values of the unit rows below this fraction of the largest count as 0. The weights can
+#: have the rounding error of a sample, 1e-16, divided by this fraction: eight digits remain
+#: correct.
 RANK_TOLERANCE = 1e-8
-#: By how much the row that begins a choice is longer than the others, far above rounding and far
-#: below any difference.
+#: Relative excess length of the row that begins a round: far above rounding, and far below real
+#: differences.
 _AHEAD = 1e-6
 
 
@@ -84,7 +84,7 @@ class Stack(Reported):
         scales = np.sqrt(np.mean(self.states**2, axis=0))
         if np.any(scales == 0.0):
             raise BadInputError(
-                f"state {int(np.argmin(scales))} is 0 in every recorded sample; excite it"
+                f"state {np.argmin(scales) + 1} is 0 in every recorded sample; excite this state"
             )
         return scales
 
@@ -125,9 +125,7 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     n = game.A.shape[0]
     widths = natural_spread(game) if half_widths is None else numbers_in("the box", half_widths)
     if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
-        raise BadInputError(
-            f"the box's half-widths are {widths.tolist()}; give {n} positive numbers"
-        )
+        raise BadInputError(f"the half-widths are {widths.tolist()}; give {n} positive numbers")
     return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))
 
 

@@ -14,11 +14,11 @@ from controller.game.zero_sum import Game
 from controller.learning.bellman_equations import StackEquations
 from hfa_support.progress import Progress
 
-#: At most this many rows of history are kept of a run, evenly spread over its ticks.
+#: Largest number of stored rows of the history, evenly distributed over the ticks.
 MOST_ROWS = 20_001
-#: Progress is reported this many times in a run, and more often where ticks are slow.
+#: Number of progress reports in a run; there are more if ticks are slow.
 REPORTS = 50
-#: Longest silence, s.
+#: Longest time without a progress report, s.
 SILENCE = 0.5
 
 

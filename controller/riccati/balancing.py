@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Of more frequencies than this, a singular value is computed at so many that seem nearest.
+#: If there are more frequencies, only the nearest ones are evaluated.
 FEW = 8
-#: The least singular value over all frequencies is found to this, relative,
+#: Relative accuracy of the least singular value over all frequencies,
 SHARP = 1e-6
-#: unless it is below this part of the norm, where its digits are rounding,
+#: unless it is below this fraction of the norm, where it is only rounding.
 ROUNDING = 1e-14
-#: in at most so many levels; three are usual.
+#: Largest number of levels; three are usual.
 MOST_LEVELS = 20
-#: An eigenvalue with |Re λ| up to this part of the norm may lie on the axis.
+#: An eigenvalue with |Re λ| up to this fraction of the norm may be on the axis.
 MAYBE_ON_AXIS = 1e-6
 
 

@@ -17,10 +17,10 @@ from controller.riccati.normal_form import NormalForm
 from controller.riccati.schur import stable_basis
 from hfa_support.errors import NoSolutionError
 
-#: Newton steps after the Schur form. Each gains about 16 digits less those that the condition
-#: takes; two are enough for all but marginal games.
+#: Largest number of Newton steps after the Schur form. Each gains about 16 digits minus those lost
+#: to the condition number; two are enough except near the smallest delta.
 REFINEMENTS = 12
-#: A correction of this size, relative, is rounding.
+#: A relative correction of this size is rounding.
 ROUNDING = 4.0 * float(np.finfo(float).eps)
 _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
@@ -45,7 +45,7 @@ def unrefined(form: NormalForm) -> np.ndarray:
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)
     basis = stable_basis(form.hamiltonian)
-    if basis is None:  # the stable subspace has not half the dimension
+    if basis is None:  # the dimension of the stable subspace is not n
         raise NoSolutionError(_NO_GRAPH)
     n = len(form.A)
     try:

@@ -28,29 +28,29 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import RELATIONS, Check, Checked, at_least, at_most, checked
 from hfa_support.reporting.results import Result
 
-#: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the
-#: Hamiltonian splits.
+#: Smallest relative distance to the imaginary axis, four orders above rounding. Nearer to the axis,
+#: rounding hides whether the Hamiltonian has n stable eigenvalues.
 AXIS_DISTANCE = 1e-12
-#: What rounding of the entries of a game may change of them, relative: eight last bits.
+#: Relative change of the entries of a game by rounding: eight last bits.
 ENTRIES = 8.0 * float(np.finfo(float).eps)
 RESIDUAL = 1e-10
 ASYMMETRY = 1e-12
-#: The smallest eigenvalue of P may be so far below 0, relative to the largest entry.
+#: Magnitude of a negative eigenvalue of P, relative to the largest entry, that counts as rounding.
 INDEFINITENESS = 1e-10
 DISAGREEMENT = 1e-8
-#: A reach shown by the closed loop counts above this; below, the least one is sought.
+#: Above this limit, the lower bound of the reach from the closed loop is used. Below it, the least
+#: reach is searched for.
 CLEAR_REACH = 1e3 * RANK
 
-#: A test of the plant: relation, limit, and the reason where it does not hold.
+#: Test of the plant: name -> relation, limit, and reason for a failure.
 TEST_OF_REACH = {
     "reach": (
         ">",
         RANK,
-        "a change of {:.2g} of the entries of A and B leaves a mode that does not decay out of"
-        " reach",
+        "a relative change {:.2g} of A and B makes a mode that does not decay uncontrollable",
     ),
 }
-#: Name of a test of P alone: relation, limit, and the reason where it does not hold.
+#: Tests of P: name -> relation, limit, and reason for a failure.
 TESTS_OF_P = {
     "residual": ("<=", RESIDUAL, "the residual of the Riccati equation is {:.2g}"),
     "symmetry": ("<=", ASYMMETRY, "P is not symmetric ({:.2g} relative)"),
@@ -62,7 +62,7 @@ TESTS_OF_P = {
     "game_loop_abscissa": ("<", 0.0, "A - S P is not Hurwitz (abscissa {:+.3g} 1/s)"),
     "control_loop_abscissa": ("<", 0.0, "A - B K is not Hurwitz (abscissa {:+.3g} 1/s)"),
 }
-#: The same of the second derivation.
+#: Test of the second derivation: name -> relation, limit, and reason for a failure.
 TEST_OF_AGREEMENT = {
     "second_derivation": (
         "<=",
@@ -71,7 +71,7 @@ TEST_OF_AGREEMENT = {
     ),
 }
 TESTS_OF_A_STACK = TEST_OF_REACH | TESTS_OF_P | TEST_OF_AGREEMENT
-#: Values of tests by name, each of one game or (N,) of a stack.
+#: Name of a test -> its value for one game, or its values (N,) for a stack.
 Measured = dict[str, Any]
 
 
@@ -158,7 +158,7 @@ class CertifiedStack(NamedTuple):
 def certified_stack(form: NormalForm) -> CertifiedStack:
     """Return the tested solutions of a stack of normal forms, by eigenvectors and doubling."""
     _refuse_overflow(form)
-    with np.errstate(all="ignore"):  # what overflows is not certified
+    with np.errstate(all="ignore"):  # a solution that overflows is not certified
         derived = by_eigenvectors(form)
         X = derived.X
         good = (largest(X) <= 1.0 / MODERATE) & (derived.correction <= SETTLED)
@@ -272,7 +272,7 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     frequencies = np.unique(np.append(np.abs(of_hamiltonian.eigenvalues.imag), frequency))
     change = distance_by_entries(given, form, frequencies)
     reason = (
-        f"a change of {change:.2g} of the entries of A, B, E and Q may put an eigenvalue of the"
+        f"a relative change {change:.2g} of A, B, E and Q may put an eigenvalue of the"
         " Hamiltonian on the imaginary axis"
     )
     return (*checks, at_least("hamiltonian_entries", change, ENTRIES, reason))
@@ -289,7 +289,7 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
     Section 7.2.
     """
     n = len(given.A)
-    into = levelled.T * given.units  # from given to levelled
+    into = levelled.T * given.units  # from the given to the levelled coordinates
     back = np.linalg.inv(into)
     zero = np.zeros((n, n))
     to_levelled = np.block([[into, zero], [zero, back.T]])
@@ -301,7 +301,7 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
             inverse = np.linalg.inv(shifted)
             growth = np.abs(to_given @ inverse @ to_levelled) @ given.hamiltonian_sizes
             radius = float(np.abs(np.linalg.eigvals(growth)).max())
-        except np.linalg.LinAlgError:  # singular, or beyond the range of numbers
+        except np.linalg.LinAlgError:  # singular, or overflow
             return 0.0
         largest_growth = max(largest_growth, radius)
     return 1.0 / largest_growth
@@ -382,7 +382,7 @@ def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -
 def _refuse_overflow(form: NormalForm) -> None:
     if not form.is_finite.all():
         raise NoSolutionError(
-            "the numbers of the game differ so much in size that they overflow; check the scaling"
+            "the entries of the game differ so much in size that they overflow; check the scaling"
             " of A, B, E, Q and R"
         )
 

@@ -15,9 +15,9 @@ from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
 from hfa_support.reporting.results import Result
 
-#: An eigenvalue of P* below this part of the largest is that of a state that costs nothing.
+#: An eigenvalue of P* below this fraction of the largest belongs to a state without cost.
 SIGNLESS = 1e-12
-#: Newton steps to the loss double their digits; from 0 they grow to it from below.
+#: Largest number of Newton steps for the loss. They converge quadratically, from below.
 MAX_STEPS = 100
 #: Relative change of the loss below which the Newton steps end.
 LOSS_TOLERANCE = 1e-10
@@ -125,7 +125,7 @@ def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None
                 if spectrum(F).abscissa >= 0.0:
                     return None
                 following = solve_continuous_lyapunov(F.T, D @ spread @ D - charge)
-        except (ValueError, RuntimeWarning):  # it overflows, or has no solution
+        except (ValueError, RuntimeWarning):  # overflow, or no solution
             return None
         following = (following + following.T) / 2.0
         if np.abs(following - D).max() <= LOSS_TOLERANCE * np.abs(following).max():

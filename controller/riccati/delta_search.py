@@ -14,12 +14,12 @@ from typing import NamedTuple
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: The search goes up to this times its first δ,
+#: Largest δ of the search, as a multiple of the first one.
 MOST = 1e12
-#: and down to this part of it.
+#: Smallest δ of the search, as a fraction of the first one.
 LEAST = 1e-12
-#: Before a δ that is refused is stated these parts of it are asked: a solution there shows that the
-#: refusal was rounding.
+#: Before a δ is reported to have no solution, these fractions of it are tried. A solution there
+#: shows that the refusal was rounding.
 BELOW = (0.9, 0.5, 0.1, 0.01)
 
 
@@ -123,7 +123,7 @@ def smallest_delta(
         report(steps, steps)
         if answers.good == value:
             return Bracket(value, answers.refused, answers.at(answers.next_to_good))
-        assert answers.good < least  # each turn of the loop has a smaller δ to begin with
+        assert answers.good < least  # each round begins with a smaller δ
 
 
 def _climb(answers: _Answers, begin: float) -> None:

@@ -12,18 +12,19 @@ import numpy as np
 from controller.riccati.balancing import hamiltonian, largest
 from controller.riccati.normal_form import NormalForm
 
-#: Newton steps after the eigenvectors, with twice the digits.
+#: Newton steps after the eigenvectors, with residuals in twice the precision.
 STEPS = 3
-#: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
-#: has more digits.
+#: Largest relative last Newton correction of an accepted solution. Above it, the Schur form is more
+#: accurate.
 SETTLED = 1e-12
-#: Rounding of a correction that is larger than this part of an entry may change the entry.
+#: If a correction exceeds this fraction of an entry, its rounding may change the entry.
 NOTICED = 1e-2
-#: Doublings of the time: 5 to 10 are usual, 45 enough for a pole of 1e-12 of the fastest.
+#: Largest number of doublings; 5 to 10 are usual, and 45 are enough for a pole of 1e-12 times the
+#: fastest.
 DOUBLINGS = 50
-#: The next step changes X by the square of this E, relative.
+#: The next doubling changes X by about the square of this E, relative.
 SMALL = 1e-6
-#: p, the cost of the last state: below that of most games in balanced units.
+#: p, the cost of the final state, smaller than in most games in balanced units.
 LAST = 2.0**-4
 
 

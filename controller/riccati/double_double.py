@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Of 22 to 25 bits each up to 100 columns. Rounding of the products with what is left over is below
-#: twice the digits of a double.
+#: Number of slices, of 22 to 25 bits each for up to 100 columns. The rounding error of the products
+#: with the remainder is smaller than the last digit of a pair.
 SLICES = 3
 
-#: (high, low), arrays of one shape.
+#: (high, low), two arrays of equal shape.
 Pair = tuple[np.ndarray, np.ndarray]
 
 
@@ -60,7 +60,8 @@ def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
     p = left.shape[-2]
     slices, left_over = _slices(np.concatenate([left, right.mT], axis=-2))
     rows = [each[..., :p, :] for each in (*slices, left_over[-1])]
-    # Products of slices of one size are added exactly, largest first; those of the rest follow.
+    # Products of slices of equal size are added exactly, the largest first; products with the
+    # remainders are added last.
     parts = []
     for factors in (slices[:1], slices[:2], slices, left_over):
         columns = [each[..., p:, :].mT for each in factors[::-1]]
@@ -111,7 +112,7 @@ def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """
     bits = (53 - (SLICES * rows.shape[-1]).bit_length()) // 2
     largest = np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)
-    # Beside this number a double has no bits below the first slice.
+    # A number added to this one keeps only the bits of the first slice.
     shift = np.full_like(rows, np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits)))
     slices = []
     left_over = [rows]

@@ -19,8 +19,8 @@ from controller.riccati.normal_form import BACKWARD, NormalForm
 from controller.riccati.schur import ordered_basis
 from hfa_support.errors import NoSolutionError
 
-#: What rounding, and a change of the last bits of A, B, E and Q, make of one entry of a Hamiltonian
-#: or of a sum over its rows, relative, times the number of its rows.
+#: Relative change of one entry of a Hamiltonian, or of a sum over its rows, by rounding and by a
+#: change of the last bits of A, B, E and Q, divided by the number of its rows.
 ROUNDING = 4.0 * float(np.finfo(float).eps)
 
 
@@ -122,7 +122,7 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
         return Found(Answer(None, reason), form, None)
     signs = subspace.basis[:n].T @ subspace.basis[n:]
     smallest = float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
-    # Rounding turns [X1; X2] by up to the error, and X1'X2 by no more than twice that.
+    # Rounding rotates [X1; X2] by up to the error, and changes X1'X2 by at most twice the error.
     open_below = 2.0 * subspace.error
     if smallest > open_below:
         return Found(Answer(True), form, subspace)

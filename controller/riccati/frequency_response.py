@@ -17,10 +17,10 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 
 TOLERANCE = 1e-9
-#: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the
-#: output.
+#: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not affect
+#: the output.
 ZERO = 1e-12
-#: A, E, Q.
+#: A - B K, E and C of a closed loop.
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -37,8 +37,8 @@ def level_crossings(
     by_output = np.linalg.solve(free, D.T @ C)
     into = B @ np.linalg.solve(free, B.T)
     out = C.T @ (C + D @ by_output)
-    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when B is
-    # of another unit.
+    # Every `ratio` gives the same eigenvalues. With this one, the blocks have similar size in any
+    # unit of B.
     ratio = math.sqrt((np.linalg.norm(into) or 1.0) / (np.linalg.norm(out) or 1.0))
     loop = A + B @ by_output
     H = np.block([[loop, into / ratio], [-out * ratio, -loop.T]])

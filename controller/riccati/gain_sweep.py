@@ -11,12 +11,13 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import responses
 
 GRID_PER_DECADE = 60
-#: About a resonance the steps grow with the distance from its pole, up to a hundred of its widths.
+#: Points near a resonance: their spacing grows with the distance from the pole, up to a hundred of
+#: its widths.
 RESONANCE = np.linspace(-5.3, 5.3, 45)
-#: Frequencies that differ by a smaller part are one.
+#: Frequencies with a smaller relative difference count as equal.
 _SAME = 1e-9
-#: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
-#: billionth of the peak.
+#: Number of finer grids, and points of each, over two steps of the grid before: ten times finer,
+#: until the step is a billionth of the peak frequency.
 REFINEMENTS = 8
 POINTS = 20
 
@@ -63,5 +64,6 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
     found = np.unique(np.concatenate([[0.0], grid, resonances]))
-    # Of frequencies that are equal except for rounding one stays: a peak lies between neighbors.
+    # One of several frequencies that are equal up to rounding is kept, so that the peak is between
+    # distinct neighbors.
     return found[np.append(True, np.diff(found) > _SAME * found[1:])]

@@ -208,7 +208,7 @@ def _abscissa_error(form: NormalForm, certified: Certified) -> float:
     x = x_in_form = turned_x = np.abs(right)
     y = y_in_form = np.abs(rows).T
     if form_of_X is not form:
-        turn = form_of_X.T * form.units  # from the one form to the other
+        turn = form_of_X.T * form.units  # from one form to the other
         x_in_form = np.abs(np.linalg.solve(turn, right))
         turned_x = np.abs(turn) @ x_in_form
         y_in_form = np.abs(rows @ turn).T

@@ -19,24 +19,24 @@ from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_
 if TYPE_CHECKING:
     from controller.riccati.certificate import Certified
 
-#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding
-#: moved.
+#: A gain below this, or above its inverse, is a crossover at infinite frequency, or none, that
+#: rounding moved.
 ROUNDING = 1e-9
-#: Secants, and halves of what is left between them, until a crossover has all its digits.
+#: Largest number of alternating secant and bisection steps for a crossover.
 _ROUNDS = 17
-#: A crossover is found where two secants agree, relative.
+#: A crossover has converged if two secants agree to this relative accuracy.
 _SETTLED = 1e-15
-#: What is left of the part of M that is 0 at a crossover, of |M|.
+#: Largest Re M or Im M at a zero, as a fraction of |M|.
 _ROOT = 1e-6
-#: How often steps of a grid are halved in which curves of several loops were exchanged.
+#: Largest number of halvings of grid steps in which curves of several loops were interchanged.
 _HALVINGS = 12
-#: Frequencies of a grid in a decade, beside those at which Re M or Im M is 0.
+#: Frequencies per decade of a grid, in addition to those at which Re M or Im M is 0.
 _PER_DECADE = 20
-#: How often the largest value of a grid is sought among so many points about it.
+#: Number of refinements around the largest value of a grid, and points of each.
 _REFINEMENTS = 5
 _POINTS = 17
 
-#: ω, (N,) -> M of k loops, (N, k).
+#: Function ω (N,) -> M of k loops, (N, k).
 Loci = Callable[[np.ndarray], np.ndarray]
 
 
@@ -234,7 +234,7 @@ def _crossings_of(
     grid: (N,), rad/s
     seen: M on the grid, (N, k), each column a continuous curve
     """
-    # Where l is 0 or infinite except for rounding, signs of Im M change by rounding.
+    # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
     above = part(seen) > 0.0
     is_counted = ~(is_lost[1:] & is_lost[:-1])

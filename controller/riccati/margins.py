@@ -20,24 +20,25 @@ from controller.riccati.frequency_response import level_crossings, responses
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 
-#: A level above the largest bound, relative: what is below it everywhere is proved,
+#: Relative distance of the level above the largest bound found. Values below the level everywhere
+#: are proved,
 ABOVE = 1e-8
-#: ten times as much after each so many frequencies; twenty are usual.
+#: It is multiplied by 10 after each such number of frequencies; twenty frequencies are usual.
 MANY = 200
-#: Rounds of balancing all rows and columns: a start, which the search at each frequency betters.
+#: Rounds of balancing for the initial scaling, which the search at each frequency improves.
 SWEEPS = 20
-#: Most steps of that search, and most trials of the length of one: at a kink no length is left in
-#: the end.
+#: Largest number of steps of this search, and of trial lengths of one step: at a kink no length is
+#: accepted in the end.
 MAX_STEPS = 1000
 MAX_TRIALS = 40
-#: The search ends where σ_max(D M D⁻¹) would fall by less in a step, relative.
+#: The search ends if a step would reduce σ_max(D M D⁻¹) by less than this, relative.
 SETTLED = 1e-14
-#: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not
-#: overflow on the way.
+#: Longest step of log D. For a triangular M the optimum is at infinity, and exp(log D) must not
+#: overflow.
 FARTHEST = 5.0
 
 
-#: A part of the axis of frequencies, rad/s.
+#: Interval of frequencies, rad/s.
 Piece = tuple[float, float]
 
 
@@ -146,7 +147,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     poles = np.linalg.eigvals(loop.A)
     ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
     pieces = list(pairwise([*ends.tolist(), math.inf]))
-    # The largest bound first: then most pieces are below the level at once.
+    # The frequency with the largest bound is first: most intervals are then below the level.
     there = loop.at(ends)
     scalings = _osborne_scaling(there)
     order = np.argsort(scaled_norm(there, scalings))
@@ -223,7 +224,7 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     inverse = unit / size if size > 0.0 else unit
     for _ in range(MAX_STEPS):
         way = -inverse @ slope
-        if np.abs(way).max(initial=0.0) > FARTHEST:  # no curvature is left: steepest descent again
+        if np.abs(way).max(initial=0.0) > FARTHEST:  # no curvature left: use steepest descent again
             inverse = unit / size
             way = -inverse @ slope
         falls = slope @ way

@@ -15,7 +15,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_most, below
 
 COST_TOLERANCE = 1e-8
-#: The sweep can only miss a peak, never exceed it; this is how much it may miss.
+#: Largest relative error of the sweep, which can miss a peak but not exceed it.
 SWEEP_TOLERANCE = 1e-6
 
 
@@ -52,7 +52,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
     cost = game.Q + K.T @ game.R @ K
     if math.isfinite(game.delta):
         cost = cost - game.delta**2 * L.T @ L
-    with warnings.catch_warnings(action="ignore"):  # of a loop near the axis; the cost is compared
+    with warnings.catch_warnings(action="ignore"):  # SciPy warns near the axis; the cost is checked
         X = solve_continuous_lyapunov(loop.T, -cost)
     return (X + X.T) / 2.0
 

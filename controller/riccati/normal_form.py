@@ -21,15 +21,14 @@ from controller.riccati.double_double import (
     transposed,
 )
 
-#: Smaller cosines belong to a P of more than the inverse of this, in balanced units.
+#: A cosine below this belongs to a P above its inverse, in balanced units.
 MODERATE = 1e-4
-#: What a rank test may leave of a matrix without full rank, relative to A. A mode reached by less
+#: Relative change of A below which a matrix counts as rank-deficient. A mode with a smaller reach
 #: is not reached.
 RANK = 1e-13
-#: The smallest number with all its digits: what is below it counts as 0.
+#: Smallest number with full precision; smaller numbers count as 0.
 FAINT = float(np.finfo(float).tiny)
-#: What rounding may change of a Hamiltonian on the way to its Schur form, relative: that of n up
-#: to some hundred states.
+#: Relative change of a Hamiltonian by rounding in its Schur form, for n up to some hundred states.
 BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
@@ -119,7 +118,7 @@ class NormalForm:
             delta=like.delta,
             R=like.R,
         )
-        vars(form)["B"] = scaled_B / rows  # known, and a stack takes it over
+        vars(form)["B"] = scaled_B / rows  # cached; also used for parts of a stack
         return form
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
@@ -173,7 +172,7 @@ class NormalForm:
         """
         root = self.root
         half = np.zeros_like(self.A)
-        if not np.array_equal(root, self.R):  # R = I leaves B as it is
+        if not np.array_equal(root, self.R):  # with R = I, B is unchanged
             of_B = remainder(self.inputs, self.B, root)
             of_root = 0.5 * self.B_over_R @ remainder(self.R, root, root)
             half = self.B_over_R @ (of_root - of_B).mT

@@ -8,11 +8,13 @@ import numpy as np
 
 from controller.riccati.normal_form import FAINT, RANK
 
-#: An eigenvalue with a real part above this part of -|A| may belong to a mode that does not decay.
+#: An eigenvalue with a real part above -|A| times this may belong to a mode that does not decay.
 _NEAR = 1e-6
-#: Steps of inverse iteration: a singular value that is tiny beside the next needs one.
+#: Steps of inverse iteration; one is enough if the smallest singular value is much smaller than the
+#: next.
 _INVERSE_STEPS = 4
-#: Each takes the sizes of the vector before it as weights; the second halves what the first leaves.
+#: Number of passes. Each uses the magnitudes of the last vector as weights; the second halves the
+#: remaining error.
 _PASSES = 3
 
 
@@ -126,7 +128,7 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
     from scipy.linalg.lapack import ztrtri
 
     triangle = np.linalg.qr(matrices, mode="r")
-    diagonal = np.einsum("kii->ki", triangle)  # a view
+    diagonal = np.einsum("kii->ki", triangle)  # a view of `triangle`
     rounding = np.finfo(float).eps * np.abs(triangle).max(axis=(1, 2))[:, None] + FAINT
     diagonal[np.abs(diagonal) < rounding] = 0.0
     diagonal += np.where(diagonal == 0.0, rounding, 0.0)
@@ -137,6 +139,6 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
     adjoint = inverse.mT.conj()
     row = np.linalg.norm(inverse, axis=2).argmax(axis=1)[:, None, None]
     vector = inverse @ np.take_along_axis(adjoint, row, axis=2)
-    for _ in range(_INVERSE_STEPS):  # grows by at most n² a step, and does not shrink
+    for _ in range(_INVERSE_STEPS):  # by at most n² per step, never less
         vector = inverse @ (adjoint @ vector)
     return vector / np.linalg.norm(vector, axis=1, keepdims=True)

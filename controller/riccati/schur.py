@@ -23,7 +23,7 @@ def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, fl
     from scipy.linalg.lapack import dgees, dtrsen
 
     half = len(matrix) // 2
-    form, _, growth, _, basis, _, failed = dgees(lambda *_: 0, matrix)  # the order is not asked
+    form, _, growth, _, basis, _, failed = dgees(lambda *_: 0, matrix)  # unsorted
     if failed:
         return None, 0.0
     size = max(1, 2 * half * half)

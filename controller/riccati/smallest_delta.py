@@ -19,17 +19,16 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: Of delta_min, relative.
+#: Relative accuracy of delta_min.
 TOLERANCE = 1e-6
-#: Of the size of the disturbance: smaller gains may be rounding.
+#: Gains below this fraction of the disturbance's size may be rounding.
 FAINT = 1e-9
-#: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that
-#: fails.
+#: If delta exceeds delta_min by a smaller fraction, the poor conditioning of P may be the reason
+#: why a test fails.
 CLOSE = 0.01
-#: An unstable mode that the input reaches, or any mode that Q shows, by less than this part is
-#: named where the game is refused.
+#: A refusal names an unstable mode whose reach, or a mode whose cost in Q, is below this fraction.
 BARELY = 1e-5
-#: Rounding moves no eigenvalue of interest by more than this part of |A|.
+#: Largest change of an eigenvalue by rounding, as a fraction of |A|.
 _NEAR_AXIS = 1e-6
 
 
@@ -62,7 +61,7 @@ class DeltaMin(NamedTuple):
         small."""
         what = "; choose a larger delta"
         excess = self.margin(delta) - 1.0
-        if self.refused < delta < self.value:  # there a value may exist or not
+        if self.refused < delta < self.value:  # a value may or may not exist
             verb = "rounding leaves" if self.uncertain else "lies"
             between = f"between {self.refused:.9g} and {self.value:.9g}"
             where = f"too close to delta_min, which {verb} {between}"
@@ -109,7 +108,7 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     inside = found.form
     if not inside.disturbance.any():
         return DeltaMin(0.0, 0.0)
-    # A disturbance of the size of 1; a power of two leaves the digits alone.
+    # The disturbance is scaled to size 1 by a power of two, which causes no rounding.
     size = 2.0 ** round(math.log2(np.linalg.norm(inside.disturbance, 2)))
     K = inside.B.T @ found.X
     loop = inside.A - inside.B @ K

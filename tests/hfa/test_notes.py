@@ -12,7 +12,7 @@ from extension import needs
 from hfa import output
 from hfa.output import ProgressLine
 
-NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
+NOTE = "dihedral 16 deg is beyond the paper's range, which ends at 15 deg"
 
 
 def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:

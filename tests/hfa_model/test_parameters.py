@@ -51,7 +51,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     covariance[:, 2] *= units
     path = tmp_path / "indefinite.toml"
     save_parameters(replace(parameter_set, covariance=covariance), path, "")
-    assert "[covariance] is not the covariance" in refusal(load_parameters, path)
+    assert "[covariance] must list the identified parameters" in refusal(load_parameters, path)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_wrong_entries_are_refused(
 def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
     """A negative mass, span or chord of a panel is refused."""
     for name in ("panel_mass", "panel_span", "chord"):
-        with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must be positive"):
+        with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must not be negative"):
             hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))
 
 

@@ -8,13 +8,13 @@ from hfa_model.choice import aircraft
 from hfa_support.arguments import checks_arguments
 from trim.point.condition import TrimCondition, usual_condition
 
-#: Shipped condition -> its file in this folder.
+#: Named condition -> its file in this folder.
 CONDITIONS = {
     "paper": "paper.toml",
     "simvfa-64": "simvfa_64.toml",
     "simvfa-30": "simvfa_30.toml",
 }
-#: The paper's level flight (Section 5.1), with a flat wing: `at` takes another dihedral angle.
+#: The paper's level flight (Section 5.1), with a flat wing; `at` sets another dihedral angle.
 LEVEL_FLIGHT = usual_condition(aircraft())
 
 

@@ -38,8 +38,8 @@ from trim.point.condition import TrimCondition
 from trim.point.level_model import level_model
 from trim.point.operating_point import OperatingPoint
 
-#: Parameters identified with another seed, or on another machine, differ by less than this from the
-#: packaged ones.
+#: Relative difference below which parameters count as the packaged ones: another seed or machine
+#: changes them by less.
 _SAME = 1e-7
 
 
@@ -364,11 +364,11 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     """
     if model.states != LINEAR_STATES:
         raise BadInputError(
-            f"bands exist only for the states {', '.join(LINEAR_STATES)}; select these"
+            f"error bands exist only for the states {', '.join(LINEAR_STATES)}; select these"
         )
     if not bands_known(parameters):
         raise BadInputError(
-            "bands exist only for the identified parameters with their covariance; "
+            "error bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
     own = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from trim.linear.linear_model import LinearModel
 
-#: A Bode plot of more outputs cannot be read.
+#: Largest number of outputs in a Bode plot; more would be illegible.
 _MOST_PANELS = 6
-#: Eigenvalues below this share of the largest are zero except for rounding: no modes to draw.
+#: Eigenvalues below this fraction of the largest count as zero, and are not modes to draw.
 _STILL = 1e-6
 
 

@@ -17,7 +17,7 @@ from trim.linear.linear_model import LinearModel
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
-#: Modes that oscillate, as models name them.
+#: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 

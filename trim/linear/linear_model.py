@@ -169,7 +169,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
                 return chosen(self, inputs, outputs)
-        raise BadInputError("write linear[outputs, inputs], with names")
+        raise BadInputError("write linear[outputs, inputs] with names of signals")
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield A, B, C and D, so that A, B, C, D = linear and control.ss(*linear) work."""

@@ -15,8 +15,7 @@ from hfa_support.reporting.named_array import NamedArray
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.mode import Mode
 
-#: An eigenvalue, or its real part, that is no larger than this many times its error by rounding
-#: counts as 0.
+#: An eigenvalue, or its real part, up to this many times its rounding error counts as 0.
 _ZERO = 10.0
 
 

@@ -17,7 +17,7 @@ from trim.linear.positions import positions
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
 
-#: Condition number, in nominal units, from which a matrix counts as singular.
+#: Condition number, in nominal units, above which a matrix counts as singular.
 _SINGULAR = 1e12
 
 
@@ -157,6 +157,6 @@ def reduction_note(
     apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(model.A)]
     advice = "" if residualized else " (--residualize names states that follow instead)"
     return (
-        f"{'; '.join(clauses)}; the eigenvalues lie up to {100 * float(max(apart)):.2g} % from "
-        f"those of all {len(whole.states)} states{advice}"
+        f"{'; '.join(clauses)}; the eigenvalues differ by up to {100 * float(max(apart)):.2g} %"
+        f" from those with all {len(whole.states)} states{advice}"
     )

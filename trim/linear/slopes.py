@@ -11,9 +11,9 @@ from hfa_aircraft.layout import Layout
 from hfa_aircraft.model import Model
 from trim.linear.switches import STEP, rates_of, steps_of
 
-#: How far slopes may differ, of 1 + |derivative|, in scaled units.
+#: Largest difference of equal slopes, as a fraction of 1 + |derivative|, in scaled units.
 _APART = 1e-4
-#: As a share of that: a difference in a column where another entry is at a kink.
+#: Fraction of this difference that is significant in a column with a kink in another entry.
 _FELT = 1e-2
 
 
@@ -112,11 +112,11 @@ def correct(
     smooth_below = np.abs(slopes[1] - slopes[0]) <= allowed
     smooth_above = np.abs(slopes[5] - slopes[4]) <= allowed
     differs = np.maximum(np.abs(below - derivative), np.abs(above - derivative)) > allowed
-    # Across a kink the two middle slopes lie between those to the sides, or are mixed of them.
+    # Across a kink, the two middle slopes are between the outer ones, or mixtures of them.
     across = np.abs(slopes[2] + slopes[3] - below - above)
     jumps = smooth_below & smooth_above & (across > 2 * np.abs(above - below) + allowed)
     kinks = smooth_below & smooth_above & differs & ~jumps
-    # What one rate feels of a kink the others do too, even where it is small to them.
+    # A kink in one rate is also one in other rates, even if its effect on them is small.
     felt = np.abs(above - below) > _FELT * allowed
     kinks |= kinks.any(axis=0) & smooth_below & smooth_above & felt & ~jumps
     if kinks.any():

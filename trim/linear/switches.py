@@ -17,11 +17,11 @@ from hfa_support.native.bound import RowFunction
 _ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
 _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
 _ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
-#: Step of the slopes, in nominal values.
+#: Step for the slopes, as a fraction of the nominal value.
 STEP = 1e-6
-#: Points at which slopes are compared, the first of those near a switch.
+#: Largest number of points near a switch at which slopes are compared.
 _MOST = 1_000
-#: No points, no states and inputs.
+#: Empty result: no points, no states and inputs.
 _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
@@ -50,7 +50,7 @@ def near_switches(
         return _NOWHERE
     points = np.flatnonzero(near.any(axis=1))[:_MOST]
     moving = moves.reshape(*distances.shape, -1)[near]
-    if not moving.any(axis=1).all():  # a switch that moves in second order only
+    if not moving.any(axis=1).all():  # a switch that depends on z in second order only
         return points, np.arange(len(steps))
     return points, np.flatnonzero(moving.any(axis=0))
 

@@ -11,7 +11,7 @@ import numpy as np
 from hfa_support.reporting.results import Result, Roots
 from trim.linear.modes import Spectrum, fastest_first, order_fastest_first, spectrum
 
-#: Of the largest entry of the system: what is smaller is rounding where a rank is decided.
+#: Fraction of the system's norm below which singular values count as 0 in a rank.
 ROUNDING = 1e-12
 
 
@@ -65,7 +65,7 @@ def gain_and_roots(
         nothing = np.zeros(0, dtype=complex)
         return 0.0, 0.0, nothing, nothing
     zeros, poles = _without_common(of_zeros, modes)
-    # The gain is the first of D, C B, C A B, C A² B, ... that is not 0.
+    # The gain is the first nonzero number in D, C B, C A B, C A² B, ...
     order = len(poles) - len(zeros)
     first = system.D
     if order > 0:

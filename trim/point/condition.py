@@ -15,7 +15,7 @@ from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown
 from hfa_support.linear_table import LinearTable
 from trim.limits import Limits
 
-#: How far outside the breakpoints of a table a value may lie.
+#: Largest rounding by which a value may be outside the breakpoints of a table.
 _ROUNDING = 1e-12
 
 
@@ -81,8 +81,8 @@ class TrimCondition:
             lowest, highest = pair_of(f"limits of {name}", ends)
             if not lowest < highest:
                 raise BadInputError(
-                    f"limits of {name} are {model.describe(name, lowest)} to "
-                    f"{model.describe(name, highest)}; the first must be the lower one"
+                    f"the limits of {name} are {model.describe(name, lowest)} and "
+                    f"{model.describe(name, highest)}; the lower limit must be less than the upper"
                 )
         self._check_imposed()
 
@@ -176,7 +176,7 @@ class TrimCondition:
             describe = self.model.describe
             raise BadInputError(
                 f"condition {self.name}: {name} is given from {describe(by, first)} to "
-                f"{describe(by, last)} of {by}; {describe(by, outside[0])} lies outside"
+                f"{describe(by, last)} of {by}; {describe(by, outside[0])} is outside"
             )
         return table.at(scheduled)
 

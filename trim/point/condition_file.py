@@ -18,7 +18,7 @@ from hfa_support.schema import NUMBER, checked, read_named
 from hfa_support.units import si_factor
 from trim.point.condition import TrimCondition, release
 
-#: What a file of a condition holds.
+#: Entries of a condition file, with their types.
 _FILE = {
     "description": str,
     "source": str,

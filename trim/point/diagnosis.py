@@ -11,12 +11,11 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, Status
 from trim.point.problem import TrimProblem
 
-#: An entry of the scaled Jacobian up to which a variable does not move an equation.
+#: If all entries of a column of the scaled Jacobian are at most this, the variable has no effect.
 _NOTHING = 1e-12
-#: What the effects of other variables may leave of the effect of one that moves nothing else,
-#: relative.
+#: Relative remainder below which the effect of a variable counts as a combination of other effects.
 _DEPENDENT = 1e-9
-#: Imbalances that are smaller than this part of the largest are not named.
+#: Residuals below this fraction of the largest are not named.
 _MINOR = 1e-3
 
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from trim.point.system import NEARLY, TrimSystem
 
-#: Evaluations of a point, at most.
+#: Largest number of evaluations of a point.
 MOST_TRIALS = 100
-#: Shortest share of a step that is tried.
+#: Smallest fraction of a step that is tried.
 LEAST_SHARE = 2.0**-20
-#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
+#: Largest entry of a step, in scaled units; a Jacobian with a longer step counts as singular.
 LONGEST = 1e6
 
 
@@ -114,7 +114,7 @@ def newton_step(
         return step
     step = np.full((count, unknowns), np.nan)
     if rows == unknowns:
-        with suppress(np.linalg.LinAlgError):  # where one of them is singular
+        with suppress(np.linalg.LinAlgError):  # if a Jacobian is singular
             step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
         if np.abs(step).max(initial=0.0) < LONGEST:
             return step

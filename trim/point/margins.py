@@ -116,7 +116,7 @@ def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
     if set(condition.free) <= set(point.model.inputs):
-        # All states are held then, those that outputs replace too.
+        # All states are held, including those that outputs replace.
         roles |= dict.fromkeys(point.model.replaced, "held")
     return roles
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
-#: An equation balances when its residual, in its scaled unit, is no larger.
+#: An equation balances if its scaled residual is at most this.
 BALANCE = 1e-10
 
 
@@ -203,7 +203,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
-                "the operating point is not in the units of the model; trim the model itself"
+                "the operating point is not in the units of the model; trim this model"
             )
         if self.dynamics != model.name:
             raise BadInputError(
@@ -300,5 +300,5 @@ def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
         if abs(values.get(name, 0.0)) > limit * (1 + 1e-12):
             value = model.describe(name, values[name])
             end = model.describe(name, limit)
-            sentences.append(f"{name} {value} lies beyond {range_name}, which ends at {end}")
+            sentences.append(f"{name} {value} is beyond {range_name}, which ends at {end}")
     return sentences

@@ -30,7 +30,7 @@ def draw_point(point: OperatingPoint) -> Axes:
             limited.append(margin)
     if not limited:
         raise BadInputError("no variable has two limits; declare min and max of its Signal")
-    limited.reverse()  # the first at the top
+    limited.reverse()  # so that the first is at the top
     axes = pyplot_figure(7.0, 1.2 + 0.3 * len(limited)).subplots()
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
     rows = range(len(limited))

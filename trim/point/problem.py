@@ -15,8 +15,8 @@ from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.system import Evaluation, TrimSystem
 
-#: Starting points that are tried beside the usual one, and how far they lie from it where there is
-#: no limit, in scaled units.
+#: Number of other initial points, and their largest distance from the default one, in scaled units,
+#: if there is no limit.
 STARTS = 8
 _FAR = 10.0
 
@@ -59,10 +59,10 @@ class TrimProblem:
         if not self.free and (self.idle or not self.solved(self.system.start)):
             if not self.idle:
                 raise BadInputError(
-                    "this is not an equilibrium, and no variable is free; free one that moves it"
+                    "this point is not an equilibrium, and no variable is free; free a variable"
                 )
             idle = " and ".join(self.idle)
-            raise BadInputError(f"{idle} has no effect on the equations; free another variable")
+            raise BadInputError(f"the equations do not depend on {idle}; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle only the arguments. Compiled functions are created again."""
@@ -81,7 +81,7 @@ class TrimProblem:
         if self.model.extras.check is not None:
             self.model.extras.check(evaluation.x)
         if not evaluation.finite:
-            self.model.at(evaluation.x, evaluation.u)  # says which rate is not a number
+            self.model.at(evaluation.x, evaluation.u)  # raises an error that names the rate
             raise FloatingPointError(f"{self.model.name}: an output is not a number")
         self._last = key, evaluation
         return evaluation
@@ -166,7 +166,7 @@ class TrimProblem:
             try:
                 jacobian = self.at(start).jacobian
             except (BadInputError, FloatingPointError):
-                continue  # outside the model
+                continue  # outside the range of the model
             if not np.allclose(jacobian, here, rtol=1e-9, atol=1e-12):
                 yield start
 

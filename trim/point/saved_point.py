@@ -16,7 +16,7 @@ from hfa_support.units import conversion, si_unit
 from trim.point.operating_point import SCHEMA, OperatingPoint, Status
 from trim.point.point_records import point_records
 
-#: What a saved point holds; later versions may add to it.
+#: Entries of a saved point; files of later versions may contain more.
 _FILE: dict[Any, Any] = {
     "schema*": (SCHEMA,),
     "dynamics*": str,

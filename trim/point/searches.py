@@ -20,15 +20,15 @@ from trim.point.newton import newton
 from trim.point.problem import TrimProblem
 from trim.point.system import Structure, declared_start, equations as equations_of
 
-#: Shares of the way from the model's own trim that a step of continuation takes, first and at
-#: least, and how many steps it may take.
+#: Continuation from the trim that the model declares: first and smallest step of s, and largest
+#: number of steps.
 _FIRST_SHARE = 0.25
 _LEAST_SHARE = 1e-3
 _MOST_STEPS = 200
-#: What a step of continuation may change, in scaled units.
+#: Largest change of an unknown in a step of continuation, in scaled units.
 _FARTHEST = 10.0
-#: How far inside the limits a search for the least squares begins, in scaled units: its steps in an
-#: unknown are as long as the way to the limit, so that from the limit itself it would not move.
+#: Distance from the limits at which a least-squares search begins, in scaled units. Its steps are
+#: proportional to this distance, so that it would not leave a limit.
 _INSIDE = 1e-9
 
 
@@ -95,7 +95,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     if not settled[0]:
         return None
     share = 0.0
-    slope = np.zeros_like(z)  # of the unknowns over the share of the way
+    slope = np.zeros_like(z)  # dz/ds
     step = _FIRST_SHARE
     for _ in range(_MOST_STEPS):
         target = min(1.0, share + step)
@@ -154,7 +154,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     def residual(values: np.ndarray) -> np.ndarray:
         try:
             return problem.at(with_moved(values)).residual
-        except (BadInputError, FloatingPointError):  # outside the model
+        except (BadInputError, FloatingPointError):  # outside the range of the model
             return np.full(len(problem.names), np.inf)
 
     def jacobian(values: np.ndarray) -> np.ndarray:

@@ -90,7 +90,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     A trim in which an angle without limits exceeds 90 deg is returned only if no other is found.
     Raises TrimError if there is none.
     """
-    if not problem.free:  # all is stated, and an equilibrium
+    if not problem.free:  # nothing is free, and the point is an equilibrium
         return problem.point(guess, Status.TRIMMED)
     nearest = guess
     number = 0
@@ -105,7 +105,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
             continue
         if problem.balanced(z):
             nearest = z
-            # Inputs alone, in which equations are nearly affine, balance them at one point.
+            # If only inputs are free, the equations are nearly affine and have one solution.
             if problem.system.only_inputs:
                 break
         elif number == 0 and not problem.balanced(nearest):

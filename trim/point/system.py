@@ -22,16 +22,16 @@ from hfa_support.native.bound import RowFunction
 from trim.limits import Limits
 from trim.point.condition import TrimCondition
 
-#: Norm of the scaled residuals from which one more step ends at rounding.
+#: Norm of the scaled residuals at which one more Newton step reaches rounding.
 NEARLY = 1e-7
-#: Steps of Newton's method that one evaluation takes, of one point and of many, which begin near
-#: their ends; and with how many unknowns at most.
+#: Newton steps in one evaluation of a single point, and of many points, which begin near their
+#: solutions; largest number of unknowns for which this is used.
 _STEPS, _STEPS_OF_MANY = 4, 2
 _FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
-#: Results of the equations, row by row, for unknowns z (N, k) and constants c (N, ..).
+#: Function of unknowns z (N, k) and constants c (N, ..) -> results, row by row.
 RowsOf = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
-#: Where an angle without limits is looked for, by unit: to either side of 0.
+#: Unit -> half-width of the usual range of an angle without limits.
 _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
 

@@ -20,9 +20,9 @@ from trim.point.point_records import point_records
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.system import declared_start
 
-#: How many of the nearest limits are named, beside those that bind.
+#: Number of nearest limits that are listed, in addition to those that bind.
 _NEAREST = 3
-#: Condition number of the scaled Jacobian from which it counts as singular.
+#: Condition number above which the scaled Jacobian counts as singular.
 _SINGULAR = 1e12
 _MARGIN_COLUMNS = ("value", "unit", "status", "lowest", "highest", "margin", "nearest limit")
 _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "verdict")
@@ -96,7 +96,7 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     data.
     """
     margins = all_margins(condition, point)
-    # What the trim used up, or could.
+    # Variables whose limits matter: free ones, and held inputs.
     limited = [
         margin
         for name, margin in margins.items()

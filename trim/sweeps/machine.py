@@ -15,7 +15,7 @@ from trim.point.halving import LEAST_SHARE, LONGEST, MOST_TRIALS
 from trim.point.system import NEARLY, RowsOf
 from trim.sweeps.shared import SharedSystem, without_shared
 
-#: What the C code answers for each point.
+#: Status of a point in the C code.
 _UNSETTLED, _SETTLED, _SINGULAR = range(3)
 
 _C_TEXT = """

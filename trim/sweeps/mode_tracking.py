@@ -11,16 +11,17 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import refuse_unknown
 from trim.linear.modes import order_fastest_first
 
-#: More than a permutation of eigenvalues gains: what it adds is decided first.
+#: Bonus for keeping conjugate pairs together; it exceeds every gain.
 _PAIRED = 1e3
-#: Weight of the distance of two eigenvalues against the likeness of their shapes: two modes whose
-#: nearly parallel shapes change places keep eigenvalues that are far apart.
+#: Weight of the distance of two eigenvalues compared with the similarity of their shapes. Two modes
+#: that interchange nearly parallel shapes keep their eigenvalues if these are far apart.
 _DISTANCE = 2.0
-#: Less than two permutations differ by, unless they gain the same.
+#: Weight of a tie-breaking order; smaller than any difference of gains.
 _TIE = 1e-9
-#: Pairs of points that are compared at once.
+#: Number of pairs of points that are compared together.
 _AT_ONCE = 10_000
-#: Eigenvalues closer than this part of |A| meet: rounding mixes their eigenvectors.
+#: Eigenvalues coincide if their distance is below this fraction of |A|: rounding then mixes their
+#: eigenvectors.
 _MEETING = 1e-9
 
 
@@ -79,7 +80,7 @@ def track_modes(
     right = vectors / nominal[:, None]
     right = right / np.linalg.norm(right, axis=1, keepdims=True)
     near = _MEETING * np.linalg.norm(A * nominal / nominal[:, None], axis=(1, 2))[:, None]
-    # Rounding makes a pair of two real eigenvalues that meet.
+    # Rounding can turn two equal real eigenvalues into a pair.
     compared = np.where(np.abs(values.imag) <= near, values.real, values)
     meeting = np.abs(compared[:, :, None] - compared[:, None, :]) <= near[:, :, None]
     met = meeting.sum(axis=(1, 2)) > values.shape[1]
@@ -212,7 +213,7 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         first, second = pairs[rows].T
         gain = _gain(modes.at(first), modes.at(second))
         best = gain.argmax(axis=2)
-        # Where every row's favourite is another column the favourites are the best permutation.
+        # If the best column of each row is a different one, these columns are the best permutation.
         shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
         for i in np.flatnonzero(shared).tolist():
             best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])

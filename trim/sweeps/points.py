@@ -30,24 +30,24 @@ from trim.point.system import TrimSystem
 from trim.sweeps.machine import CompiledSystem
 from trim.sweeps.shared import SharedSystem
 
-#: What became of a point.
+#: Possible statuses of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
-#: From this many points on, compiling the functions to machine code pays, for any model: the time
-#: to compile and the time that a point then saves both grow with the number of instructions.
-#: Measured: 560,000 points of the F-16 with 5 unknowns, 770,000 with 12, 1,000,000 of the HFA. No
-#: clock decides: machine code gives the same numbers to rounding only, and a sweep has the same
-#: bits each time.
+#: Number of points above which compiled machine code saves time, for any model: the time to compile
+#: and the time saved per point both grow with the number of instructions. Measured: 560,000 points
+#: of the F-16 with 5 unknowns, 770,000 with 12, and 1,000,000 of the HFA. The number is fixed,
+#: because machine code gives the same numbers only up to rounding, and a sweep must be reproducible
+#: bit for bit.
 COMPILE_FROM = 1_000_000
-#: Width of the cells at whose centers points with free states begin, in nominal values: of a single
-#: variable, and of each of several, which have many more cells.
+#: Width of the cells at whose centers the search for points with free states begins, in nominal
+#: values: for a single variable, and for several variables, which have many more cells.
 _FINE_CELL = 0.01
 _CELL = 0.03
-#: Largest change of a scaled unknown over a cell.
+#: Largest accepted change of a scaled unknown over a cell.
 _STEEPEST = 0.2
-#: Slopes are taken over this part of a cell.
+#: Step for the slopes, as a fraction of a cell.
 _NEXT = 1e-5
-#: Rounds in which points begin again at settled neighbors, at most.
+#: Largest number of rounds that begin at solved neighbors.
 _ROUNDS = 100
 
 
@@ -183,7 +183,7 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
     return constants
 
 
-#: What `_system` was asked for last, and what it made.
+#: Arguments and result of the last call of `_system`.
 _last_system: tuple[tuple[Any, ...], SharedSystem] | None = None
 
 
@@ -230,7 +230,7 @@ def _settled_together(
     point, A, B, residual = system.linear(z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
     within = _true_rows(system.condition.limits_on(names).within(point))
-    of_free = system.limits.within(z * system.scales)  # of a free output too, as gamma
+    of_free = system.limits.within(z * system.scales)  # also for a free output, such as gamma
     within &= _true_rows(of_free & ~system.far_out(z))
     balanced = _true_rows(np.abs(residual) <= BALANCE)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
@@ -271,7 +271,7 @@ def _starts(
     widths = np.array([width * signals[name].nominal for name in variables])
     places = values / widths
     nearest = np.round(places)
-    is_next = np.ones(len(nearest), dtype=bool)  # points one after the other mostly share a cell
+    is_next = np.ones(len(nearest), dtype=bool)  # consecutive points mostly share a cell
     is_next[1:] = (nearest[1:] != nearest[:-1]).any(axis=1)
     cells, cell = np.unique(nearest[is_next], axis=0, return_inverse=True)
     cell = cell.ravel()[np.cumsum(is_next) - 1]

@@ -45,22 +45,23 @@ if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
 
 
-#: Of a sweep in memory.
+#: Largest number of points of a sweep in memory.
 MOST_POINTS = 1_000_000
-#: Points of a chunk in which kinks are looked for where the sweep runs as machine code.
+#: Number of points of a task at which kinks are searched for if the sweep runs as machine code.
 LOOKED_AT = 2_000
-#: Width and height of the root locus.
+#: Width and height of the root locus, inches.
 _LOCUS_INCHES = (10.0, 5.2)
-#: A mode is slow when it never has a larger share of the fastest eigenvalue.
+#: A mode is slow if its eigenvalue is always below this fraction of the fastest.
 _SLOW = 0.15
-#: A longer sweep prints its first and last rows only.
+#: Number of points above which only the first and last rows are printed.
 _LONGEST = 200
-#: Rows that are printed of each end of it, and failures, at most.
+#: Number of rows printed at each end, and of reasons for failures.
 _SHOWN = 20
-#: Of the size of the picture: a longer line of the root locus has an arrow, and values along it.
+#: Length of a line of the root locus, as a fraction of the figure, above which it has an arrow, and
+#: above which it has values.
 _DIRECTED = 0.05
 _LABELLED = 0.2
-#: So many points that were trimmed one by one are told.
+#: Number of points trimmed one by one from which a note is printed.
 _MANY_SLOW = 20
 
 
@@ -87,7 +88,7 @@ def run_points(
         compile_code=compile_code,
         progress=progress,
     )
-    # Machine code trims a point in the time that a look for kinks takes.
+    # Machine code trims a point as fast as kinks are searched for.
     few = slice(0, LOOKED_AT if compile_code else len(values))
     smoothed = with_means_at_kinks(
         model,
@@ -364,7 +365,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 continue
             for i in marked[1:-1]:
                 axes.plot(roots[i].real, roots[i].imag, ".", color=color, markersize=5)
-                # The label lies across the line, to the right of it or above it.
+                # The label is beside the line, to its right or above it.
                 step = roots[min(i + 1, len(roots) - 1)] - roots[max(i - 1, 0)]
                 across = np.array([step.imag / height, -step.real / width])
                 across *= np.sign(across.sum()) or 1.0
@@ -502,7 +503,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         Raises BadInputError if a value is missing, and NoSolutionError if there is no trim.
         """
         if {*values} != {*self.variables}:
-            raise BadInputError(f"give one value of each: {', '.join(self.variables)}")
+            raise BadInputError(f"give one value for each of: {', '.join(self.variables)}")
         axes = {name: [value] for name, value in values.items()}
         found: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
         return found
@@ -517,7 +518,7 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues
         if value.imag < 0 and paired:
-            continue  # shown with the other member
+            continue  # printed with the other member
         if value.imag and not paired:
             words.append(f"{value.real:.4f} {value.imag:+.4f}i")
         else:

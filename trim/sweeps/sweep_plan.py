@@ -18,7 +18,7 @@ from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
 from trim.sweeps.points import COMPILE_FROM, condition_at
 
-#: Of a grid, which is never made as a whole.
+#: Largest number of points of a grid, which is never stored as a whole.
 MOST_POINTS = 1_000_000_000
 
 

@@ -31,7 +31,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     index %= count
     if swept.reasons[index]:
         raise NoSolutionError(
-            f"point {index} has no trim: {swept.reasons[index]}; choose one of `trimmed`"
+            f"point {index} has no trim: {swept.reasons[index]}; choose a trimmed point"
         )
     values = swept.values[index]
     model = model_at(swept.model, swept.variables, values)

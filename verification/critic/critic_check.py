@@ -115,7 +115,7 @@ def check_critic(
     is_wrong = not all(check.ok for check in errors)
     if not diagnosis and critic.finite and is_wrong and "verify.reason" in offered(PARTS):
         diagnose = part(PARTS, "verify.reason", "")
-        with suppress(NoSolutionError):  # of another game, with which it would be compared
+        with suppress(NoSolutionError):  # no solution of a nearby game for comparison
             nearby = None if scope.nearby is None else scope.nearby()
             diagnosis = diagnose(game, exact, critic, limit, nearby, box.half_widths)
     return Verdict(

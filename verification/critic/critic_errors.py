@@ -26,7 +26,7 @@ from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.results import Matrix, Vector
 
 REACH = 10.0
-#: An entry below this part of the largest is compared with that part.
+#: The error of an entry below this fraction of the largest is relative to this fraction.
 SMALL = 1e-5
 
 
@@ -89,7 +89,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
         )
     if not np.all(np.isfinite(value)):
         return math.inf
-    with np.errstate(over="ignore"):  # then the error is inf
+    with np.errstate(over="ignore"):  # overflow: the error is inf
         difference = float(np.linalg.norm(value - exact))
         size = float(np.linalg.norm(exact))
     if size == 0.0:
@@ -175,10 +175,10 @@ def box_errors(
     box: (n,), half-widths
     """
     corner = np.outer(box, box)
-    P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # alone z'Pz depends on it
+    P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # z'Pz depends on this part
     K = critic.K if critic.feedback is None else game.gain(P)
     higher_value, higher_slopes = _higher_terms(critic, box)
-    with np.errstate(all="ignore"):  # what is not finite fails
+    with np.errstate(all="ignore"):  # a number that is not finite fails the check
         V_errors = np.abs(P - exact.P) * corner
         V_sizes = np.abs(exact.P) * corner
         u_errors = np.abs(K - exact.K) @ box

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9
-#: What is computed for each row of a table of critics, and the head of its column and curve.
+#: Column of the table of errors -> header of the column, and label of its curve.
 COLUMNS = {
     "P_rel_error": "error of P",
     "K_rel_error": "error of K",
@@ -97,8 +97,8 @@ def rank_check(run: TrainingRun) -> Check:
     """Return the check that the data of a run determine its weights."""
     rank = run.excitation
     poor = (
-        f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not "
-        "determine the weights"
+        f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "
+        "however small the residual is"
     )
     return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
 

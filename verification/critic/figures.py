@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
     from verification.critic.verdict import Verdict
 
-#: Entries below this share of the largest are drawn on a linear scale.
+#: Entries below this fraction of the largest are drawn on a linear scale.
 _LINEAR_SHARE = 1e-4
-#: Below this an error is rounding, whose size differs from machine to machine: it is drawn here, at
+#: Smaller errors are rounding, whose size differs between machines. They are drawn at this value,
 #: the lower end of the axis.
 _ROUNDED = 1e-12
-#: Relative differences below this are not drawn.
+#: Smaller relative differences are not drawn.
 _LEAST_DIFFERENCE = 1e-6
 
 
@@ -43,7 +43,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     learned = getattr(verdict.critic, name)
     exact = getattr(verdict.exact, name)
     largest = float(np.abs(exact).max())
-    with np.errstate(divide="ignore", invalid="ignore"):  # none where the exact entry is 0
+    with np.errstate(divide="ignore", invalid="ignore"):  # undefined if the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
     relative[np.abs(relative) < _ROUNDED] = 0.0
     difference = float(np.ma.filled(np.abs(relative), 0.0).max())

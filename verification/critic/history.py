@@ -21,7 +21,7 @@ from verification.critic.error_table import COLUMNS, ErrorTable, time_checks
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, shown_number
 
-#: Rows of the table in a report. Files have all.
+#: Number of rows in the table of a report. Files contain all rows.
 _TIMES = 9
 
 

@@ -14,11 +14,11 @@ from verification.critic.critic_errors import Box
 if TYPE_CHECKING:
     from verification.critic.about_trim import NonlinearPlant
 
-#: Default limit of the errors of P, K, V, its slopes and the policies, and of the residual.
+#: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
 LIMIT = 1e-6
-#: From how many starts a network is flown.
+#: Number of initial conditions from which a network is simulated.
 FLIGHTS = 100
-#: How long to look for a proof of the errors of a network.
+#: Time for a proof of a network's largest error, s.
 SECONDS = 20.0
 
 

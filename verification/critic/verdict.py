@@ -21,23 +21,26 @@ if TYPE_CHECKING:
     from verification.critic.error_table import ErrorTable
     from verification.critic.proved import Proved
 
-#: Entries of P and K in a report; in that of a critic that fails fewer. Files have all.
+#: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
+#: all entries.
 _ENTRIES = 12
 _ENTRIES_OF_A_FAILURE = 3
-#: Failures with their reasons; the others by name.
+#: Number of failures printed with their reasons; of further ones only the names are printed.
 _FAILURES = 6
-#: Difference of an entry, relative, and cost lost, percent, that are rounding.
+#: Relative difference of an entry, or cost above the optimum in percent, that is rounding.
 ROUNDING = 1e-9
-#: A critic whose errors are too large and that loses at most this much, percent, is near.
+#: Largest cost above the optimum, percent, of a critic with grade "near".
 NEAR = 1.0
-#: A rest point is near trim within this part of the box: V* there is 1 % of that on its edge.
+#: Largest distance of an equilibrium from the trim, as a fraction of the box, for the grade "near":
+#: V* there is 1 % of its value on the edge of the box.
 NEAR_REST = 0.1
-#: Kinds of checks that the first line speaks of anyway; another one that fails is named there.
+#: Kinds of checks that the first lines always mention; a failed check of another kind is named.
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
-#: CasADi folds constants when an expression is built, before it is bounded.
+#: Remark on a bound: CasADi simplifies constants when an expression is created, before it is
+#: bounded.
 _PROVED = "proved as simplified"
 Grade = Literal["exact", "near", "fail"]
-#: Columns of the first line of a report.
+#: Largest number of columns of the first line of a report.
 _FIRST_LINE = 100
 
 
@@ -330,7 +333,7 @@ class Verdict(Checked, Result, Reported):
             abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
         ]
         sizes = np.nan_to_num(np.array(errors), nan=np.inf)
-        sizes[sizes < ROUNDING] = 0.0  # which of them are the largest is chance
+        sizes[sizes < ROUNDING] = 0.0  # rounding would determine the largest
         most = _ENTRIES if self.ok else _ENTRIES_OF_A_FAILURE
         rows = []
         for index in sorted(np.argsort(-sizes, kind="stable")[:most]):

@@ -66,7 +66,7 @@ def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
     result = hfa("export", "-o", str(path), "--dihedral", "16", "--law", "exact")
     assert result.code == 0
     assert result.out.startswith("Exported: 1 file\n")
-    assert "16 deg lies beyond the paper's range" in result.err
+    assert "16 deg is beyond the paper's range" in result.err
     with zipfile.ZipFile(path) as archive:
         origin = json.loads(archive.read("resources/provenance.json"))
         described = archive.read("modelDescription.xml").decode()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cli import hfa
 
-NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
+NOTE = "dihedral 16 deg is beyond the paper's range, which ends at 15 deg"
 
 
 @pytest.mark.parametrize("words", [(), ("--samples", "2")], ids=["flight", "members"])

@@ -58,7 +58,7 @@ def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) 
     ("content", "message"),
     [
         ({"A": np.eye(2)}, r"there is no W, P or K; .* \(found: A\)"),
-        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); weights are one row or one"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); W must be one row or one"),
         ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
         ({"P": [1.0, 2.0]}, "P has 1 dimension"),
     ],
@@ -145,10 +145,10 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; it must increase"),
+        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; times must increase"),
         (
             {"times": [-1.0, 0.0, 1.0], "W": W},
-            "time is -1 s at row 1; it must increase, from 0 s or later",
+            "time is -1 s at row 1; times must increase from 0 s or later",
         ),
         (
             {"times": TIMES, "W": W * np.array([[1.0], [np.inf], [1.0]])},
@@ -158,7 +158,7 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
             {"times": TIMES, "W": W * np.array([[1.0], [1.0], [1e60]])},
             r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
         ),
-        ({"times": TIMES[:2], "W": W}, "W has 3 rows, time 2; give one row per time"),
+        ({"times": TIMES[:2], "W": W}, "W has 3 rows, time has 2; give one row per time"),
         ({"times": TIMES, "K": np.ones((1, 2))}, "and W .rows of weights., P or K"),
     ],
 )

@@ -76,7 +76,7 @@ def test_the_papers_game_in_meters() -> None:
         np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
     )
     assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
-    with pytest.raises(BadInputError, match="there is no Q; give Q of the 6 states"):
+    with pytest.raises(BadInputError, match="there is no Q; give Q for the 6 states"):
         load_game("other.npz")
     weights = {"Q": np.eye(6), "R": np.eye(5)}
     stored("weighed.npz", **MODEL, **weights)
@@ -99,7 +99,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
-        "plant.npz: D, gamma not used; a model file contains A, B, E, Q, R, delta",
+        "plant.npz: unused: D, gamma; a model file contains A, B, E, Q, R, delta",
         "plant.npz: there is no E, delta; used: E the identity, delta inf (no disturbance)",
     )
     assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()
@@ -109,7 +109,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     game, notes, *_ = stored_game(wind, delta=200.0)
     assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
     assert notes == (
-        "wind.npz: its E describes the wind and is not used",
+        "wind.npz: E describes the wind and is not used",
         "wind.npz: there is no E; used: E the identity",
     )
 
@@ -131,12 +131,12 @@ def test_structures_are_read_where_nothing_stands_outside() -> None:
         (
             load_game,
             {"A": A2, "B": B2},
-            "there is no Q; give Q of the 2 states",
+            "there is no Q; give Q for the 2 states",
         ),
         (
             load_game,
             {"A": A2, "B": B2, "Q": A2},
-            "there is no R; give R of the 1 inputs",
+            "there is no R; give R for the 1 inputs",
         ),
         (
             load_game,
@@ -187,15 +187,15 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
     [
         (
             {"state_units": ["ft/s", "deg"]},
-            "state 2 is in deg and that of the plant in rad; convert it, or remove",
+            "state 2 is in deg in the file but in rad in the plant; convert the matrices",
         ),
         (
             {"states": ["alpha", "speed"]},
-            "its states are in the order alpha, speed; .* are speed, alpha: reorder",
+            "the states are alpha, speed in the file, but in the plant speed, alpha; reorder",
         ),
         (
             {"inputs": ["alpha", "speed"]},
-            "its inputs are in the order alpha, speed; .* are speed, alpha: reorder",
+            "the inputs are alpha, speed in the file, but in the plant speed, alpha; reorder",
         ),
     ],
 )

@@ -422,7 +422,10 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         ),
         ({"pool": 40}, "pool is 40; give a Stack, made by record"),
         ({"basis": "cubic"}, "unknown basis 'cubic'"),
-        ({"initial_weights": (1.0, 2.0)}, "there are 2 initial_weights; basis 'quadratic' has 21"),
+        (
+            {"initial_weights": (1.0, 2.0)},
+            "initial_weights has 2 numbers; basis 'quadratic' has 21",
+        ),
         ({"initial_weights": np.nan}, r"initial_weights\[0\] is nan"),
         (
             {"gamma": 0.01},

@@ -172,7 +172,7 @@ def test_malformed_stacks_are_refused() -> None:
         record(game, np.zeros((4, 3)))
     with pytest.raises(BadInputError, match=r"half-widths are \[1.0, 0.0\]; give 2 positive"):
         random_pool(game, 10, 0, np.array([1.0, 0.0]))
-    with pytest.raises(BadInputError, match="state 1 is 0 in every recorded sample"):
+    with pytest.raises(BadInputError, match="state 2 is 0 in every recorded sample"):
         record(game, np.array([[1.0, 0.0]])).channel_scales()
 
 

@@ -239,7 +239,7 @@ def test_a_slower_mode_is_refused_with_the_distance() -> None:
     The message states the size of this change and names no other cause.
     """
     with pytest.raises(
-        NoSolutionError, match=r"a change of \d.\d?e-17 .* Q shows the mode"
+        NoSolutionError, match=r"a relative change \d.\d?e-17 .* Q shows the mode"
     ) as refusal:
         solve_game(slow_mode(1e-7, 1e-15, 1))
     assert "scaling" not in str(refusal.value)

@@ -230,7 +230,7 @@ def test_the_cheaper_of_two_minima_is_found(
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
         (
             {"limits": {"alpha": (0.5, 0.1)}},
-            "limits of alpha are 28.6479 deg to 5.72958 deg; the first must be",
+            "the limits of alpha are 28.6479 deg and 5.72958 deg; the lower limit must be",
         ),
     ],
 )
@@ -419,6 +419,6 @@ def test_input_that_moves_nothing_is_named():
         trim={"speed": 10.0},
     )
     with pytest.raises(
-        BadInputError, match="push has no effect on the equations; free another variable"
+        BadInputError, match="the equations do not depend on push; free another variable"
     ):
         find_operating_point(model)

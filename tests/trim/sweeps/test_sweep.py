@@ -207,7 +207,7 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
         sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
         for lowest in (-15.0, -16.0)
     )
-    warning = "dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"
+    warning = "dihedral -16 deg is beyond the paper's range, which ends at 15 deg"
     assert (list(within), list(beyond)) == ([], [warning])
 
 
