@@ -55,7 +55,7 @@ def rates_from_loads(
 def _pitch_acceleration(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]
 ) -> Quantity:
-    """Return q', rad/s^2."""
+    """Return the pitch acceleration q', rad/s^2."""
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta = ca.sin(x.dihedral)
@@ -72,7 +72,7 @@ def _dihedral_acceleration(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Quantity:
-    """Return η'', rad/s^2.
+    """Return the dihedral acceleration η'', rad/s^2.
 
     speed_rate: V', ft/s^2
     alpha_rate: α', rad/s

@@ -140,12 +140,12 @@ def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
 
 
 def center_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """Return the flow at the center panel."""
+    """Return the flow at the center panel: speed, angle of attack and sideslip."""
     return flow_of(*center_velocity(x, p, winds))
 
 
 def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """Return the flow at an outer panel."""
+    """Return the flow at an outer panel: speed, angle of attack and sideslip."""
     return flow_of(*outer_velocity(x, p, winds))
 
 

@@ -68,7 +68,7 @@ def moment_of(
 
 
 def outputs_of(moment: Moment) -> dict[str, Quantity]:
-    """Return name -> value for every output in `OUTPUTS`."""
+    """Return name -> value of every output in `OUTPUTS`."""
     return {name: output(moment) for name, (_, output) in OUTPUTS.items()}
 
 

@@ -42,7 +42,7 @@ class PublishedModel(ByValue, Reported):
 
 @cache
 def published_models() -> tuple[PublishedModel, ...]:
-    """Return the printed pairs (A1, B1) at 15 degrees and (A2, B2) at 5 degrees, in that order.
+    """Return the printed linear models (A1, B1) at 15 deg and (A2, B2) at 5 deg, in this order.
 
     >>> from hfa_model import published_models
     >>> [round(model.dihedral, 4) for model in published_models()]

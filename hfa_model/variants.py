@@ -51,7 +51,7 @@ class Published:
         return 1.0
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
-        """Return the coupling moment about the hinge, ft lbf.
+        """Return the inertial coupling moment about a hinge, ft lbf.
 
         (m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²].
         """
@@ -76,12 +76,16 @@ class Published:
 
 @dataclass(frozen=True)
 class Newton:
-    """Exact equations of three rigid bodies on two hinges, with forces by virtual work."""
+    """Exact equations of motion of three rigid bodies on two hinges, with forces by virtual
+    work."""
 
     name = "newton"
 
     def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return l = (s/6) sin η, ft, the height of an outer panel above the center of mass."""
+        """Return the lever arm l = (s/6) sin η of the outer panels' forward force, ft.
+
+        It is the height of an outer panel above the center of mass.
+        """
         return p.panel_span / 6 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
@@ -92,7 +96,7 @@ class Newton:
         return ca.cos(dihedral)
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
-        """Return the coupling moment about the hinge, ft lbf.
+        """Return the inertial coupling moment about a hinge, ft lbf.
 
         (m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²].
         """

@@ -45,7 +45,7 @@ class Critic(Reported):
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each output of the
         network; empty for matrices and polynomials
     variants: possible misreading of the file -> function that returns the critic for this reading
-    implies_policy: True if a network contains V or ∂V/∂z, from which its policy follows
+    implies_policy: True if the policy in `network` is derived from its V or ∂V/∂z
     is_layer: True for a network with one layer on a basis
 
     >>> import hfa

@@ -180,7 +180,8 @@ def is_network(path: Path) -> bool:
 def _format_of(path: Path) -> str:
     """Return the name of the entry point in `CRITICS` that reads a file.
 
-    The name is "" for a file without layers, or a damaged file: both are read by this module.
+    It is the suffix, or "weight" for a .npz or .json file with the layers of a network. It is ""
+    for other arrays and for a damaged file, which this module reads.
     """
     suffix = path.suffix.lower()
     names: list[str] = []

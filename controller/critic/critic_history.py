@@ -77,6 +77,8 @@ def rows_over_time(
     """Return the critics of a history, or None if the arrays W, P and K have no axis of time.
 
     entries: entries of the file, with "time"
+
+    Raises BadInputError for a list of functions as basis, and for an array of a wrong shape.
     """
     if reading.lists_functions:
         raise BadInputError(

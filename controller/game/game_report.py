@@ -1,4 +1,4 @@
-"""Report of a game."""
+"""Report of a game: its matrices, with named rows and columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays and structures of arrays in .mat files."""
+"""Reading of arrays and structures from .mat files."""
 
 from __future__ import annotations
 

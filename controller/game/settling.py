@@ -1,4 +1,4 @@
-"""Settling time of a series."""
+"""Settling time of a time series."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ class Game(ByValue, Reported):
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:
-        """R⁻¹ B', (m, n)."""
+        """R⁻¹ B', (m, n), with which the policy of the value z'Pz is u = -R⁻¹ B' P z."""
         return np.linalg.solve(self.R, self.B.T)
 
     @cached_property

@@ -141,7 +141,7 @@ class StackEquations:
 
     @cached_property
     def state_cost(self) -> np.ndarray:
-        """State cost z_j'Q z_j, (N_h,)."""
+        """State cost z_j'Q z_j of each sample, (N_h,)."""
         return np.asarray(np.einsum("ji,ji->j", self.states @ self.Q, self.states))
 
     def _policies(
@@ -250,7 +250,7 @@ def _squares(rows: np.ndarray) -> np.ndarray:
 
 
 def control_root(game: Game) -> np.ndarray:
-    """Return the square root G, (n, m), with G G' = B R⁻¹B'."""
+    """Return a factor G, (n, m), with G G' = B R⁻¹B'."""
     root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
     return root
 
@@ -298,7 +298,7 @@ class Riccati(NamedTuple):
     Q: np.ndarray
 
     def residual(self, P: np.ndarray) -> np.ndarray:
-        """Return A'P + PA + Q - PSP, (n, n)."""
+        """Return the residual A'P + PA + Q - PSP of the Riccati equation, (n, n)."""
         pushed = P @ self.control
         disturbed = P @ self.disturbance
         return self.A.T @ P + P @ self.A + self.Q - pushed @ pushed.T + disturbed @ disturbed.T

@@ -315,7 +315,8 @@ def enough_for(weights: int, least: int) -> int:
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     """Return W(0), (M,), from one number for all weights or from M numbers.
 
-    Raises BadInputError if their number is not M, or an entry is not finite or too large.
+    Raises BadInputError for a wrong number of weights, and for a weight that is not finite or is
+    too large.
     """
     all_of_them = np.full(basis.size, value) if np.isscalar(value) else value
     weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
@@ -423,7 +424,7 @@ class CertifiedLaw:
         return int(np.ceil(self.settings.predefined_time / self.settings.tick - 1e-9))
 
     def time(self, tick: int) -> float:
-        """Return the time after `tick` ticks, s."""
+        """Return the time after `tick` ticks, s, at most the predefined time."""
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:

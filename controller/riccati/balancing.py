@@ -29,7 +29,7 @@ class Spectrum(NamedTuple):
 
     @property
     def abscissa(self) -> float:
-        """Largest real part, rad/s."""
+        """Largest real part of the eigenvalues, 1/s."""
         return float(self.eigenvalues.real.max())
 
     def axis_distance(self) -> float:

@@ -66,7 +66,7 @@ class Solution(Result, Reported):
 
     @property
     def delta(self) -> float:
-        """Disturbance weight of the game."""
+        """Disturbance weight δ of the game."""
         return self.game.delta
 
     @property

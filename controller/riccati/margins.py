@@ -296,6 +296,9 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
 
 
 def disk_sizes(alpha: float) -> tuple[float, float]:
-    """Return the gain (a factor) and the phase (deg) of the disk margin α."""
+    """Return the gain (a factor) and the phase (deg) of the disk margin α.
+
+    The gain is inf for α >= 2.
+    """
     gain = (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
     return gain, math.degrees(2.0 * math.atan(alpha / 2.0))

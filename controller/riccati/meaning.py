@@ -25,13 +25,13 @@ def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Chec
     With delta = inf (no disturbance) the gain is not limited.
 
     P: (n, n), exact or learned
-    initial: z0, (n,)
+    initial: initial state z0, (n,)
     """
     return cost_check(game, P, initial), *gain_checks(game, game.gain(P))
 
 
 def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """Return X, (n, n), such that u = -K z and d = L z cost z0'X z0.
+    """Return X, (n, n): the policies u = -K z and d = L z cost z0'X z0 from the initial state z0.
 
     F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
 
@@ -60,7 +60,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
     """Return the check that the policies of P cost z0'P z0, computed from a Lyapunov equation.
 
-    initial: z0, (n,)
+    initial: initial state z0, (n,)
     """
     K = game.gain(P)
     L = game.disturbance_gain(P)

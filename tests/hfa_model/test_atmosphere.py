@@ -14,7 +14,7 @@ from hfa import BadInputError
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temperature
 
 METRE_PER_FOOT = 0.3048
-KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3
+KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # kg/m^3 per slug/ft^3
 EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = (
     6_356_766.0,
     9.80665,
@@ -26,11 +26,11 @@ EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = (
 @pytest.mark.parametrize(
     ("lowest", "highest", "tolerance"),
     [
-        # ambiance takes ICAO's molar mass of air, 28.96442; the standard of 1976 has 28.9644: 7e-7
-        # relative.
+        # ambiance uses ICAO's molar mass of air, 28.96442; the standard of 1976 has 28.9644 (7e-7
+        # less).
         (0.0, 36_000.0, 1e-6),
-        # ambiance starts the upper layer from the tabulated 22632.0 Pa, exact is 22632.06: 2.8e-6
-        # more.
+        # ambiance begins the upper layer at the tabulated 22632.0 Pa instead of 22632.06 Pa (2.8e-6
+        # less).
         (36_200.0, HIGHEST_ALTITUDE, 3.5e-6),
     ],
 )
@@ -47,7 +47,7 @@ def test_it_is_that_of_an_independent_package(
     np.testing.assert_allclose(kelvin, expected.temperature, rtol=1e-9)
     np.testing.assert_allclose(
         sound * METRE_PER_FOOT, expected.speed_of_sound, rtol=1e-6
-    )  # the molar mass, a root
+    )  # square root of the molar mass
 
 
 @pytest.mark.parametrize(

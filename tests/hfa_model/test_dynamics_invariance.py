@@ -104,7 +104,7 @@ def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
     assert change_of_units_error(Published(), parameters, wrong, *SI_WITH_MINUTES) > 1e-6
 
 
-# What the linear models cannot know: a common scale of mass, and chord against coefficients.
+# Changes that linear models do not show: a common scale of mass, and chord versus coefficients.
 
 
 def scaled(
@@ -186,7 +186,8 @@ def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
     elastic = release(
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
     )
-    # Without the hinge three equations for three unknowns: alpha, throttle and the center elevator.
+    # Without the hinge there are three equations for three unknowns: alpha, throttle and the center
+    # elevator.
     unhinged = {name: 0.0 for name in hfa.aircraft().steady if name != "dihedral_rate"}
     rigid_point = find_operating_point(
         aircraft, TrimCondition(hfa.aircraft(), elastic.imposed, unhinged)

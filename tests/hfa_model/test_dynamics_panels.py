@@ -134,8 +134,8 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)
 
     assert differences(parameters, "newton", locked).max() <= 1e-12
-    # The lever of the outer panels and the projection of their moments are others: it is no rigid
-    # body.
+    # The lever arm of the outer panels and the projection of their moments differ from a rigid
+    # body's.
     assert differences(parameters, "published", locked).max() > 1e-2
 
 

@@ -110,7 +110,7 @@ def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flo
         (
             "hfa_model.kinematics._forward",
             lambda x, wind: x.speed * ca.cos(x.alpha),
-        ),  # not in body axes
+        ),  # error: not in body axes
     ],
 )
 def test_a_wrong_wind_is_seen(
@@ -118,7 +118,7 @@ def test_a_wrong_wind_is_seen(
 ) -> None:
     """Equations with a wrong wind differ from the Euler-Lagrange equations."""
     reference = judge(True)
-    # The planted fault: equations with a wrong wind.
+    # Planted fault: equations with a wrong wind.
     monkeypatch.setattr(place, wrong)
     assert max(disagreement(reference, Newton(), parameters, 20, moving=True)) > 1e-3
 

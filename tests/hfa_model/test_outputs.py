@@ -151,7 +151,7 @@ def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> Non
     )
     assert rising["angle_of_attack"] == pytest.approx(
         rising["alpha_air_center"], abs=1e-12
-    )  # no rates here
+    )  # all rates are 0 here
     assert still["angle_of_attack"] == point.states.alpha
     assert rising["load_factor"] > still["load_factor"]
     assert rising["gamma"] == still["gamma"]

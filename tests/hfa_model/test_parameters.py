@@ -91,7 +91,7 @@ def test_wrong_entries_are_refused(
 
 
 def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
-    """A negative mass, span or chord of a panel is refused."""
+    """A panel with a negative mass, span or chord is refused."""
     for name in ("panel_mass", "panel_span", "chord"):
         with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must not be negative"):
             hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))

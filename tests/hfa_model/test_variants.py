@@ -18,8 +18,8 @@ from hfa_model.aerodynamics import Loads
 from hfa_model.variants import Newton, Published
 from hfa_model.vectors import Quantity
 
-#: What has to change in his equations so that they follow from first principles; each is written at
-#: `accelerations`.
+#: Corrections for which the report's equations follow from first principles; `accelerations`
+#: describes them.
 REPAIRS = ("section moment", "hinge inertia", "pitch rate", "moving hinge")
 
 

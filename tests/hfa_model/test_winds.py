@@ -68,7 +68,7 @@ def test_published_knows_steady_wind_and_newton_not(
         galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")
     )
     assert newton.max() <= 1e-9
-    assert published[:3].max() <= 1e-9  # only the hinge's equation has V over ground in it
+    assert published[:3].max() <= 1e-9  # V over ground occurs only in the equation of the hinge
     assert published[3] > 1e-2
     over_ground = galilean_error(parameters, VARIANTS["newton"], winds._replace(ground_drag=True))
     assert over_ground.max() > 1e-2

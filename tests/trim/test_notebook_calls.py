@@ -77,7 +77,7 @@ def test_inputs_reach_modes_or_not() -> None:
     assert not replace(linear, B=0.0 * linear.B).is_controllable
     values, vectors = linear.eigenvalues, linear.eigenvectors
     assert linear.A @ vectors == pytest.approx(vectors * values, abs=1e-9)
-    # A change of basis hides that no input reaches the mode of -3.
+    # A change of coordinates hides that no input affects the mode of -3.
     basis = np.random.default_rng(0).normal(size=(6, 6))
     inverse = np.linalg.inv(basis)
     A = basis @ np.diag([-3.0, -1.0, -2.0, -4.0, -5.0, -6.0]) @ inverse
@@ -108,11 +108,11 @@ def test_an_unknown_attribute_suggests_the_nearest() -> None:
 
 
 class Broken(Reported):
-    """A result whose property fails."""
+    """Result with a property that raises AttributeError."""
 
     @property
     def value(self) -> Any:
-        """Raise an AttributeError."""
+        """Raise an AttributeError that is not about this class."""
         return None.missing  # type: ignore[attr-defined]
 
 

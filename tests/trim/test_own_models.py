@@ -21,7 +21,7 @@ from trim.point.condition import usual_condition
 from trim.point.trim_report import other_trims, trim_report
 from trim.sweeps.points import TRIMMED, trim_points
 
-#: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,
+#: Stevens and Lewis, table 3.6-3: xcg, held variables, rates, alpha, beta, throttle, elevator,
 #: aileron, rudder.
 TRIMS = [
     (0.35, {}, {}, (0.03691, 0.0, 0.1385, -0.7588, 0.0, 0.0)),
@@ -30,7 +30,7 @@ TRIMS = [
     (0.30, {"turn_rate": 0.3}, {}, (0.2485, 4.8e-4, 0.8499, -6.256, 0.09889, -0.4218)),
     (0.30, {}, {"pitch": 0.3}, (0.3006, 4.1e-5, 1.023, -7.082, -6.2e-4, 0.01655)),
 ]
-#: The same, example 3.7-1 and section 4: modes at 502 ft/s with xcg .3.
+#: Stevens and Lewis, example 3.7-1 and section 4: modes at 502 ft/s with xcg 0.3.
 MODES = {
     "short period": -1.2039 + 1.4922j,
     "phugoid": -0.0087 + 0.0739j,
@@ -176,12 +176,12 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
     def off() -> dict[str, float]:
         same = replace(
             NAVION, equations=lambda *vectors: navion.equations(*vectors)
-        )  # compiled again
+        )  # to compile it again
         computed = {mode.name: mode.eigenvalue for mode in linearize(same, trimmed(same)).modes}
         return {name: abs(computed[name] - value) / abs(value) for name, value in printed.items()}
 
     assert {name for name, error in off().items() if error > 0.011} == {"spiral"}
-    # The example has other coefficients than the print.
+    # The examples use other coefficients than the book's table.
     monkeypatch.setattr(navion, "C_LQ", 0.0)
     monkeypatch.setattr(navion, "C_NBETA", 0.0701)
     assert max(off().values()) <= 0.005

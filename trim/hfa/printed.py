@@ -45,7 +45,7 @@ _SAME = 1e-7
 
 @dataclass(frozen=True)
 class EntryRow(Result):
-    """One entry of A or B.
+    """One entry of A or B, computed and printed.
 
     matrix: "A" or "B"
     row: name of a state

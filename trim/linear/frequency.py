@@ -61,7 +61,7 @@ def transfers(model: LinearModel) -> list[Transfer]:
 
 
 def zeros_of(model: LinearModel) -> np.ndarray:
-    """Return the transmission zeros from all inputs to all outputs, 1/s."""
+    """Return the transmission zeros of a linear model from all inputs to all outputs, 1/s."""
     return transmission_zeros(scaled(model))[0]
 
 

@@ -106,12 +106,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def output_units(self) -> tuple[str, ...]:
-        """Unit of each output, in order."""
+        """Units of the outputs, in order."""
         return self.model.units(self.outputs)
 
     @property
     def disturbance_units(self) -> tuple[str, ...]:
-        """Unit of each disturbance, in order."""
+        """Units of the disturbances, in order."""
         return self.model.units(self.disturbances)
 
     @property
@@ -202,7 +202,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def is_observable(self) -> bool:
-        """True if the outputs depend on every mode, within rounding: [A - λ I; C] has rank n."""
+        """True if the outputs show every mode, within rounding: [A - λ I; C] has rank n."""
         return not self.zeros(inputs=()).size
 
     @checks_arguments

@@ -46,7 +46,7 @@ class StateSpace(NamedTuple):
     D: np.ndarray
 
     def transposed(self) -> StateSpace:
-        """Return the system with the transposed transfer matrix."""
+        """Return the dual system, whose transfer matrix is transposed."""
         return StateSpace(self.A.T, self.C.T, self.B.T, self.D.T)
 
 
@@ -81,7 +81,10 @@ def gain_and_roots(
 
 
 def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
-    """Return the invariant zeros of a system, 1/s, and the normal rank of its transfer matrix."""
+    """Return the invariant zeros of a system, 1/s, fastest first, and its normal rank.
+
+    The normal rank is the rank of the transfer matrix at almost all s.
+    """
     zeros, rank = _zeros_with_errors(system)
     return fastest_first(zeros.values), rank
 

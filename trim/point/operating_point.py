@@ -126,12 +126,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def x(self) -> np.ndarray:
-        """X0 as an array, (n,)."""
+        """State X0 as an array, (n,)."""
         return np.array(self.states)
 
     @property
     def u(self) -> np.ndarray:
-        """U0 as an array, (m,)."""
+        """Input U0 as an array, (m,)."""
         return np.array(self.inputs)
 
     @property
@@ -141,12 +141,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def state_units(self) -> dict[str, str]:  # type: ignore[override]
-        """State -> unit."""
+        """Name of a state -> its unit."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
     def input_units(self) -> dict[str, str]:  # type: ignore[override]
-        """Input -> unit."""
+        """Name of an input -> its unit."""
         return {name: self.model.unit(name) for name in self.model.inputs}
 
     @property
@@ -186,7 +186,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def margins(self) -> dict[str, Margin]:
-        """Name -> `Margin` of each state, input and limited output to its nearer limit."""
+        """Name -> `Margin` of each state, input and relevant output.
+
+        A margin states the limits, and the distance to the nearer one.
+        """
         from trim.point.condition import usual_condition
         from trim.point.margins import all_margins
 

@@ -95,7 +95,7 @@ class TrimProblem:
         return ends[0]
 
     def clip(self, z: np.ndarray) -> np.ndarray:
-        """Return the nearest unknowns within the limits."""
+        """Return the unknowns within the limits that are nearest to z, (k,)."""
         return np.minimum(np.maximum(z, self.system.lowest), self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:

@@ -94,7 +94,7 @@ class Equations:
 
     @cached_property
     def residual_rows(self) -> RowFunction:
-        """Function (z, c) -> r (e,) and J (m, k), row by row."""
+        """Function of rows (z, c) that returns the residuals r (e,) and their Jacobian J (m, k)."""
         parts = [self.residual, ca.vec(self.jacobian.T)]
         return RowFunction(ca.Function("residual", [self.z, self.c], parts))
 
@@ -351,11 +351,15 @@ class TrimSystem:
 
     @property
     def residual_rows(self) -> RowsOf:
-        """Function (z, c) -> r and J, row by row."""
+        """Function of rows (z, c) that returns the residuals r and their Jacobian J."""
         return self.equations.residual_rows
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
+        """Return the residuals r (N, e) and their Jacobian J (N, m, k).
+
+        z: (N, k), unknowns
+        c: (N, ..), constants
+        """
         residual, jacobian = self.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 

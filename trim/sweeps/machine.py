@@ -251,12 +251,18 @@ class CompiledSystem(SharedSystem):
 
     @property
     def residual_rows(self) -> RowsOf:
-        """Function (z, c) -> r and J, row by row."""
+        """Function of rows (z, c) that returns the residuals r and their Jacobian J.
+
+        It is machine code if the system is compiled.
+        """
         return super().residual_rows if self.machine is None else self.machine.residuals
 
     @property
     def linear_rows(self) -> RowsOf:
-        """Function (z, c) -> x, u, y, A and B, and r, row by row."""
+        """Function of rows (z, c) that returns x, u, watched outputs, A, B and the residuals.
+
+        It is machine code if the system is compiled.
+        """
         return super().linear_rows if self.machine is None else self.machine.linear
 
 

@@ -42,7 +42,7 @@ class _Modes(NamedTuple):
         return _Modes(self.values[points], self.right[points], self.left[points])
 
     def some(self, point: int, modes: np.ndarray) -> _Modes:
-        """Return some modes of one point."""
+        """Return the modes of one point with these indices."""
         right = self.right[point][:, modes]
         return _Modes(self.values[point, modes], right, self.left[point, modes])
 

@@ -175,7 +175,10 @@ def condition_at(
 
 
 def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the parameters of each point, (N, number of parameters)."""
+    """Return the parameters of the model at each point, (N, number of parameters).
+
+    values: (N, variables); a variable that is a parameter replaces the model's value
+    """
     constants = np.tile(model.p, (len(values), 1))
     for column, name in enumerate(variables):
         if name in model.parameters:
@@ -312,7 +315,7 @@ def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -
 
 
 def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the constants of the equations at each row of values."""
+    """Return the constants of the equations for each row of values, (N, ..)."""
     return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 

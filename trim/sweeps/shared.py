@@ -24,18 +24,22 @@ class SharedSystem(TrimSystem):
 
     @property
     def residual_rows(self) -> RowsOf:
-        """Function (z, c) -> r and J, row by row."""
+        """Function of rows (z, c) that returns the residuals r and their Jacobian J."""
         return super().residual_rows if self.is_quick else self._shared[1]
 
     @property
     def linear_rows(self) -> RowsOf:
-        """Function (z, c) -> x, u, y, A and B, and r, row by row."""
+        """Function of rows (z, c) that returns x, u, watched outputs, A, B and the residuals."""
         return self.equations.linear_rows if self.is_quick else self._shared[2]
 
     def linear(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
+        """Return the linear models and residuals for unknowns z (N, k) and constants c (N, ..).
+
+        They are x, u and the w watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and the
+        residuals r (N, e).
+        """
         (flat,) = self.linear_rows(z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)

@@ -412,7 +412,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     def _table(self) -> Table:
         """Return a table of the swept values and the eigenvalues of each mode, one row for each
-        point."""
+        point.
+
+        Of a sweep with more than `_LONGEST` points, it contains the first and last rows.
+        """
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (

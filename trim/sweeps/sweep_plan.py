@@ -159,7 +159,7 @@ class SweepPlan:
 
     @cached_property
     def count(self) -> int:
-        """Number of points."""
+        """Number of points of the sweep."""
         return math.prod(self.sizes)
 
     @property
@@ -188,7 +188,7 @@ class SweepPlan:
         return np.stack(columns, axis=-1)
 
     def task(self, start: int, stop: int) -> tuple[Any, ...]:
-        """Return the arguments of `run_points` for rows start .. stop - 1."""
+        """Return the arguments of `run_points` for the points start .. stop - 1."""
         values = self.values(start, stop)
         compiled = self.count >= COMPILE_FROM
         return self.model, self.variables, values, self.condition, self.start, compiled

@@ -35,15 +35,15 @@ class Exact(Protocol):
 
     @property
     def P(self) -> Matrix:
-        """Matrix of the value, (n, n)."""
+        """Matrix P of the value z'Pz, (n, n)."""
 
     @property
     def K(self) -> Matrix:
-        """Gain, (m, n)."""
+        """Gain K of the policy u = -K z, (m, n)."""
 
     @property
     def disturbance_gain(self) -> np.ndarray:
-        """Gain L of the worst disturbance, (k, n)."""
+        """Gain L of the worst disturbance d = L z, (k, n)."""
 
     @property
     def names(self) -> PlantNames:

@@ -94,7 +94,8 @@ def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
 
 
 def rank_check(run: TrainingRun) -> Check:
-    """Return the check that the data of a run determine its weights."""
+    """Return the check that the data of a training run have full rank, which determines the
+    weights."""
     rank = run.excitation
     poor = (
         f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "

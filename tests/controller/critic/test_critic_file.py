@@ -21,7 +21,7 @@ from controller.critic.critic_file import (
 from controller.game.names import UNNAMED
 from hfa import BadInputError, Game
 
-#: Two states, one input: 3 weights, 4 entries of P, 2 of K.
+#: Game with two states and one input: 3 weights, 4 entries of P, 2 of K.
 GAME = Game(
     [[0.0, 1.0], [-2.0, -3.0]],
     [[0.0], [1.0]],
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("folder")
     ],
 )
 def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) -> None:
-    """W, P and K are read under each of their names, with their values."""
+    """W, P and K are read under their names and aliases."""
     parts = single_parts(entries_in(stored(name, **content)), UNNAMED, None)
     expected = {"W": content.get("W", content.get("weights"))}
     expected |= {key: content.get(key) for key in "PK"}
@@ -103,7 +103,7 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
 @pytest.mark.parametrize(
     ("content", "has_gain"),
     [
-        # as `hfa learn` writes it, with the last row
+        # as in files of `hfa learn`, with the last row stored separately
         ({"times": TIMES, "weights": W, "W": W[-1], "other": 1.0}, False),
         ({"t": TIMES, "W": W, "K": K}, True),
         ({"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)}, True),
@@ -163,7 +163,7 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     ],
 )
 def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
-    """Histories with wrong shapes or times are refused with the reason."""
+    """A history with wrong shapes or times is refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
         critics_over_time(GAME, **content)
 

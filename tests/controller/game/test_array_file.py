@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 NUMBERS = 10 * np.random.default_rng(0).normal(size=(4, 4))
 PLAIN = {"full": NUMBERS, "complex": NUMBERS + 1j, "text": "wing"}
-#: What `hfa linearize -o` writes beside its matrices, and what is left out.
+#: Entries that `hfa linearize -o` writes in addition to its matrices, and entries that are omitted.
 TREES = {
     "sparse": csc_array(NUMBERS * (NUMBERS > 0)),
     "short": NUMBERS.astype("i2"),
@@ -33,7 +33,7 @@ TREES = {
     "mixed": np.array(["a", 3.0], dtype=object),
     "many": np.array([(1.0,), (2.0,)], dtype=[("a", object)]),
 }
-#: Files that MATLAB 4 to 7.4 wrote on several machines, where this SciPy brings them along.
+#: Files written by MATLAB 4 to 7.4 on several machines, if the installed SciPy contains them.
 FILES = sorted(
     (Path(scipy.io.__file__).parent / "matlab" / "tests" / "data").glob("test*_7.4_GLNX86.mat")
 )[:1]
@@ -61,7 +61,7 @@ def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
 
 
 def test_cells_of_text_and_structures() -> None:
-    """Cells of texts, structures and sparse matrices are read; mixed cells are omitted."""
+    """Text cells, structures and sparse matrices are read. Cells of mixed types are omitted."""
     arrays = read(mat(**PLAIN, **TREES))
     np.testing.assert_array_equal(arrays["sparse"], TREES["sparse"].toarray())
     np.testing.assert_array_equal(arrays["short"], TREES["short"])
@@ -85,7 +85,7 @@ def test_a_damaged_file_is_refused_in_one_line(
     assert all(
         line.startswith("a.mat cannot be read as .mat (") and "\n" not in line for line in lines
     )
-    # No small file crashes or stalls the SciPy that is installed.
+    # No small file crashes or stalls the installed SciPy.
     monkeypatch.setattr(mat_file, "_CHILD", Path("child.py"))
     for code, longest, said in (
         ("import os; os.abort()", 60.0, "SciPy crashes on it"),
@@ -101,7 +101,7 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
     """Files whose content exceeds the size limit are refused before they are unpacked."""
     header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
-    # The true limit needs a file of hundreds of megabytes.
+    # Reaching the real limit would take a file of hundreds of megabytes.
     monkeypatch.setattr(mat_file, "LARGEST", 1 << 23)
     sparse = struct.pack("<5i", 2, 1, 3, 0, 2) + b"A\0" + np.array([1e9, 1e9, 0]).tobytes()
     with pytest.raises(BadInputError, match=r"cannot be read as .mat .*unpacks to more than 8 MiB"):

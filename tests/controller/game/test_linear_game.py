@@ -36,13 +36,13 @@ def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
 
 
 def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> None:
-    """The default Q is diag(1/nominal²)."""
+    """The default Q is diag(1/nominal²), so that a deviation of nominal size costs 1."""
     nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
     assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
 
 
 def test_a_game_has_the_disturbances_of_the_model() -> None:
-    """The game has the disturbances of its linear model."""
+    """The game has the matrix E of its linear model."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.find_operating_point(model), outputs=("speed",))
     assert np.array_equal(hfa.game(linear).E, linear.E)

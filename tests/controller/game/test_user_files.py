@@ -202,7 +202,7 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
 def test_other_units_and_another_order_are_refused(
     content: dict[str, list[str]], said: str
 ) -> None:
-    """Units or an order of the states that differ from those of the plant are refused."""
+    """Units that cannot be converted, and names in another order than the plant's, are refused."""
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
     with pytest.raises(BadInputError, match=said):
         file_scales(content, plant)

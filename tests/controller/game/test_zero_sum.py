@@ -21,7 +21,7 @@ from hfa import BadInputError, Game, solve_game
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
 
-#: Of the paper's basis.
+#: States with fourth powers in the paper's basis.
 QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
 
 

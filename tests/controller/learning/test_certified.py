@@ -59,7 +59,7 @@ def test_published_models_settle_within_any_predefined_time(
     game, exact = published(name)
     result = learn(game, predefined_time=predefined_time, tick=tick, initial_weights=start)
     assert_exact(result, exact, limit=1e-11)
-    if tick != 0.001:  # else rows are left out
+    if tick != 0.001:  # with smaller ticks, rows are omitted
         assert result.times == pytest.approx(
             np.append(np.arange(0.0, predefined_time - 1e-9, tick), predefined_time)
         )
@@ -202,7 +202,7 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
         assert at_100 > 0.5
 
 
-# What it uses.
+# Data that the law uses.
 
 
 def test_learning_reads_the_recorded_data_and_not_A() -> None:
@@ -345,10 +345,11 @@ def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
 def test_an_answer_without_the_discount_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without the safeguards of the law, learning from the edge of stability fails or gives a wrong
-    P.
+    """Without safeguards, the law fails or gives a wrong P for initial weights at the edge of
+    stability.
 
     The safeguards are directions by QR, the stability test of each step, and the initial discount.
+    At least one of two runs must fail.
     """
 
     def truncated(found: Any, normaliser: np.ndarray) -> np.ndarray:
@@ -361,7 +362,7 @@ def test_an_answer_without_the_discount_is_refused(
     ) -> Point:
         return here._replace(weights=here.weights - fraction * step)
 
-    # The faults of an older law, which no input brings back.
+    # Faults of an earlier version, which no input reproduces.
     monkeypatch.setattr(certified, "RELATIVE_MARGIN", 0.0)
     monkeypatch.setattr(certified, "newton_step", truncated)
     monkeypatch.setattr(certified, "stabilizing_step", unguarded)

@@ -54,7 +54,7 @@ def test_the_seed_decides_every_bit() -> None:
 
 
 def test_a_run_has_the_critic_of_its_last_weights() -> None:
-    """The value and the gain of a run's critic are those of its last weights."""
+    """The critic of a run has the value P and the gain K of its last weights."""
     result = short_run()
     critic = result.critic(published("published-5")[0])
     assert pytest.approx(result.P, rel=FEW_ROUNDINGS) == critic.P
@@ -96,7 +96,7 @@ def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> Non
     last."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
-    # The true number of rows needs a run of minutes.
+    # Reaching the real number of rows would take a run of minutes.
     monkeypatch.setattr(ticks, "MOST_ROWS", 30)
     kept = short_run()
     rows = [*range(0, 80, 3), 80]
@@ -104,7 +104,7 @@ def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> Non
     assert np.array_equal(kept.weights, every.weights[rows])
 
 
-# What was learned is judged by the one who knows A.
+# Checks of learned critics by `check_critic`, which uses A.
 
 
 def test_a_poor_stack_is_not_settled() -> None:
@@ -187,7 +187,7 @@ def assert_learned(game: Game, share: float, tick: float) -> None:
 
 @pytest.mark.parametrize(("seed", "states"), [(9, 6), (7, 8)])
 def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
-    """Games with one input and as many disturbances as states are learned."""
+    """Games with a single input and as many disturbances as states are learned."""
     rng = np.random.default_rng(seed)
     eye = np.eye(states)
     A = rng.standard_normal((states, states))

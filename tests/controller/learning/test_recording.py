@@ -155,7 +155,7 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
     assert np.linalg.norm(noisy.drifts - exact.drifts) < 0.2 * 1e-3 * np.linalg.norm(noise)
     forced = Stack(
         exact.states, exact.drifts + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
-    )  # of a reference
+    )  # forcing by a reference
     assert forced.linear()[1] > 1e-3
 
 
@@ -176,7 +176,7 @@ def test_malformed_stacks_are_refused() -> None:
         record(game, np.array([[1.0, 0.0]])).channel_scales()
 
 
-# Residuals: their derivative, their course along a step, and the Riccati equation behind them.
+# Residuals: derivative, values along a step, and relation to the Riccati equation.
 
 
 @pytest.mark.parametrize("name", BASES)

@@ -123,7 +123,7 @@ def test_solution_of_another_game_is_refused(game: Game) -> None:
     ],
 )
 def test_changed_solution_is_refused(game: Game, change: object, failed: str) -> None:
-    """Each planted change of P fails the check that it violates."""
+    """Each change planted in P fails the check that it violates."""
     P = solve_game(game).P
     assert failed in failed_names(_certify(game, change(P), P).checks)  # type: ignore[operator]
 
@@ -246,7 +246,7 @@ def test_axis_distance_is_the_least_over_frequencies(
             least = gains[best]
             grid = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)], 30)
         expected = least / np.linalg.norm(computed.balanced, 2)
-        # Below 1e-16 of the norm a singular value is rounding.
+        # A singular value below 1e-16 times the norm is rounding.
         assert computed.axis_distance() == pytest.approx(expected, rel=2e-6, abs=1e-16)
 
 
@@ -270,7 +270,7 @@ def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
     at_eigenvalues = min(
         least_singular_value(computed.balanced, abs(value.imag)) for value in computed.eigenvalues
     )
-    assert size == pytest.approx(least, rel=1e-6)  # the claim; the grid adds 1e-8
+    assert size == pytest.approx(least, rel=1e-6)  # the claimed accuracy; the grid adds 1e-8
     assert size < (1.0 - 5e-5) * at_eigenvalues
     assert frequency == pytest.approx(0.991, abs=1e-3)
 

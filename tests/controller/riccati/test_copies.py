@@ -24,7 +24,7 @@ from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, solve_game
 
-#: Above and below delta_min, relative: far, and so near that a wrong digit shows.
+#: Relative distances from delta_min: far, and so near that a wrong digit changes the verdict.
 NEAR = (1e-1, 1e-4, -1e-4, -1e-1)
 
 
@@ -83,7 +83,7 @@ def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
     changed = changed_verdicts(random_games(250), 20)
     assert changed["copies"] == 20_000
     assert changed["changed"] == 0
-    assert changed["open"] <= 20  # a thousandth: where rounding decides
+    assert changed["open"] <= 20  # 0.1 %, where rounding decides
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_copy_is_of_its_kind() -> None:
     for copy in copies(game, 0, 8, {"P": P}):
         assert not np.array_equal(copy.problem.A, game.A), copy.kind
         assert is_solved(copy.problem)
-        # Two floating-point routes to P: the condition of the game, about 1e4, times rounding.
+        # P is computed in two ways: rounding times the condition number of the game, about 1e4.
         error = np.abs(solve_game(copy.problem).P - copy.critic["P"])
         assert error.max() <= 1e-10 * np.abs(copy.critic["P"]).max(), copy.kind
     assert {copy.kind for copy in copies(game, 0, 4)} == set(KINDS)

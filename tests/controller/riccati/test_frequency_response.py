@@ -98,7 +98,7 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 ) -> None:
     """A sweep that returns too small a gain fails the comparison of the two methods."""
     game, P = first
-    # The planted fault: no known loop makes the sweep miss its peak.
+    # Planted fault: no loop is known for which the sweep misses its peak.
     monkeypatch.setattr("controller.riccati.meaning.swept_gain", lambda *_: SweptGain(100.0, 0.1))
     assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
 

@@ -38,13 +38,10 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     reference = reference_solution(game)
     solution = solve_game(game)
     assert reference.exists
-    # P is refined with twice the digits: rounding of the answer, 1e-16, times n² and the
-    # spread of its entries.
+    # P is refined in twice the precision: rounding, 1e-16, times n² and the spread of its entries.
     assert relative_error(solution.P, reference.P) < 1e-12
     assert relative_error(solution.K, reference.K) < 1e-12
-    units = 1.0 / np.sqrt(
-        np.diag(reference.P)
-    )  # and so is every entry, in units that make them alike
+    units = 1.0 / np.sqrt(np.diag(reference.P))  # every entry, in balanced units
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
     form = NormalForm.of(game)
     assert relative_error(form.value(by_refined_doubling(form)), reference.P) < 1e-12
@@ -60,9 +57,7 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
         top = mpmath.matrix([[vectors[row, i] for i in stable] for row in range(n)])
         bottom = mpmath.matrix([[vectors[n + row, i] for i in stable] for row in range(n)])
         P = np.array((bottom * mpmath.inverse(top)).apply(mpmath.re).tolist(), dtype=float)
-    assert (
-        relative_error(reference_solution(game).P, P) < 1e-13
-    )  # S was rounded to double on the way
+    assert relative_error(reference_solution(game).P, P) < 1e-13  # S is rounded to double precision
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
@@ -74,7 +69,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
         solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=SAME_FORMULA
     )
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
-    # Eigenvalues of two different matrices: rounding times their condition, about 1e4.
+    # Eigenvalues of two different matrices: rounding times their condition number, about 1e4.
     np.testing.assert_allclose(np.sort(solution.poles().real), np.sort(flown.real), rtol=1e-9)
     z = np.arange(1.0, 7.0)
     assert solution.cost(z) == pytest.approx(z @ P @ z)
@@ -93,9 +88,9 @@ def test_delta_to_infinity_gives_lqr(game: Game) -> None:
     1/delta²."""
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
-    )  # slycot, where it is, errs by 4e-11
+    )  # slycot, if installed, has an error of 4e-11
     lqr = solve_game(game.with_delta(math.inf))
-    # SciPy's answer is not refined: rounding times the condition of the equation, 1e4.
+    # SciPy's result is not refined: rounding times the condition number, 1e4.
     assert relative_error(lqr.P, P) < 1e-11
     assert relative_error(lqr.K, K) < 1e-11
     assert not lqr.disturbance_gain.any()
@@ -235,7 +230,7 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
     smallest = minimum_delta(game)
     assert (
         smallest.value / smallest.refused <= 1.000001
-    )  # as the page of promises says, whatever `TOLERANCE` is
+    )  # as docs/promises.md states, for any `TOLERANCE`
     assert reference_solution(game.with_delta(smallest.value)).exists
     assert not reference_solution(game.with_delta(smallest.refused)).exists
     assert smallest.margin(game.delta) == pytest.approx(game.delta / smallest.value)

@@ -33,7 +33,7 @@ def test_every_model_has_its_own_solution(dynamics):
     assert batch.certified.all()
     for i in range(len(A)):
         alone = solve_game(published_game(A[i], B[i]))
-        # P is refined with twice the digits by both routes, K = R⁻¹B'P loses a digit more.
+        # P is refined in twice the precision in both ways; K = R⁻¹B'P loses one more digit.
         assert np.linalg.norm(batch.P[i] - alone.P) <= 1e-12 * np.linalg.norm(alone.P)
         assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
 
@@ -43,7 +43,7 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
-    # The planted fault: a wrong limit of the doublings, which no plant gives.
+    # Planted fault: a wrong limit of the doublings, which no plant causes.
     monkeypatch.setattr(
         certificate, "by_doubling", lambda *given: by_doubling(*given) * (1.0 + 1e-7)
     )

@@ -23,8 +23,8 @@ from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from hfa import BadInputError, Game, NoSolutionError, solve_game
 
-#: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of
-#: 1e16.
+#: Largest error, relative to the largest entry of X. The scaled examples test X with a condition
+#: number of about 1e16.
 EXACT = 1e-14
 
 
@@ -63,7 +63,7 @@ def known() -> Iterator[tuple[str, Game, np.ndarray]]:
             equation([[0, size], [0, 0]], [[0], [1]], np.eye(2), [[1]]),
             np.array([[root / size, 1], [1, root]]),
         )
-    for small in (1.0, 1e-3, 1e-5):  # the closed loop comes near the imaginary axis
+    for small in (1.0, 1e-3, 1e-5):  # the closed loop approaches the imaginary axis
         a = small + 1.0
         x = 0.5 * (2.0 * a + math.sqrt(2.0 * a**2 + 2.0) + math.sqrt(2.0) * small)
         X = np.array([[x, x / (x - a)], [x / (x - a), x]])
@@ -121,7 +121,7 @@ def test_a_loop_at_the_axis_is_refused() -> None:
         solve_game(game)
     assert (
         existence(NormalForm.of(game)).exists is None
-    )  # neither yes nor no: the search for delta_min must not lean on it
+    )  # undecided, so that the search for delta_min does not rely on it
 
 
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
@@ -130,16 +130,17 @@ def test_the_disturbances_unit_scales_delta_min_alone(size: float) -> None:
     plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
     expected = minimum_delta(plant)
     found = minimum_delta(replace(plant, E=size * plant.E))
-    # The search ends within 1e-6; another size moves its begin, and so its last bracket.
+    # The search is accurate to 1e-6; another size of E changes where it begins and its last
+    # bracket.
     assert found.value == pytest.approx(expected.value * size, rel=3e-6)
     assert found.refused == pytest.approx(expected.refused * size, rel=3e-6)
 
 
-# Those without a known solution, with the parameters of the report: against 60 digits, or by what
-# is left.
+# Examples without a closed form, with the parameters of the report: compared with 60 digits, or
+# checked by their residual.
 
 _PRINTED = json.loads(Path(__file__).with_name("carex.json").read_bytes())["examples"]
-#: Examples that SciPy's own tests bring as files.
+#: Examples contained as files in SciPy's tests.
 _FILES = (6, 15, pytest.param(18, marks=pytest.mark.slow), 19)
 
 

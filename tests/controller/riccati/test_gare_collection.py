@@ -24,14 +24,14 @@ from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import lqr_obstacle
 from hfa import Game, NoSolutionError, solve_game
 
-#: A right answer may be refused where a delta this much smaller has none.
+#: A game may be refused if it has no solution for a delta smaller by this fraction.
 MARGIN = 1e-3
-#: Largest error of an accepted P, relative in units that give it a unit diagonal.
+#: Largest error of an accepted P in units in which its diagonal is 1.
 WORST_ERROR = 1e-10
-#: Of delta_min, relative, unless its uncertainty is stated: as the page of promises says.
+#: Relative accuracy of delta_min if it is not uncertain, as docs/promises.md states.
 CLOSE = 1e-6
 
-# Games that are hard in nine ways, with one to ten states each.
+# Games that are difficult in nine ways, with one to ten states each.
 
 
 class Sample(NamedTuple):
@@ -151,7 +151,8 @@ STRUCTURES: dict[str, Callable[[np.random.Generator, int], Game]] = {
     make.__name__: make
     for make in (dense, chain, low_rank, unseen, ill_scaled, lightly_damped, nilpotent, marginal)
 }
-#: One structure more, in a collection of its own: the numbers of the others are published.
+#: A further structure, in a separate collection, because the numbers of the other structures are
+#: published.
 BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
     "barely_reached": barely_reached
 }
@@ -211,7 +212,7 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
     return (matrix + matrix.T) / 2.0
 
 
-# How the solver does on them.
+# Results of the solver.
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
@@ -272,7 +273,7 @@ def test_a_game_of_each_structure() -> None:
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
 
 
-@pytest.mark.slow  # of degenerate games by name: test_gare_degenerate.py
+@pytest.mark.slow  # quicker: test_gare_degenerate.py
 def test_smallest_delta_of_each_structure() -> None:
     """For one game of each structure, the bracket of delta_min is right."""
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))

@@ -20,7 +20,7 @@ from controller import minimum_delta
 from controller.riccati.solution_report import solve
 from hfa import Game, NoSolutionError, solve_game
 
-#: Of P in units that give it a unit diagonal.
+#: Largest error of P in units in which its diagonal is 1.
 EXACT = 1e-12
 TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
@@ -126,15 +126,15 @@ def test_units_over_16_decades_change_nothing() -> None:
     assert error(game) <= EXACT
     inputs = np.array([1e8, 1.0, 1e-8])
     turned = replace(game, B=game.B * inputs, R=game.R * np.outer(inputs, inputs))
-    # P is refined with twice the digits; K loses a digit in R^-½ of the turned inputs.
+    # P is refined in twice the precision; K loses a digit in R^-½.
     np.testing.assert_allclose(solve_game(turned).P, plain.P, rtol=SAME_SOLUTION)
     np.testing.assert_allclose(solve_game(turned).K, plain.K / inputs[:, None], rtol=1e-11)
-    # Two searches, each within 1e-6.
+    # Two searches, each accurate to 1e-6.
     assert minimum_delta(turned).value == pytest.approx(minimum_delta(game).value, rel=TWO_BRACKETS)
     states = np.array([1e8, 1e-8, 1.0, 1e4, 1e-4])
     assert error(in_units(game, states)) <= EXACT
     assert error(in_units(turned, states)) <= EXACT
-    for size in (1e-8, 1e8):  # of cost: P goes with it, and delta with its root
+    for size in (1e-8, 1e8):  # unit of cost: P is proportional to it, delta to its square root
         dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(
             math.sqrt(size) * game.delta
         )
@@ -154,7 +154,7 @@ def test_a_barely_reached_mode_has_a_bounded_pole(
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
-    solution = solve(game)  # confirmed in flight, too
+    solution = solve(game)  # cost and L2 gain are checked, too
     assert error(game, solution.P) <= EXACT
     np.testing.assert_allclose(solution.K, reference_solution(game).K, rtol=EXACT)
     data = solution.to_dict()
@@ -189,7 +189,7 @@ def test_a_poles_bound_is_its_largest_rounding_change() -> None:
         moved = abs(changed.real.max() - solution.closed_loop_eigenvalues[-1].real)
         largest = max(largest, float(moved))
     roundings = solution.abscissa_error / np.finfo(float).eps
-    assert roundings == pytest.approx(largest / step, rel=0.05)  # itself rounded to a whole number
+    assert roundings == pytest.approx(largest / step, rel=0.05)  # rounded to an integer
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
@@ -212,8 +212,7 @@ def test_a_mode_reached_by_rounding_is_named(reach: float) -> None:
         solve_game(game)
 
 
-# A state x' = a x + b u + e d: its smallest delta is e / sqrt(b²/r + min(a, 0)²/q), as exact as
-# that is computed.
+# The smallest delta of x' = a x + b u + e d is e / sqrt(b²/r + min(a, 0)²/q).
 
 
 def slow_mode(rate: float, weight: float, seed: int) -> Game:
@@ -222,7 +221,7 @@ def slow_mode(rate: float, weight: float, seed: int) -> Game:
     return elsewhere(plain, seed)
 
 
-@pytest.mark.parametrize("seed", [1, 3])  # in these coordinates P has too few digits at first
+@pytest.mark.parametrize("seed", [1, 3])  # in these coordinates the first P is inaccurate
 def test_a_slow_mode_with_hardly_any_cost(seed: int) -> None:
     """A game with a slow mode and its relative weight 1e-14 is solved.
 

@@ -49,7 +49,7 @@ def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
 
 
 def test_single_loop_disk_margin_agrees_with_python_control() -> None:
-    """The disk margin of a single loop agrees with python-control."""
+    """The disk margin of a single loop equals python-control's to 0.1 %."""
     game = Game([[0.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     K = np.array([[4.0, 0.5]])
     loop = control.ss(game.A, game.B, K, 0.0)
@@ -157,7 +157,7 @@ def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> 
     """If the search is disabled, the disk margin is larger than an attained one."""
     game, K = _light_modes()
     right = disk_margin(game, K).disk
-    # The planted fault: a search that ends at once.
+    # Planted fault: a search that ends at once.
     monkeypatch.setattr("controller.riccati.margins._above", lambda *_: ())
     assert disk_margin(game, K).disk > right * (1.0 + 1e-6)
 
@@ -197,7 +197,7 @@ def test_metres_leave_unitless_margins_alone(game: Game) -> None:
     there = solve_game(si)
     exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
     disks = (disk_margin(si, there.K), disk_margin(game, here.K))
-    np.testing.assert_allclose(disks[0], disks[1], rtol=1e-6)  # the search for the peak
+    np.testing.assert_allclose(disks[0], disks[1], rtol=1e-6)  # accuracy of the search for the peak
     exact += [
         (
             np.sort_complex(there.closed_loop_eigenvalues),
@@ -205,14 +205,14 @@ def test_metres_leave_unitless_margins_alone(game: Game) -> None:
         )
     ]
     for computed, expected in exact:
-        # Conversion of units rounds once; the margins are of condition 1e3 or less.
+        # The conversion of units rounds once; the condition number of the margins is at most 1e3.
         np.testing.assert_allclose(np.array(computed), np.array(expected), rtol=SAME_FORMULA)
     assert bounded_real_gain(si, there.K) == pytest.approx(
         bounded_real_gain(game, here.K), rel=TWO_GAINS
     )
-    # The tolerance of the search, 1e-6, once for each.
+    # The tolerance of each search is 1e-6.
     assert minimum_delta(si).value == pytest.approx(minimum_delta(game).value, rel=TWO_BRACKETS)
-    assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K itself has units
+    assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K depends on the units
 
 
 def test_a_third_order_loop_in_closed_form() -> None:
@@ -241,7 +241,7 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
         others = [j for j in range(game.B.shape[1]) if j != i]
         loop = control.ss(game.A - game.B[:, others] @ K[others], game.B[:, [i]], K[[i]], 0.0)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # where a loop has no crossover
+            warnings.simplefilter("ignore")  # a loop without a crossover
             computed, phases, *_ = control.stability_margins(loop, returnall=True)
         gains = np.asarray(computed)
         phases = np.abs(np.asarray(phases))
@@ -268,7 +268,7 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
 
     together = margin_of(shifted, frequencies)
     alone = margin_of(lambda omega: shifted(omega, 1), frequencies)
-    # All but the lowest gain, 0 at rest.
+    # All margins except gain_low, which is 0.
     assert together[1:] == pytest.approx(alone[1:], rel=SAME_FORMULA)
 
 

@@ -22,11 +22,11 @@ NAMES = tuple(DISTURBANCES)
 WATCHED = tuple(OUTPUTS)
 ROWS = (*STATES, *WATCHED)
 COLUMNS = (*STATES, *INPUTS, *NAMES)
-#: What a step of 1 is, in the units of states, inputs and winds.
+#: Size of a step of 1, in the units of states, inputs and winds.
 SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *np.full(len(NAMES), 10.0)])
 STEPS = np.array([5e-3, 1.5e-3, 5e-4])
 TROPOPAUSE = 36_152.0  # ft
-#: A remainder below this share of the values is rounding: the row is linear there.
+#: A remainder below this fraction of the values is rounding: the row is linear there.
 LINEAR = 1e-10
 
 
@@ -112,7 +112,7 @@ def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bo
         ("pitch_rate", "headwind_outer"),  # E
         ("load_factor_outer", "alpha"),  # C
         ("hinge_moment", "elevator_outer"),  # D
-        ("alpha_air_outer", "updraft_center"),  # F, where there should be nothing
+        ("alpha_air_outer", "updraft_center"),  # F, an entry that should be 0
         ("lift_outer", "updraft_outer"),
     ],
 )

@@ -38,7 +38,8 @@ PRINTED = pytest.mark.parametrize(
 
 
 def half_units(model: LinearModel, published: PublishedModel) -> float:
-    """Return the largest |computed - printed| in half units of the last printed digit."""
+    """Return the largest |computed - printed| of A and B, in half units of the last printed
+    digit."""
     A = np.abs(model.A - published.A) / published.half_unit_A
     B = np.abs(model.B - published.B) / published.half_unit_B
     return float(max(A.max(), B.max()))
@@ -82,7 +83,7 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
     assert np.all(errors <= allowed), errors
 
 
-# Beside the print.
+# Comparison with the printed matrices.
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
@@ -94,7 +95,7 @@ def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
     assert [match.dihedral_deg if match else None for match in matches] == [15.0, None, 5.0]
 
 
-# Bands.
+# Error bands.
 
 CONDITION = level_flight(np.radians(10.0))
 
@@ -155,7 +156,7 @@ def test_copies_of_an_identification_have_its_bands(
             bands_of(heavier(factor))
 
 
-# Winds by panel, and those of the released simulation.
+# Winds at each panel, compared with the released simulation.
 
 NAMES = tuple(DISTURBANCES)
 #: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11
@@ -225,20 +226,19 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
         np.testing.assert_allclose(both, column[kind], rtol=1e-12, atol=1e-15)
     assert model.disturbances == NAMES
     otherwise = linearize(over_ground(aircraft), point, full=True, disturbances=NAMES)
-    assert np.abs(otherwise.E - model.E).max() > 1e-2  # a drag of the wrong speed would show
+    assert np.abs(otherwise.E - model.E).max() > 1e-2  # drag by the wrong speed is detected
     gust = closed_loop.LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
     np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
-    # In level trim all forces balance, so that a wind from ahead does what more speed over ground
-    # does.
+    # In level trim all forces balance, so that a headwind has the effect of more speed over ground.
     np.testing.assert_allclose(
         column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12
     )
     assert np.array_equal(
         linearize(aircraft, point, full=True, outputs=("alpha",)).E[:, 0], column["updraft"]
     )
-    assert np.abs(column["outward_outer"]).max() > 0.1  # raised panels meet it
+    assert np.abs(column["outward_outer"]).max() > 0.1  # it affects raised panels
     flat = linearize(aircraft, point_of(aircraft, 0.0), disturbances=("outward_outer",))
-    assert np.abs(flat.E).max() <= 1e-15  # level ones do not
+    assert np.abs(flat.E).max() <= 1e-15  # it does not affect level panels
 
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
@@ -263,12 +263,12 @@ def test_released_columns_need_drag_over_ground() -> None:
     same = peer_errors(ground_drag=True)
     through_the_air = peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
-    assert same["updraft_outer"] <= 4e-9  # half a unit of the last digit here
+    assert same["updraft_outer"] <= 4e-9  # half a unit of the last printed digit
     assert through_the_air["headwind_center"] > 1.0
     assert through_the_air["headwind_outer"] > 1.0
     assert (
         through_the_air["updraft_outer"] <= 4e-9
-    )  # to first order a wind from below changes no speed in level flight
+    )  # to first order, vertical wind does not change the airspeed in level flight
 
 
 def test_linear_models_have_poles_plots_and_arrays() -> None:

@@ -109,7 +109,7 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
         ]
         dearer = [effort(find_operating_point(aircraft, nearby)) for nearby in aside]
         assert min(dearer) > effort(point), name
-        # At a minimum both sides cost the same to second order.
+        # At a minimum, both sides have the same effort to second order.
         assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
 
 
@@ -163,7 +163,8 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
     attempt = caught.value.attempt
     assert "\n" not in message
     assert "throttle at its highest value, 30" in message
-    # Ten lbf short of 40 on 28 slug: the speed is the equation that fails, and by that much.
+    # The thrust is 10 lbf less than 40, for 28 slug: the equation of the speed fails by this
+    # amount.
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
@@ -252,7 +253,7 @@ def test_contradictions_are_refused() -> None:
         find_operating_point(hfa.aircraft(), 10)  # type: ignore[arg-type]
 
 
-# At the edges: a Jacobian without full rank, wings at 0 and nearly 90 degrees, no air.
+# Extreme cases: a Jacobian without full rank, wings at 0 and nearly 90 deg, no air.
 
 
 def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
@@ -313,10 +314,10 @@ def test_without_air_it_falls(aircraft: Model, dihedral: float) -> None:
     assert rates.pitch_rate == 0.0
 
 
-# The pitch angle, alpha + gamma: the same limits in single trims and in sweeps.
+# Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
-#: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60
-#: deg of path only.
+#: Flight-path angle and angle of attack, deg, with pitch angles near 60 deg; in the last pair only
+#: gamma exceeds 60 deg.
 ANGLES = [
     (57.1, 2.8),
     (57.3, 2.8),

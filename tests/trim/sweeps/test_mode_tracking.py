@@ -12,9 +12,9 @@ from hfa import Model, sweep
 from trim.sweeps.mode_tracking import track_modes
 
 STATES = ("alpha", "pitch_rate", "speed")
-#: Three shapes, far from parallel in units of `STATE_SCALES`.
+#: Three mode shapes that are far from parallel, in units of `STATE_SCALES`.
 SHAPES = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
-#: Two of them two degrees apart.
+#: Two of the shapes are two degrees apart.
 NEARLY_PARALLEL = np.array(
     [[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]]
 )

@@ -32,7 +32,7 @@ stores = Extension("hfa_stores.sweep_store")
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
 TABLE = release(LEVEL_FLIGHT, hold={"alpha": LinearTable([0.1, 0.3], [0.04, 0.06])})
-#: Grid, condition, whether there are as many equations as unknowns.
+#: Name -> grid, condition, and whether there are as many equations as unknowns.
 CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
     "limits": ({"dihedral": [0.05, 0.2]}, LIMITED, True),
     "table": ({"dihedral": [0.1, 0.3]}, TABLE, True),
@@ -268,7 +268,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
         sweep(published_aircraft, {"speed": [60.0, 70.0], "dihedral": [0.0]}, listed=True)
 
 
-# Many points at once against the robust solver, and what is left to it.
+# Many points together, compared with single trims.
 
 LEVEL = ("dihedral", "speed", "altitude", "alpha", "gamma")
 LOWEST = [0.0, 60.0, 20_000.0, 0.035, -0.05]
@@ -350,7 +350,7 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
     at = np.hstack([points.states, points.inputs])[:5]
     within = ((at >= limits[:, 0]) & (at <= limits[:, 1])).all(axis=1)
     assert within.tolist() == [status == TRIMMED for status in statuses.values()][:5]
-    # The store has the eigenvalues of A beside it, fastest first.
+    # The store also contains the eigenvalues of A, fastest first.
     rows = run_points(aircraft, ("speed", "gamma", "alpha"), values, LEVEL_FLIGHT, None, False)
     assert np.all(np.diff(np.abs(rows["eigenvalues"][4])) <= 1e-9)
     assert np.prod(rows["eigenvalues"][4]) == pytest.approx(np.linalg.det(points.A[4]), abs=1e-9)
@@ -400,7 +400,7 @@ def test_an_extreme_parameter_is_refused(
             choice.aircraft(parameters=parameters._replace(**{name: value})),
             release(level_flight(0.0), free=free),
         )
-    # In a sweep it is a row.
+    # In a sweep, the point is a row without a trim.
     reasons = sweep(
         choice.aircraft(parameters=parameters._replace(**{name: value})),
         {"dihedral": [0.0, 0.2]},
@@ -423,7 +423,7 @@ def test_wrong_tables_are_refused(aircraft: Model) -> None:
         trim_points(aircraft, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]]))
 
 
-# In a store.
+# Stores.
 
 
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
@@ -515,7 +515,7 @@ def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: 
             stores.stream_sweep(another, tmp_path / "a.zarr", resume=True)
 
 
-# What is printed.
+# Printed reports.
 
 
 def test_a_long_sweep_prints_its_ends(

@@ -24,7 +24,7 @@ def test_one_check_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> No
         balanced.append(matrices)
         return units_of(*matrices)
 
-    # Nothing but a count of the calls shows how often it is done.
+    # Only counting the calls shows how often the game is balanced.
     monkeypatch.setattr(normal_form, "units_of", counted)
     normal_form.NormalForm.of.cache_clear()
     assert check_critic(game, critic).ok

@@ -183,18 +183,18 @@ def test_a_runs_settling_time_is_computed_anew(
     assert check.table is not None
     assert check.table.settling_time == settled
     assert failed_names(check.checks) == ({"settling_time"} if settled > 0.5 else set())
-    assert check.reason == ""  # no mistake of the critic's numbers explains a delay
+    assert check.reason == ""  # no error in the critic's numbers explains a delay
 
 
-# Numbers of any size, wrong shapes, games without a solution.
+# Numbers of extreme size, wrong shapes, games without a solution.
 
 
 @pytest.mark.filterwarnings(
     "ignore:Input"
-)  # SciPy, on a Lyapunov equation that rounding makes singular
+)  # SciPy warns of a Lyapunov equation that is singular within rounding
 def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
     """Critics of size 1e40 to 1e300, and weights with nan or inf, fail without an exception."""
-    for size in (1e40, 1e60, 1e300):  # finite, and P S P is not
+    for size in (1e40, 1e60, 1e300):  # finite, but P S P is not
         for candidate in (
             from_value(game, size * value(game)),
             from_gain(game, -size * gain(game)),
@@ -278,7 +278,7 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
 
 
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
-    """A limit or a constant that is not a finite number is refused by name."""
+    """A limit or constant that is not a number, and a nan constant, are refused by name."""
     weights = weights_of(value(game))
     with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
         from_weights(game, weights, constant=math.nan)
@@ -371,8 +371,8 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
     assert "K is 6 x 5" in hfa(*words, stored("pk.npz", P=P, K=np.ones((6, 5)))).err
 
 
-# No error hides: beyond the quadratic weights, in directions without inputs, or behind larger
-# entries.
+# Errors in weights that are not quadratic, in directions without inputs, and in small entries are
+# found.
 
 
 @RICHER
@@ -450,7 +450,7 @@ def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) 
     assert np.all(np.abs(d).max(axis=0) <= errors["disturbance_rel_error"] * largest)
 
 
-# The box: the aircraft's where the plant is named so, else a convention that is stated.
+# The box: that of the aircraft if the plant has its names, otherwise a stated convention.
 
 REST = ("rad", "rad", "rad/s", "rad", "rad/s")
 Names = tuple[str, ...]
@@ -491,7 +491,7 @@ def test_a_plant_like_the_aircraft_has_its_box() -> None:
     assert "a convention" in data["box"]["about"]
 
 
-# Critics over time: planted histories whose settling is known.
+# Critics over time: planted histories with known settling times.
 
 TIMES = 0.25 * np.arange(41)
 SETTLES = np.where(TIMES < 4.1, 0.1, 1e-9)
@@ -510,9 +510,9 @@ def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
     ("sizes", "of", "predefined_time", "settled"),
     [
         *((SETTLES, of, predefined_time, 4.25) for of in "WPK" for predefined_time in (4.25, 4.0)),
-        # it leaves the band again
+        # it exceeds the limit again
         (np.where(TIMES < 2.0, 1.0, np.where(TIMES == 7.5, 1e-3, 1e-10)), "W", 5.0, 7.75),
-        # it ends wrong
+        # it is wrong at the end
         (np.where(TIMES == 10.0, 1e-2, 1e-10), "W", None, math.inf),
     ],
 )
@@ -553,7 +553,7 @@ def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
     assert check.ok
 
 
-#: Errors below this are drawn here, whatever they are.
+#: Smaller errors are drawn at this value.
 ROUNDING_SHOWN = 1e-12
 
 

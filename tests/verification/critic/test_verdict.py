@@ -86,7 +86,7 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
 
 
-# Networks: what was searched, where, and how they fly.
+# Networks: searched states, and simulations.
 
 
 def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
