@@ -201,9 +201,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
-        raise BadInputError(
-            f"P is {shape_text(P.shape)}; on a plant with {n} states it must be {n} x {n}"
-        )
+        raise BadInputError(f"P is {shape_text(P.shape)}; for this plant it must be {n} x {n}")
     return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.game.csv_file import matrices_and_names
 from controller.game.file_entries import UNKNOWN
+from hfa_support.errors import BadInputError
 from hfa_support.files import regular_file
 
 #: Names of the matrices of a plant, in files next to A.csv, and of a critic.
@@ -39,11 +40,13 @@ def _beside(path: Path) -> dict[str, Path]:
     """Return name -> file for `path` and, if it contains A, for the plant's other files in its
     folder.
 
-    Raises ValueError if the file is not named after a matrix.
+    Raises BadInputError if the file is not named after a matrix.
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
-        called = "a .csv file has one matrix and its name: A and B in one folder, or K, P, W"
-        raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
+        raise BadInputError(
+            f"{path}: a .csv file contains one matrix and is named after it (A and B in one folder,"
+            " or K, P, W); rename the file, or use .json, .npz or .mat for other tables"
+        )
     files = {path.stem: path}
     if path.stem == "A":
         for name in PLANT:

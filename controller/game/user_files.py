@@ -226,10 +226,10 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
         if len(texts) == size and (is_unit or len(set(texts)) == size):
             names[key] = texts
         elif key in stored and is_unit:
-            notes.append(f"{key} is ignored: it must list one unit for each")
+            notes.append(f"{key} must list a unit for each {key[:-6]}; no units are used")
         elif key in stored:
             letter = "u" if key == "inputs" else "x"
-            notes.append(f"{key} must list one distinct name for each; used: {letter}1, ...")
+            notes.append(f"{key} must list a different name for each; {letter}1, ... are used")
     states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
     return PlantNames(states, inputs, state_units, input_units)
 
@@ -243,10 +243,10 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
     values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
     described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
     missing = [key for key in MODEL_KEYS if key not in parts]
-    for key, size, what in (("Q", n, "states"), ("R", m, "inputs")):
+    for key, size in (("Q", n), ("R", m)):
         if key in missing and key not in values:
             raise BadInputError(
-                f"there is no {key}; give {key} for the {size} {what} in the file or as an argument"
+                f"there is no {key}; give {key} ({size} x {size}) in the file or as an argument"
             )
     if missing:
         taken = ", ".join(f"{key} {described[key]}" for key in missing)

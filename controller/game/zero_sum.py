@@ -141,8 +141,8 @@ class Game(ByValue, Reported):
         if K.shape != (m, n):
             hint = ": give its transpose" if K.shape == (n, m) else ""
             raise BadInputError(
-                f"K is {shape_text(K.shape)}; on a plant with {n} states and {m} inputs it must be"
-                f" {m} x {n}{hint}"
+                f"K is {shape_text(K.shape)}; for this plant it must be {m} x {n}, inputs x states"
+                f"{hint}"
             )
         return K
 
@@ -216,10 +216,10 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     if strictly and not is_definite(matrix):
         kind = "definite"
-        advice = "make every eigenvalue positive"
+        advice = "every eigenvalue must be positive"
     elif not strictly and not is_semidefinite(matrix):
         kind = "semidefinite"
-        advice = "make no eigenvalue negative"
+        advice = "no eigenvalue may be negative"
     else:
         return
     smallest = np.linalg.eigvalsh(matrix)[0]

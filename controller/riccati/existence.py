@@ -114,8 +114,8 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
         gain, frequency = shown_gain(form)
         if gain > form.delta:
             reason = (
-                f"against every input the disturbance gains at least {gain:.6g},"
-                f" at {frequency:.4g} rad/s"
+                f"for every input, the gain from the disturbance is at least {gain:.6g}"
+                f" (at {frequency:.4g} rad/s)"
             )
             return Found(Answer(False, reason, gain=gain), form, None)
         reason = failed[0].reason if failed else "rounding hides the stable subspace"

@@ -120,7 +120,7 @@ def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
     assert max(off.values()) < 3.0, off
     with pytest.raises(
         BadInputError,
-        match=r"gibson: no parameters of that name .* the names are identified, gibson-",
+        match=r"gibson: .* no parameters of this name .*; choose from identified, gibson-",
     ):
         load_parameters("gibson")
 

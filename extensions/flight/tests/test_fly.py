@@ -126,7 +126,7 @@ def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
         ("--weights K.json --seed 3", "here nothing is random"),
         (
             "--weights small.npz",
-            "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6",
+            "small.npz: K is 2 x 2; for this plant it must be 5 x 6",
         ),
         (
             "--weights V.npz",

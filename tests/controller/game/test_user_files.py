@@ -76,7 +76,7 @@ def test_the_papers_game_in_meters() -> None:
         np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
     )
     assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
-    with pytest.raises(BadInputError, match="there is no Q; give Q for the 6 states"):
+    with pytest.raises(BadInputError, match=r"there is no Q; give Q \(6 x 6\)"):
         load_game("other.npz")
     weights = {"Q": np.eye(6), "R": np.eye(5)}
     stored("weighed.npz", **MODEL, **weights)
@@ -131,12 +131,12 @@ def test_structures_are_read_where_nothing_stands_outside() -> None:
         (
             load_game,
             {"A": A2, "B": B2},
-            "there is no Q; give Q for the 2 states",
+            r"there is no Q; give Q \(2 x 2\)",
         ),
         (
             load_game,
             {"A": A2, "B": B2, "Q": A2},
-            "there is no R; give R for the 1 inputs",
+            r"there is no R; give R \(1 x 1\)",
         ),
         (
             load_game,

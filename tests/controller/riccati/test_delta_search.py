@@ -101,7 +101,7 @@ def test_a_refusal_names_what_shows_it() -> None:
     low = existence(NormalForm.of(game.with_delta(80.0)))
     near = existence(NormalForm.of(game.with_delta(113.55)))
     assert low.exists is False
-    assert "against every input the disturbance gains at least 113.306" in low.reason
+    assert "for every input, the gain from the disturbance is at least 113.306" in low.reason
     assert near == Answer(False, "P is indefinite by more than rounding")
 
 

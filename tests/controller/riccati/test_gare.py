@@ -267,7 +267,7 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
     with pytest.raises(NoSolutionError) as refusal:
         solve_game(game.with_delta(80.0))
     message = str(refusal.value)
-    assert "against every input the disturbance gains at least 11" in message
+    assert "for every input, the gain from the disturbance is at least 11" in message
     assert f"delta = 80 is below delta_min = {smallest:.7g}; choose a larger delta" in message
     assert "\n" not in message
     with pytest.raises(NoSolutionError, match=r"P is indefinite .* is below delta_min"):
