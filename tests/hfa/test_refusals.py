@@ -106,7 +106,7 @@ REFUSED = {
         ("--dihedral 15 --delta 0", "delta is 0.0; it must be a positive number"),
         (
             "--dihedral 15 --R 100,400,400,400,0",
-            "R is not positive definite (smallest eigenvalue 0); make every",
+            "R is not positive definite (smallest eigenvalue 0); every",
         ),
         ("--dihedral 15 --Q 1,two,3,4,5,6", "--Q is 'two'; give a finite number"),
         (
