@@ -181,7 +181,7 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
             {"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"},
             "the rows of B are alpha, speed, but A has speed, alpha",
         ),
-        ({"plant": BARE[0]}, "use .json, .npz or .mat for a table"),
+        ({"plant": BARE[0]}, "use .json, .npz or .mat for other tables"),
         ({"A": ""}, "A has no numbers"),
     ],
 )
