@@ -81,12 +81,14 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
 
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return the paper's E, Q, R and delta as defaults if the plant appears to be the paper's
-    aircraft.
+    """Return the paper's E, Q, R and delta as defaults for the paper's aircraft, and no defaults
+    for any other plant.
 
-    This is assumed for six states and five inputs with the aircraft's names. Without names it is
-    assumed unless the file contains both Q and R. The defaults are converted if the file gives the
-    units of the states. For any other plant the defaults are empty.
+    A plant with six states and five inputs is taken for the paper's aircraft
+    - if its known names are those of the aircraft, or
+    - if it has no names, and the file does not contain both Q and R.
+
+    E and Q are converted to the units of the states, if the file gives them.
 
     parts: entries of the file, with A and B
     names: names and units in the file

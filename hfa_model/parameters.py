@@ -21,10 +21,10 @@ from hfa_support.schema import NUMBER, POSITIVE, read_named
 class Parameters(NamedTuple, Generic[T]):
     """Parameters of the aircraft as numbers or CasADi symbols, in ft, slug, lbf, s and rad.
 
-    Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are
-    about the center of mass of the panel, in panel axes. The wing area of a panel is its span times
-    its chord. Wing and tail have the same lift slope. `thrust_per_throttle` converts the throttle
-    to total thrust. Units and meanings are in `FIELDS`.
+    All three panels have equal mass, span, chord, tail, boom and inertias. Inertias are about the
+    center of mass of the panel, in panel axes. The wing area of a panel is its span times its
+    chord. Wing and tail have the same lift slope. `thrust_per_throttle` is the total thrust for a
+    throttle of 1. Units and meanings are in `FIELDS`.
     """
 
     panel_mass: T

@@ -258,9 +258,9 @@ def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     """Return new symbols z (n,) for the functions.
 
-    They are scalars (SX) if all functions are SX functions. Otherwise z is one matrix symbol (MX):
-    as scalars, a wide network would need a minute and a gigabyte. Annotations state SX for both
-    types, because the code that uses the symbols accepts either.
+    The type is SX if all functions are SX functions, otherwise MX. With SX symbols, a wide network
+    would need a minute and a gigabyte. The annotations state SX for both types, because the code
+    that uses the symbols accepts either.
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)

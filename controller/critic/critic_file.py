@@ -31,12 +31,12 @@ _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings for reading a critic file, used for what the file does not contain.
+    """Settings for reading a critic file that the file does not contain.
 
     basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
         basis named in the file, else "quadratic".
     network: outputs of a network file, as for `from_network`
-    activation: activation between the layers of a state dict; after a comma, the activation of its
+    activation: activation between the layers of a state dict; after a comma, the activation of the
         output
     scale: (n,), factors on the states at the network's inputs
     """
@@ -136,14 +136,14 @@ def read_critic(
     activation: str | None = None,
     scale: Any = None,
 ) -> Critic:
-    """Return the critic in a file of matrices, weights or a network. In a history, the last one.
+    """Return the critic in a file of matrices, weights or a network; of a history, the last critic.
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
     game: the game with the states and inputs of the critic; without it only a gain K can be read
     basis: basis of the weights: a name, or a list of functions; by default the basis named in the
         file, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
-    activation: activation between the layers of a state dict; after a comma, the activation of its
+    activation: activation between the layers of a state dict; after a comma, the activation of the
         output
     scale: (n,), factors on the states at the network's inputs
 
@@ -178,10 +178,11 @@ def is_network(path: Path) -> bool:
 
 
 def _format_of(path: Path) -> str:
-    """Return the name of the entry point in `CRITICS` that reads a file.
+    """Return the name of the entry point in `CRITICS` that reads a file, or "" if this module reads
+    it.
 
-    It is the suffix, or "weight" for a .npz or .json file with the layers of a network. It is ""
-    for other arrays and for a damaged file, which this module reads.
+    The name is "weight" for a .npz or .json file with the layers of a network, and "" for other
+    files of matrices and for damaged ones. For any other file it is the suffix.
     """
     suffix = path.suffix.lower()
     names: list[str] = []
@@ -255,11 +256,10 @@ def single_parts(
 def in_plant_units(
     parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Convert a critic's arrays from the file's units to those of the plant.
+    """Return a critic's arrays, converted from the file's units to those of the plant.
 
-    The state in the file's units is s x. Therefore W, P and K become those of W'ψ(s x), (s x)'P (s
-    x) and K s x. An array that does not fit the plant is returned unchanged; the code that uses it
-    reports the error.
+    For the state s x in the file's units, W, P and K become those of W'ψ(s x), (s x)'P (s x) and K
+    s x. An array whose shape does not fit the plant is returned unchanged.
 
     parts: W (..., M), P (..., n, n), K (..., m, n)
     scales: s, (n,)

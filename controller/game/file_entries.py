@@ -42,9 +42,11 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """Return the factors s (n,) from the plant's state x to the file's state s x.
 
-    The units are compared by the entry `state_units`. A factor is 1 if the unit of the state is
-    unknown in the file or in the plant. Raises BadInputError for units that cannot be converted,
-    and if the file's `states` or `inputs` are those of the plant in another order.
+    The units in the file are its entry `state_units`. The factor of a state is 1 if its unit is
+    unknown in the file or in the plant.
+
+    Raises BadInputError for units that cannot be converted, and if the file's `states` or `inputs`
+    are those of the plant in another order.
     """
     for key in ("states", "inputs"):
         in_file = words(stored, key)

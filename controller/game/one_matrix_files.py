@@ -21,10 +21,11 @@ CRITIC = ("W", "P", "K", "weights")
 
 
 def matrices(path: Path) -> dict[str, Any]:
-    """Return name -> matrix of a file and, for A, of the plant's other files in the same folder.
+    """Return name -> matrix of a file with one matrix.
 
-    The result of a .csv file also contains names and units. A .npy file that is not named after a
-    matrix of a plant or critic is stored under `UNKNOWN`.
+    If the file contains a matrix of a plant, the other matrices of the plant in the same folder are
+    included. For .csv files, the result also contains the names and units in them. A .npy file that
+    is not named after a matrix of a plant or critic is stored under `UNKNOWN`.
     """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))

@@ -34,8 +34,9 @@ class Excitation(Result):
     size: M
     samples: N_h
     smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0)
-    condition: ratio of the largest to the smallest singular value of the same matrix
-    rounding: value that rounding alone can give to a smallest eigenvalue of 0: (N_h ε)² times the
+    condition: ratio of the largest to the smallest singular value of the matrix with the rows
+        ψ(z_j)/|ψ(z_j)|
+    rounding: bound of the smallest eigenvalue that rounding alone can cause, (N_h ε)² times the
         largest eigenvalue of Σ
     """
 

@@ -123,10 +123,10 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     """Return the entries of a plant under this project's names, and notes for the user.
 
     found: arrays read by `read_arrays`
-    needed: required entries; if the file has none of them, they are read from the only structure
-        that contains all
+    needed: required entries; if none of them is at the top level, all entries are read from the
+        only structure that contains all required ones
 
-    Raises BadInputError if the entry `dt` of python-control denotes discrete time.
+    Raises BadInputError if the entry `dt` of python-control is neither 0 nor None.
     """
     notes: list[str] = []
     if not needed & set(found):

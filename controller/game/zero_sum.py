@@ -231,9 +231,9 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
 def is_semidefinite(matrix: np.ndarray) -> bool:
     """Return whether a symmetric matrix (n, n) is positive semidefinite up to rounding.
 
-    The matrix is first scaled to a unit diagonal, so that the result does not depend on units.
-    Large weights cannot hide a small negative one, and the rounding of a sum of squares C'C is that
-    of numbers of size 1.
+    The smallest eigenvalue is that of the matrix scaled to a unit diagonal
+    (`least_scaled_eigenvalue`), which does not depend on units. A large entry cannot hide a small
+    negative one.
     """
     return least_scaled_eigenvalue(matrix) >= -SEMIDEFINITE
 

@@ -182,13 +182,13 @@ def stabilizing_step(
 ) -> Point:
     """Return the point W - f N, with f halved until the policy stabilizes the recorded plant.
 
-    For the LQ problem every f in (0, 1] does so in exact arithmetic with exact data, but rounding
-    and noise can prevent it.
+    For an LQ problem every f in (0, 1] gives a stabilizing policy, except for rounding and noise in
+    the data.
 
     step: N
     fraction: initial f
 
-    Raises NoSolutionError if no f within `MOST_HALVINGS` halvings does.
+    Raises NoSolutionError if none of `MOST_HALVINGS` values of f gives a stabilizing policy.
     """
     for _ in range(MOST_HALVINGS):
         trial = here.weights - fraction * step
@@ -250,9 +250,9 @@ def raise_disturbance(
     """Return the solution of the game with the larger share `target` of 1/δ².
 
     For δ above its minimum the solution exists for every share s in [0, 1] and grows with s
-    (monotonicity of the H-infinity Riccati equation in δ; Basar and Bernhard 1995). A step is
-    accepted if the iteration converges to a P >= 0 for which A - S_s P is Hurwitz. This P is
-    unique. Otherwise the step is halved.
+    (monotonicity of the H-infinity Riccati equation in δ; Basar and Bernhard 1995). A step of s is
+    accepted if the iteration converges to a P >= 0 for which A - S_s P is Hurwitz. Such a P is
+    unique. A rejected step is halved. Without a disturbance the solution does not depend on s.
 
     here: solution at the present share
     delta: δ of the game

@@ -108,11 +108,12 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     """Return `count` states drawn uniformly from a box, with their drifts A z.
 
     game: the game, with A
-    count: number of states
+    count: number of states, at least 1
     seed: the same seed gives the same states
     half_widths: half-widths of the box, (n,); by default `natural_spread`
 
-    Raises BadInputError if a half-width is not a positive number, or their number is not n.
+    Raises BadInputError if `half_widths` are not n positive numbers, or count or seed is out of
+    range.
 
     >>> import hfa
     >>> from controller import random_pool
@@ -132,13 +133,14 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
 def natural_spread(game: Game) -> np.ndarray:
     """Return the standard deviation of each state under white inputs and disturbances, (n,).
 
-    It is the square root of the diagonal of X with
+    The variances are the diagonal of X with
 
         (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
         β = max(largest real part of the eigenvalues of A, 0) + 10 % of the spectral radius.
 
-    It changes with the units of the states, so that the choice of samples does not depend on them.
-    It is 1 for a state that no input or disturbance affects.
+    A spectral radius of 0 is replaced by 1/s. A state that no input or disturbance affects gets the
+    factor by which the balancing of A scales it. The standard deviations change with the units of
+    the states, so that the choice of samples does not depend on units.
     """
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
@@ -155,11 +157,11 @@ def natural_spread(game: Game) -> np.ndarray:
 def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     """Return the `samples` samples of a pool that differ most from each other.
 
-    They are found by pivoted QR of the unit vectors ψ(z_j)/|ψ(z_j)|: each sample has the largest
-    component outside the span of the samples before it. After M samples, the next M are chosen in
-    the same way from the remaining ones, and so on. All vectors have length 1. Therefore a slightly
-    longer first vector begins each round; otherwise rounding, which differs between processors,
-    would decide. Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
+    Pivoted QR orders the unit vectors ψ(z_j)/|ψ(z_j)|. Each chosen sample has the largest component
+    outside the span of the samples chosen before. After each M samples the choice starts again with
+    the remaining samples. The first remaining vector is slightly lengthened, because otherwise
+    rounding would decide which of the unit vectors comes first. Source: Golub and Van Loan, Matrix
+    Computations, section 5.4.2.
 
     Raises BadInputError if `samples` is below M or above the size of the pool, or if the rank of
     the chosen vectors is below M.

@@ -33,23 +33,23 @@ class Spectrum(NamedTuple):
         return float(self.eigenvalues.real.max())
 
     def axis_distance(self) -> float:
-        """Relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M from the imaginary axis.
+        """Return the relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M from the
+        imaginary axis.
 
-        It is the size of the smallest change of M, relative to its norm, that puts an eigenvalue on
-        the axis. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, it does not mislead for a
-        badly conditioned eigenvalue: a double eigenvalue on the axis is computed with |Re λ| of
-        about 1e-8 ‖M‖, but its distance is of the order of rounding, 1e-16.
+        The distance is the norm of the smallest change of M that puts an eigenvalue on the axis,
+        relative to the norm of M. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, it is
+        reliable for an ill-conditioned eigenvalue: a double eigenvalue on the axis is computed with
+        |Re λ| of about 1e-8 ‖M‖, but the distance is computed as about 1e-16.
         """
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
         """Return `axis_distance`, and the frequency ω >= 0 at which it is attained, rad/s.
 
-        The search begins at the imaginary parts of the eigenvalues nearest to the axis
-        (`_likely_frequencies`). σ_min crosses a level only where jω is an eigenvalue of [[M, -level
-        I], [level I, -M']]. Between two such frequencies it may be lower. Source: Byers, SIAM J.
-        Scientific and Statistical Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and
-        Control Letters 15 (1990), 1-7.
+        σ_min(M - jω I) crosses a level only where jω is an eigenvalue of [[M, -level I], [level I,
+        -M']]. Both values are 0 for M = 0. Source: Byers, SIAM J. Scientific and Statistical
+        Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and Control Letters 15 (1990),
+        1-7.
         """
         n = len(self.balanced)
         norm = float(np.linalg.norm(self.balanced, 2))

@@ -256,11 +256,11 @@ def _certified_in(
 def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tuple[Check, ...]:
     """Return the checks of the eigenvalues of H = [[A, -S], [-Q, -A']].
 
-    There must be n eigenvalues on each side of the imaginary axis, and none near it.
+    H must have n eigenvalues on each side of the imaginary axis, and none near the axis.
 
-    given: the original form, if `form` is its levelled form. Levelling enlarges the rounding of the
-        given entries. A further check shows that this rounding cannot move an eigenvalue to the
-        axis.
+    given: the original form, if `form` is its levelled form. Then a further check shows that
+        rounding of the given entries cannot move an eigenvalue to the axis, because levelling
+        enlarges this rounding.
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)
@@ -280,13 +280,12 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
     """Return the smallest relative change of entries that may give the Hamiltonian an eigenvalue
-    jω.
+    jω, for the most critical of the frequencies.
 
-    The entries are those of A, B B', E E' and Q. ω is the most critical of the frequencies. The
-    result is 1 / ρ(|(H - jω I)⁻¹| |H|), where the inverse is computed in the levelled coordinates
-    and |H| contains the magnitudes of the terms of its entries. It does not depend on units, and is
-    0 if H - jω I is singular. Source: Higham, Accuracy and Stability of Numerical Algorithms,
-    Section 7.2.
+    The entries are those of A, B B', E E' and Q. The result is 1 / ρ(|(H - jω I)⁻¹| |H|). The
+    inverse is computed in the levelled coordinates, and |H| contains the magnitudes of the terms of
+    the entries of H. The result does not depend on units, and is 0 if H - jω I is singular. Source:
+    Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2.
     """
     n = len(given.A)
     into = levelled.T * given.units  # from the given to the levelled coordinates

@@ -79,8 +79,9 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
     """Return the largest and the mean eigenvalue of P*⁻¹ D, with D the `loss_matrix`.
 
-    Only states with a positive optimal cost are included. Both are inf if the cost has no bound. If
-    no state has a cost, both are inf for D ≠ 0, and otherwise 0.
+    Only states with a positive optimal cost are included. Both values are inf if the cost has no
+    bound, and if D ≠ 0 but no state has a positive optimal cost. Both are 0 if D = 0 and no state
+    has a positive optimal cost.
     """
     D = loss_matrix(game, exact, K)
     if D is None:

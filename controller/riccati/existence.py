@@ -138,10 +138,9 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
     """Return P, (n, n), by the Schur form if every test of P passes, otherwise None.
 
-    It is used in a search and has no certificate. The tests bound the residual of P, not its error.
-    Therefore rounding can pass them within about 1e-6 of the smallest delta of a stiff plant. A
-    bound of the error by Lyapunov matrices, including the rounding of every entry, would leave
-    undecided some plants that arithmetic with 60 digits solves.
+    The result has no certificate, because the tests bound the residual of P and not its error.
+    Within about 1e-6 of the smallest delta of a stiff plant, they may pass although no solution
+    exists.
     """
     try:
         X = by_schur(form)

@@ -95,8 +95,8 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
     """Return the largest gain of C (sI - A)⁻¹ B + D over all frequencies.
 
-    It is an upper bound with a relative error of 1e-9. It is inf if A is not Hurwitz, and 0 if it
-    is only rounding.
+    The result is an upper bound with a relative error of 1e-9. It is inf if A is not Hurwitz, and 0
+    if the gain is of the order of rounding.
     """
     if not is_hurwitz(A):
         return math.inf

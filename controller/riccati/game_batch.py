@@ -40,9 +40,12 @@ class GameBatch(Reported):
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     """Return the solutions of games on plants A (N, n, n), B (N, n, m).
 
-    E, Q, R and delta are those of the game `like`. A game without a certified solution gets the
-    failed test as its reason, and nan. Raises BadInputError, which names the faulty plant, for
-    wrong shapes or numbers.
+    The P and K of a game without a certified solution are nan, and its reason names the failed
+    test.
+
+    like: game with E, Q, R and delta
+
+    Raises BadInputError, which names the faulty plant, for wrong shapes or numbers.
     """
     A = np.asarray(A, dtype=float)
     B = np.asarray(B, dtype=float)

@@ -242,9 +242,8 @@ class NormalForm:
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
         """Return the largest residual of each game relative to the magnitude of its terms, (...).
 
-        It is max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|), with |·| entry
-        by entry. |S| denotes |B B'| + |E E'|, so that cancellation between control and disturbance
-        does not reduce the magnitude.
+        max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|), with |·| entry by
+        entry and |S| = |B B'| + |E E'|.
 
         X: (..., n, n), symmetric
         """
@@ -272,12 +271,14 @@ class NormalForm:
     def turned(self) -> Self:
         """Return one game in coordinates in which P of its LQ problem is moderate.
 
-        The game itself is returned if P is already moderate, or no such coordinates are found. A
-        mode that the inputs reach only by the small fraction r costs 1/r², and its rounding hides
-        all other modes. The step T <- D W'T turns the directions W of P into axes and selects other
-        units D for the expensive ones. It is computed in twice the precision. With the basis [X1;
-        X2] of the stable subspace, X1 = W cos(θ) Z', and tan(θ) are the eigenvalues of P. Source:
-        Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between subspaces).
+        The game itself is returned if its P is moderate, or if no such coordinates are found.
+        Without the change, a mode that the inputs reach only by a small fraction r costs 1/r², and
+        the rounding of this cost hides all other modes.
+
+        The change of coordinates is T <- D W'T. For the basis [X1; X2] of the stable subspace, X1 =
+        W cos(θ) Z', and tan(θ) are the singular values of P. D contains the units of the directions
+        W. Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between
+        subspaces).
         """
         from controller.riccati.schur import stable_basis
 
@@ -298,9 +299,9 @@ class NormalForm:
     def levelled(self) -> Self:
         """Return one game in coordinates in which P of its LQ problem is near I.
 
-        Fast and slow states together give a P with entries from 1e-11 to 1, and rounding of the
-        fast states then hides the slow ones. A direction in which P is only rounding keeps its
-        unit. If P cannot be computed, the result is that of `turned`.
+        Fast and slow states together can give a P with entries from 1e-11 to 1, and rounding of the
+        fast states then hides the slow ones. The unit of a direction in which P is only rounding is
+        not changed. If P cannot be computed, the result is that of `turned`.
         """
         from controller.riccati.schur import stable_basis
 

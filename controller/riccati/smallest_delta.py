@@ -99,10 +99,11 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     """Return a bracket of the smallest δ of a normal form, by bisection of log δ on `existence`.
 
     The set of δ with a value is an interval (delta_min, inf], because a larger δ makes the
-    disturbance more expensive. The search begins at twice the L2 gain of the LQR policy. This gain
-    is never below delta_min, because the LQR policy attains it. If the LQR policy cannot be
-    certified, the policy of the game itself is used. Source: Basar and Bernhard, H-infinity Optimal
-    Control, Theorem 4.11.
+    disturbance more expensive. The search begins at twice the L2 gain of the LQR policy, which is
+    an upper bound of delta_min. If the LQR policy cannot be certified, the policy of the game is
+    used instead. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+
+    Raises NoSolutionError if no δ has a solution.
     """
     found = _some_solution(form)
     inside = found.form

@@ -127,7 +127,7 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
     meaning = meaning_checks(balanced, solved.X, np.ones(len(solved.X)))
     for check in meaning:
         if not check.ok:
-            unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
+            unconfirmed = f"certified, but not confirmed: {check.name}: {check.reason}"
             raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
     return AnalysedGame(
         **vars(solution_of(form, solved, game)),

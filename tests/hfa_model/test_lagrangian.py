@@ -160,8 +160,8 @@ def test_published_differs_from_newton_in_two_equations_only(parameters: Paramet
 def internal_energy(state: np.ndarray, p: Parameters) -> float:
     """Return the energy about the center of mass, ft lbf.
 
-    It is ½ (c1 + c2 sin² η) q² + (I_xx + m s²/4 - (m s²/6) cos² η) η'² + k η², with the roll
-    inertia I_xx of a panel.
+    ½ (c1 + c2 sin² η) q² + (I_xx + m s²/4 - (m s²/6) cos² η) η'² + k η², with c1 = 3 I_yy, c2 = 2
+    I_zz - 2 I_yy + m s²/6, and the inertias I of a panel.
     """
     x = State(*state.tolist())
     mass_moment = p.panel_mass * p.panel_span**2

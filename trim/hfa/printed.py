@@ -241,9 +241,9 @@ class Bands(ByValue, Reported):
     A: (6, 6)
     B: (6, 5)
 
-    They are two standard errors, propagated from the rounding of the printed matrices through the
-    parameters and the trim. The equations are assumed to be correct; `docs/validation.md` lists
-    their tests.
+    Each half-width is two standard errors, propagated from the rounding of the printed matrices
+    through the parameters and the trim. The equations are assumed to be correct;
+    `docs/validation.md` lists their tests.
     """
 
     A: np.ndarray
@@ -267,7 +267,8 @@ def with_bands(
 ) -> Report:
     """Return a report with error bands, and with the differences from the other dynamics.
 
-    A sentence states the largest of each. Unknown bands or differences are omitted.
+    A sentence states the largest band and the largest difference. Unknown bands or differences are
+    omitted.
 
     bands: bands of the model's entries, or None if unknown
     other: the model with the other dynamics at the same condition, or None
@@ -393,13 +394,13 @@ def entries_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return e = vec(A, B) of the paper's six states, (66,), and de/dp along the trim, (66, P).
 
-    The entries are in the order of columns. The free variables are determined by the rates of some
-    states.
+    Along the trim, the free variables change with p so that the rates of the states `rows` remain
+    0. The entries are in column-major order.
 
     v: variables of the trim
     p: parameters
     free: indices of the free variables in v
-    rows: indices of the states whose rates determine them
+    rows: indices of the states with imposed rates
     """
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     entries, *derivatives = _derivatives(layout, tuple(free), zero)(v[None], p[None])

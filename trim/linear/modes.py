@@ -47,8 +47,8 @@ def modes_of(
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
-    states with the largest participation, or after the state if it is in no family. If two modes
-    have the same name, the faster one is called "fast" and the slower one "slow".
+    states with the largest participation, or after the state if it is in no family. Equal names are
+    distinguished by "fast" and "slow", or by numbers if there are more than two.
 
     Raises BadInputError if A is not a square matrix of finite numbers with one row for each state.
 

@@ -103,13 +103,13 @@ def _reduced(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the kept rows and columns of a pair of matrices: A and C, B and D, or E and F.
 
-    They include the effect of states that follow without delay.
+    The result includes the effect of the states that follow the kept ones without delay.
 
     of_rates: A, B or E
     of_outputs: C, D or F
     columns: columns that are kept
 
-    Raises BadInputError if the rates of the following states do not determine these states.
+    Raises BadInputError if the block of A of the following states is singular.
     """
     rows, following, outputs = kept
     rates = of_rates[:, columns]

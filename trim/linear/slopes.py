@@ -46,9 +46,9 @@ def exact_sides(
     p: parameters
     columns: indices of the states and inputs at a kink
 
-    Each is extrapolated to the point from exact derivatives two to three steps h away, because a
-    kink may be up to one step from the point: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h). The error is of
-    the order of h³ J'''.
+    The derivatives are extrapolated to the point from exact derivatives J at 2 to 3 steps h from
+    it, because a kink may be up to one step from the point: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h).
+    The error is of the order of h³ J'''.
     """
     n = len(model.states)
     steps = np.array(steps_of(model))
@@ -90,10 +90,10 @@ def correct(
     jacobian: np.ndarray,
     columns: np.ndarray,
 ) -> tuple[str, ...]:
-    """Replace the entries of a Jacobian at a kink by the means of both slopes. Return notes on
-    them.
+    """Replace the entries of a Jacobian at a kink by the means of both slopes, and return notes.
 
-    A note is a sentence on an entry at a kink, or on an entry at which the rate jumps.
+    Each note is a sentence on an entry at a kink, or on an entry where the rate jumps, which is not
+    replaced.
 
     z: (n + m,), state and input
     p: parameters

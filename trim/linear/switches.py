@@ -28,11 +28,12 @@ _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 def near_switches(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices of points near a switch, and of the states and inputs that can reach one.
+    """Return the indices of the points near a switch, and of the states and inputs that affect a
+    switch.
 
-    A point is near a switch if a step reaches it. At most `_MOST` points are returned. If the
-    equations call functions, whose content is not visible, all finite points (at most `_MOST`),
-    states and inputs are returned.
+    A point is near a switch if a step of a state or input reaches the switch. At most `_MOST`
+    points are returned. If the equations call functions, whose operations are not visible, the
+    first `_MOST` finite points and all states and inputs are returned.
 
     x: (N, n), states
     u: (N, m), inputs

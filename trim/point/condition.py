@@ -264,8 +264,8 @@ def release(
 ) -> TrimCondition:
     """Return a condition with some variables set free, others held, and limits changed.
 
-    free: variables to set free. The search begins at their previously imposed values. A rate
-        (speed_dot) that is set free is not balanced.
+    free: variables to set free. The search begins at the previously imposed value, or at the first
+        value of a table. A rate (speed_dot) that is set free is not balanced.
     hold: name -> imposed value
     limits: name -> (lowest, highest)
 

@@ -22,8 +22,9 @@ _MINOR = 1e-3
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
     """Return one line with the reason why the best unknowns found are not a trim.
 
-    It names the equations that do not balance and their residuals, the active limits, and the
-    values beyond the limits that balance would require.
+    If all equations balance, the line names the outputs beyond their limits. Otherwise it names the
+    equations that do not balance, with their residuals, the active limits, and free variables
+    without an independent effect.
 
     found: unknowns, (k,), possibly beyond their limits
     """
@@ -85,10 +86,10 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable whose effect is a combination of others' effects.
+    """Return a sentence for each free variable whose column of the Jacobian depends linearly on the
+    columns of the free variables before it.
 
-    Its column of the Jacobian is then a linear combination of the columns before it. The list is
-    empty if the Jacobian has full row rank.
+    The list is empty if the Jacobian has full row rank.
     """
     jacobian = problem.at(z).jacobian
     sentences: list[str] = []

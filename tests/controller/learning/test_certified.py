@@ -345,11 +345,10 @@ def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
 def test_an_answer_without_the_discount_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without safeguards, the law fails or gives a wrong P for initial weights at the edge of
-    stability.
+    """Without its safeguards, the law fails or gives a wrong P in at least one of two runs.
 
     The safeguards are directions by QR, the stability test of each step, and the initial discount.
-    At least one of two runs must fail.
+    The initial weights are at the edge of stability.
     """
 
     def truncated(found: Any, normaliser: np.ndarray) -> np.ndarray:

@@ -214,9 +214,10 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
 
 def test_undetermined_trims_are_told_from_determined_ones() -> None:
-    """The report names the variable of an undetermined trim, and not if the variable is held.
+    """The report names the variable of an undetermined trim, and omits this warning if the variable
+    is held.
 
-    a' = a b and b' = u - b balance for any a at b = 0, as for any norm of a quaternion.
+    The equations a' = a b and b' = u - b are satisfied for any a at b = 0.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

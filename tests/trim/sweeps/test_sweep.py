@@ -327,10 +327,10 @@ def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
 
 
 def test_each_point_carries_its_status(aircraft: Model) -> None:
-    """Each point has the right status, and A is finite if and only if it is trimmed.
+    """Each point has the expected status, and its A is finite if and only if it is trimmed.
 
-    The points are a climb, a dive, too low a speed, too large an alpha, level flight, and a
-    negative speed. Speeds are in ft/s, gamma and alpha in rad.
+    The stored eigenvalues of A are sorted, fastest first, and nan without a trim. Speeds are in
+    ft/s, gamma and alpha in rad.
     """
     statuses = {
         (68.0, 0.35, 0.0489): BEYOND_LIMITS,
