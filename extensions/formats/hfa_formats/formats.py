@@ -16,7 +16,7 @@ from hfa_support.reporting.results import Result
 
 @dataclass(frozen=True)
 class Stamp(Result):
-    """Fields that the command adds to every result.
+    """Fields that are added to every result.
 
     units: unit system of all numbers: english (ft, slug, lbf) or si (m, kg, N).
     provenance: version, command, date, equations, parameters with a hash, condition.
@@ -38,9 +38,9 @@ def written() -> tuple[str, ...]:
 
 
 def classes_of(text: str) -> list[type[Result]]:
-    """Return the classes that a declaration "module:Class module:Class?" names.
+    """Return the classes in a declaration "module:Class module:Class?".
 
-    A first word without ":" is the format to which the classes are added. It is skipped.
+    A word without ":", which names a format, is skipped.
     """
     places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
     return [getattr(import_module(module), name) for module, name in places]
@@ -50,7 +50,7 @@ def classes_of(text: str) -> list[type[Result]]:
 def formats() -> dict[str, Any]:
     """Return the JSON Schema of all outputs.
 
-    Its `oneOf` contains one schema for each format, such as trim.
+    The list `oneOf` contains one schema for each format, such as trim.
     """
     results = {_name(classes_of(text)[0]): _joined(text) for text in written() if _is_whole(text)}
     for text in written():
@@ -74,19 +74,21 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Return whether a declaration defines a result, and not an addition to a result."""
+    """Return whether a declaration defines a result, not an addition to a result."""
     return ":" in text.split()[0]
 
 
 def _name(result: type[Result]) -> str:
-    """Return the name of a class's format without prefix and version: "trim" for hfa.trim/1."""
+    """Return the name of a class's format without prefix and version, such as "trim" for
+    hfa.trim/1.
+    """
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """Return the schema of a result that is part of another result.
+    """Return the schema of a result that is part of another result, without the title.
 
-    The title is removed because it names the command that writes the result as an output.
+    A title names the command that writes the result as an output.
     """
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
@@ -94,7 +96,7 @@ def _part(result: type[Result]) -> dict[str, Any]:
 def _joined(text: str) -> dict[str, Any]:
     """Return the schema of a declared result, including the entries added to it.
 
-    The entries of a class with "?" are optional. All others remain required.
+    The entries of an added class with "?" are optional.
     """
     first, *added = classes_of(text)
     schema = json_schema(first)

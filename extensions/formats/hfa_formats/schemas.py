@@ -32,8 +32,9 @@ _PLAIN: dict[Any, dict[str, Any]] = {
 def meaning(kind: Any, path: tuple[str, ...]) -> str:
     """Return the description of an entry.
 
-    It is the line "name: ..." in the docstring of the entry's class or of a base class. Without
-    this line it is the docstring of the property. Raises KeyError if both are missing.
+    The description is the line "name: ..." in the docstring of the entry's class or of a base
+    class. Without this line it is the docstring of the property. Raises KeyError if both are
+    missing.
 
     kind: class of the result
     path: names of the fields that lead to the entry, such as ("leaf", "name")
@@ -54,10 +55,10 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
 
 
 def annotation(kind: Any, path: tuple[str, ...]) -> Any:
-    """Return the annotation of the field or property that a path of names leads to.
+    """Return the annotation of the field or property at the end of a path of names.
 
-    The annotation includes None if any step of the path may be None. An empty path leads to the
-    class itself.
+    The annotation includes None if any step of the path may be None. For an empty path, the result
+    is the class itself.
     """
     none = types.NoneType
     is_optional = False
@@ -68,10 +69,9 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the evaluated annotation of a field or property.
+    """Return the evaluated annotation of a field or property, of a class or its nearest base class.
 
-    It is read from the class or from the nearest base class that declares it. Raises KeyError if no
-    class declares it.
+    Raises KeyError if no class declares the name.
     """
     for ancestor in kind.__mro__:
         written = _written_annotation(ancestor, name)
@@ -188,10 +188,7 @@ def parts_of(kind: type[Result]) -> list[type[Result]]:
 
 
 def _without_none(hint: Any) -> Any:
-    """Return the annotation without `| None`.
-
-    It describes an entry that is omitted if its value is None.
-    """
+    """Return the annotation without `| None`."""
     kinds = tuple(each for each in get_args(hint) if each is not types.NoneType)
     return typing.Union[kinds] if types.NoneType in get_args(hint) else hint  # noqa: UP007
 

@@ -1,1 +1,1 @@
-"""Critics that are neural networks: their files, and the search for and proof of their errors."""
+"""Critics that are neural networks: their files, the search for errors, and bounds on errors."""

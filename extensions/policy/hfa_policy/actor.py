@@ -29,7 +29,9 @@ class Actor:
 
     function: observations (k,) -> actions (m,).
     chain: description of the layers.
-    squash: True if tanh follows, mapped to the box; otherwise actions are clipped to the box.
+    squash: True if the output passes through tanh and is mapped to the box; False if it is clipped
+        to
+        the box.
     clip_mean: largest absolute value before tanh.
     stored: settings in a Stable-Baselines3 zip, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None.
@@ -50,13 +52,14 @@ def read_actor(
 ) -> Actor:
     """Read the actor that the table [policy] of a deployment file names.
 
-    entries: "file", and "activation", "layout", "squash" and "network" if the file does not store
-        them.
-    folder: folder of relative file names.
-    observations, actions: number of observations and of actions in the deployment file.
-    history: number of samples of the observations.
+    entries: table [policy]; "activation", "layout", "squash" and "network" if the file does not
+        store
+        them
+    folder: folder of relative file names
+    observations, actions: number of observations and of actions in the deployment file
+    history: number of samples of the observations
 
-    Raises BadInputError if the file cannot be read or contradicts the deployment file.
+    Raises BadInputError if the file is missing, cannot be read or contradicts the deployment file.
     """
     width = history * observations
     source = entries.get("file")
@@ -84,8 +87,8 @@ def read_actor(
 def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
     """Read the actor in a Stable-Baselines3 zip.
 
-    Raises BadInputError if the deployment file contradicts the zip, or if the numbers of
-    observations differ.
+    Raises BadInputError if `entries` contradict the zip, or if the zip was trained with another
+    number of observations.
     """
     stored = read_zip(path)
     said = {
@@ -126,7 +129,8 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
     """Read the actor in an ONNX file, a state dict or a file with a gain K.
 
-    Raises BadInputError if the deployment file contradicts the file.
+    Raises BadInputError if `entries` contradict the file, if the file contains no policy with this
+    number of observations, or if its action_scale is not positive.
 
     observations: number of inputs of the network, samples times observations
     """
@@ -171,8 +175,8 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
 def stored_gain(path: Path) -> np.ndarray | None:
     """Return the gain K of u = -K o in an .npz file, (actions, observations).
 
-    The result is None if the file is not an .npz file or contains no K. Raises BadInputError if the
-    file cannot be read or K is not a finite matrix.
+    The result is None if the suffix is not .npz or the file contains no K. Raises BadInputError if
+    the file cannot be read or K is not a finite matrix.
     """
     if path.suffix.lower() != ".npz":
         return None
@@ -203,10 +207,12 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
-    """Raise BadInputError unless a policy has the inputs and outputs of the deployment file.
+    """Raise BadInputError unless a function has the numbers of inputs and outputs of the
+    deployment.
 
-    what: name of the policy in the message
-    observations, actions: number of observations and of actions in the deployment file
+    what: name of the function in the message
+    observations: required number of inputs
+    actions: required number of outputs
     """
     takes = function.numel_in(0)
     gives = function.numel_out(0)

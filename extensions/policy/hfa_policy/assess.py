@@ -42,9 +42,11 @@ def assess(
     deployment: observations, actions and timing of the policy, or the path of a deployment file
     points: operating points, or values of the scheduling variable in the units of the model;
         default: the model's default trim
-    samples: number of flights at each trim, with and without disturbance pulse
-    seed: seed of the flights' initial conditions
-    progress: called during the flights
+    samples: number of initial conditions at each trim; each is flown with and without the
+        disturbance
+        pulse
+    seed: seed of the initial conditions
+    progress: callback for the progress of the flights
     vary: parameter, or input that no action moves -> lowest and highest value; the policy is also
         assessed on the changed aircraft, with the trim values of the original
     scenario: sensor noise, gust or turbulence for at most 20 further flights from each trim, as in
@@ -52,8 +54,8 @@ def assess(
     box: linear state -> half-width of the initial-condition box, instead of the usual half-width
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> required value
 
-    Raises BadInputError if the deployment does not fit the aircraft, and TrimError if there is no
-    trim.
+    Raises BadInputError for a wrong argument or a deployment that does not fit the aircraft, and
+    TrimError if there is no trim.
 
     >>> import casadi as ca
     >>> import hfa
@@ -97,11 +99,11 @@ def judged(
 ) -> Assessment:
     """Assess a policy at the assessor's trims.
 
-    needs: requirement -> required value.
-    changes: (parameter or input, value) of each changed aircraft.
-    scenarios: one for each trim, or none.
-    progress_of: description of a step -> callback for its progress.
-    best: assessed trim -> comparison with the best flights, or None to omit it.
+    needs: requirement -> required value
+    changes: (parameter or input, value) of each changed aircraft
+    scenarios: one for each trim, or none
+    progress_of: name of a step -> callback for its progress, or None
+    best: assessed trim -> comparison with the best flights, or None for no comparison
     """
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:

@@ -1,7 +1,4 @@
-"""Assessment of a deployed policy at each trim.
-
-It covers the equilibrium, the sampled loop's stability, delays, margins, cost and flights.
-"""
+"""Assessment of a deployed policy at each trim."""
 
 from __future__ import annotations
 
@@ -53,19 +50,24 @@ _ELSEWHERE = 1e-3
 class AssessedPoint(Result):
     """Assessment of a policy at one trim.
 
+    deployed: the policy on its aircraft.
     point: the trim.
     place: initial-condition box and equilibrium.
     radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
     delays: spectral radii with other delays, or None without an equilibrium.
-    margins: margins of the loop, or None if it is unstable.
-    cost: percent above the optimum, or None without weights or without an optimum.
+    margins: margins of the loop; None without an equilibrium, if the loop is unstable, or if the
+        computation fails.
+    cost: cost above the optimum; None without an equilibrium, weights or an optimum.
     nonlinearity: largest deviation of the command from its linearization over the initial-condition
         box, or None without an equilibrium.
     flights: outcomes from seeded initial conditions, or None without flights.
-    disturbed: outcomes from the same initial conditions with a disturbance pulse.
+    disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
+        flights.
     findings: findings at this trim, one sentence each.
-    best: comparison with the best flights found, or None.
-    rough: flights with sensor noise or in moving air, or None.
+    best: comparison with the best flights found, or None if it was not requested.
+    rough: flights with sensor noise or in moving air, or None if they were not requested.
+    slowest: eigenvalue of the sampled loop with the largest absolute value; nan without an
+        equilibrium.
     """
 
     json_keys = (
@@ -93,10 +95,11 @@ class AssessedPoint(Result):
 
     @property
     def own_mode(self) -> OwnMode | None:
-        """Mode of the aircraft that the policy does not control, or None.
+        """Slow mode of the aircraft that the policy does not control, or None.
 
-        It is the mode with the fastest growth. A decaying mode counts only if the policy does not
-        affect it and flights do not converge.
+        If slow modes are out of reach of the policy, the result is the one with the fastest growth.
+        Otherwise it is the slowest mode of the loop, if the policy hardly changes this mode,
+        nothing is saturated, and the policy does not hold or a flight does not converge.
         """
         reach = self.place.reach
         if reach is None:
@@ -119,7 +122,7 @@ class AssessedPoint(Result):
         """True if the policy stabilizes the aircraft.
 
         The sampled loop must be stable at its equilibrium, with no action or input saturated there.
-        At least half of the flights must converge.
+        If flights were simulated, at least half must converge.
         """
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
@@ -129,9 +132,10 @@ class AssessedPoint(Result):
 
     @property
     def chatters(self) -> bool:
-        """True if the equilibrium is unstable and every flight stays in a small ball about it.
+        """True if the loop is unstable at its equilibrium, yet every flight stays in a small ball
+        about it.
 
-        This occurs at a kink of a network.
+        An example is a loop at a kink of a network.
         """
         if self.equilibrium is None or self.flights is None or not self.radius >= 1.0:
             return False
@@ -139,7 +143,7 @@ class AssessedPoint(Result):
 
     @property
     def offset(self) -> np.ndarray:
-        """Difference between equilibrium and trim in the linear states, (k,)."""
+        """Equilibrium minus trim in the linear states, (k,); defined only with an equilibrium."""
         assert self.equilibrium is not None
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
@@ -147,7 +151,7 @@ class AssessedPoint(Result):
 
     @property
     def radii(self) -> tuple[float, ...]:
-        """Spectral radii with delays of 0, 1, 2, ... samples; empty without an equilibrium."""
+        """Spectral radii with delays of 0, 1, 2, ... samples, or () without an equilibrium."""
         return () if self.delays is None else self.delays.radii
 
     @property
@@ -170,7 +174,7 @@ class AssessedPoint(Result):
 
     @property
     def input_margins(self) -> list[dict[str, float]]:
-        """Return gain_low, gain_high, phase_deg and disk of each commanded input; empty without
+        """Return gain_low, gain_high, phase_deg and disk of each commanded input, or [] without
         margins.
         """
         if self.margins is None:
@@ -187,7 +191,7 @@ class AssessedPoint(Result):
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:
-    """Return {key: value} of the scheduling variable, or {} if the model has none.
+    """Return {key: value} of the scheduling variable at a trim, or {} if the model has none.
 
     Angles are in degrees.
     """
@@ -205,7 +209,7 @@ class SampledLoop(NamedTuple):
     """Sampled loop about one equilibrium.
 
     radius: spectral radius, or nan without an equilibrium.
-    cost: cost above the optimum, or None without weights or an optimum.
+    cost: cost above the optimum; None without an equilibrium, weights or an optimum.
     """
 
     radius: float
@@ -218,7 +222,7 @@ class Assessor:
 
     deployed: the policy on the aircraft.
     points: the trims.
-    samples: number of flights at each trim.
+    samples: number of initial conditions at each trim.
     seed: seed of the initial conditions.
     box: linear state -> half-width of the initial-condition box, instead of the usual half-width.
     steady: original trim if the points are on a changed aircraft, otherwise None.
@@ -232,7 +236,7 @@ class Assessor:
     steady: OperatingPoint | None = None
 
     def flight(self) -> SampledFlight:
-        """Return the simulation of the sampled loop for all flights."""
+        """Return the simulation of the sampled loop from these trims."""
         deployment = self.deployed.deployment
         parts = parts_of_a_sample(list(self.points), deployment.dt)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
@@ -240,8 +244,7 @@ class Assessor:
     def places(self, flight: SampledFlight) -> list[Place]:
         """Return each trim with its equilibrium and initial-condition box.
 
-        The equilibrium is found by Newton's method from the trim, and from the end of a flight that
-        begins at the trim.
+        flight: result of the method `flight`
         """
         searches = [EquilibriumSearch(self.deployed, point, self.steady) for point in self.points]
         equilibria = [
@@ -263,7 +266,7 @@ class Assessor:
     def _place(
         self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """Return a trim with its equilibrium and the modes that the actions move.
+        """Return a trim with its equilibrium and the modes within reach of the policy.
 
         widths: half-widths of the initial-condition box, (k,)
         """
@@ -294,12 +297,16 @@ class Assessor:
         return widths
 
     def _chain(self, reach: Reach) -> Chain:
-        """Return the sampled loop of the states that the actions move, with the deployed delay."""
+        """Return the sampled loop of the modes within reach, with the deployed delay."""
         deployment = self.deployed.deployment
         return chain_of(reach.loop, deployment.dt, deployment.delay)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
-        """Assess the policy at each trim."""
+        """Assess the policy at each trim.
+
+        Raises BadInputError for a trim at the limit of a state, or if an observation, the policy or
+        a map is not finite at a trim.
+        """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()
@@ -314,8 +321,9 @@ class Assessor:
         return [self._point(*row) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
-        """Return spectral radius and cost at each trim. Flights, margins and longer delays are
-        omitted.
+        """Return spectral radius and cost at each trim, without flights.
+
+        Raises the errors of `assessed`.
         """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
@@ -392,9 +400,10 @@ def _nearer(
     search: EquilibriumSearch,
     widths: np.ndarray,
 ) -> Equilibrium | None:
-    """Choose between two equilibria, each of which may be None.
+    """Return one of two equilibria, each of which may be None.
 
-    `elsewhere` is chosen if the flight from the trim ends at it and it differs from `equilibrium`.
+    The result is `elsewhere` if `equilibrium` is None, or if the flight from the trim ends at
+    `elsewhere` and `equilibrium` is a different point.
 
     equilibrium: found by Newton's method from the trim
     elsewhere: found by Newton's method from the end of the flight
@@ -416,7 +425,7 @@ def _nearer(
 def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
     """Return the findings at an equilibrium, one sentence each.
 
-    They concern saturation, clipped observations, modes that no action moves, and kinks.
+    They concern saturation, clipped observations, modes out of reach and kinks.
     """
     findings = []
     if equilibrium.clips:
@@ -435,7 +444,7 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
 
 
 def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None) -> list[str]:
-    """Return the findings of the flights in addition to the spectral radius, worst first.
+    """Return the findings of the flights, worst first, or [] without flights.
 
     radius: spectral radius of the sampled loop
     flown, pushed: outcomes without and with a disturbance pulse
@@ -472,7 +481,7 @@ def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None
 
 
 def cycle_text(cycle: LimitCycle) -> str:
-    """Return a limit cycle as text: signal, amplitude and frequency. Angles are in degrees."""
+    """Return signal, amplitude and frequency of a limit cycle as text, with angles in degrees."""
     unit = "" if cycle.unit == "1" else f" {shown_unit(cycle.unit)}"
     size = short_number(cycle.amplitude, cycle.unit)
     return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"

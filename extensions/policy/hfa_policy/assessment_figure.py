@@ -1,4 +1,4 @@
-"""Figure of an assessment: stability versus delay, and outcomes of flights."""
+"""Figure of an assessment: spectral radii versus delay, and outcomes of flights or disk margins."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
-    """Draw the spectral radius versus delay and the outcomes of the flights, for each trim.
+    """Draw the spectral radius versus delay and the outcomes of the flights, and return the figure.
 
-    If all flights have the same outcome, disk margins are drawn instead of the outcomes. Returns
-    the figure.
+    Disk margins replace the outcomes if all flights converge, if all leave the envelope, or if
+    there are no flights.
     """
     from matplotlib import colormaps
 
@@ -71,7 +71,7 @@ def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
 
 
 def _draw_margins(axes: Axes, assessment: Assessment, shades: np.ndarray) -> None:
-    """Draw the disk margin of each trim, 0 if its loop is unstable.
+    """Draw the disk margin of each trim, 0 without margins.
 
     shades: color of each trim, (N, 4)
     """

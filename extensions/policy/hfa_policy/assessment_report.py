@@ -58,11 +58,11 @@ class Assessment(Result, Reported):
     """Assessment of a policy as it is deployed, at one or more trims.
 
     deployed: the policy on its aircraft.
-    points: results at each trim, by the value of the scheduling variable.
+    points: results at each trim.
     mistakes: proved or likely mistakes of the deployment file.
     needs: delay (s), margin, or cost (percent) -> required value.
     variations: results on changed aircraft.
-    assumed: description of the trim that was assumed because none was given.
+    assumed: description of the trim that was assumed because none was given, otherwise "".
 
     >>> import hfa
     >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP
@@ -94,7 +94,7 @@ class Assessment(Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the trims and the deployment file."""
+        """Warnings about the trims and about a normalizer that may be missing, each once."""
         sentences = [text for point in self.points for text in point.point.warnings]
         of_card = unknown_normalizer(self.deployed)
         if of_card:
@@ -105,7 +105,8 @@ class Assessment(Result, Reported):
     def unmet(self) -> list[str]:
         """Requirements that are not satisfied, one sentence each.
 
-        Raises BadInputError if a cost is required and the deployment has no weights.
+        Raises BadInputError for an unknown requirement, and if a cost is required and the
+        deployment has no weights.
         """
         sentences = []
         for name, need in self.needs.items():
@@ -127,8 +128,9 @@ class Assessment(Result, Reported):
     def ok(self) -> bool:
         """True if the policy passes.
 
-        It must hold at every trim and on every changed aircraft, and satisfy every requirement.
-        Flights with the requested noise, gusts and turbulence must stay inside the envelope.
+        The policy must hold at every trim and on every changed aircraft, and satisfy every
+        requirement. No mistake of the deployment may be proved. Flights with the requested noise,
+        gusts and turbulence must stay inside the envelope.
         """
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
@@ -140,8 +142,8 @@ class Assessment(Result, Reported):
     def headlines(self) -> list[str]:
         """Findings over all trims, one sentence each.
 
-        If the policy fails, the worst are first. Otherwise the list begins with the trims at which
-        it holds.
+        If the assessment fails, the most serious finding is first. If it passes, the first sentence
+        lists the trims at which the policy holds.
         """
         holding = self._holding()
         verdicts = [holding, self._leaving_roughly()]
@@ -163,7 +165,11 @@ class Assessment(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """Verdict and at most two findings, in at most 100 columns."""
+        """Verdict and first finding, followed by the second finding if the line then has at most
+        100 columns.
+
+        If the second finding is too long, its part before a bracket is added, if that fits.
+        """
         is_linear = LINEAR in self.deployed.model.extras.notes
         subject = " on the linear plant" if is_linear else ""
         line = f"{verdict_text(self.ok)}{subject}: {self.headlines[0]}"
@@ -178,7 +184,11 @@ class Assessment(Result, Reported):
 
     @property
     def further(self) -> list[str]:
-        """Findings that are not in the first line, worst first, followed by assumptions."""
+        """Findings that are not in the first line, in the order of `headlines`, followed by the
+        assumed trim.
+
+        If the first line omits only the bracket of a finding, the content of the bracket is listed.
+        """
         line = self.first_line
         found = []
         for headline in self.headlines:
@@ -195,9 +205,9 @@ class Assessment(Result, Reported):
         return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
-        """Return a phrase with the trims at which the policy holds.
+        """Return a phrase that reports at which trims the policy holds.
 
-        Without flights, it states that only the linear loop was assessed.
+        Without flights, the phrase names the linear loop instead of the policy.
         """
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
@@ -214,13 +224,13 @@ class Assessment(Result, Reported):
 
     @property
     def _flown(self) -> bool:
-        """True if flights from initial conditions were simulated."""
+        """True if flights from initial conditions were simulated at a trim."""
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
         """Return a phrase on the changed aircraft on which the policy does not hold, or "".
 
-        It contains their number and the first of them.
+        The phrase gives the number of these aircraft and describes the first.
         """
         failing = [variation for variation in self.variations if not variation.holds]
         if not failing:
@@ -231,13 +241,14 @@ class Assessment(Result, Reported):
 
     @property
     def _rough(self) -> list[RoughFlights]:
-        """Flights with noise or in moving air, for each trim."""
+        """Flights with noise or in moving air, one entry for each trim that has such flights."""
         return [point.rough for point in self.points if point.rough is not None]
 
     def _leaving_roughly(self) -> str:
-        """Return a phrase on the flights in noise or moving air that leave the envelope, or "".
+        """Return a phrase on the flights with noise or in moving air that leave the envelope, or
+        "".
 
-        It contains their number and the earliest departure.
+        The phrase gives the number of these flights and the earliest departure.
         """
         departures = [flown.departure for flown in self._rough if flown.departure is not None]
         if not departures:
@@ -249,9 +260,10 @@ class Assessment(Result, Reported):
         return f"{_leaving(count, total, flights)} ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
-        """Return a phrase on the slow mode of the aircraft that the policy does not control.
+        """Return a phrase on the mode with the fastest growth that the policy does not control, or
+        "".
 
-        The result is "" without such a mode, or if the mode decays and the policy holds.
+        A mode that decays at a trim at which the policy holds is not reported.
         """
         found = [(point.own_mode, point) for point in self.points]
         modes = [(mode, point) for mode, point in found if mode is not None]
@@ -267,7 +279,7 @@ class Assessment(Result, Reported):
     def _departing(self) -> str:
         """Return a phrase on the flights that leave the envelope, or "".
 
-        It contains their number and the earliest departure: a state and its limit.
+        The phrase gives the number of these flights and the earliest departure.
         """
         left = [point for point in self.points if point.flights is not None and point.flights.lost]
         outcomes = [point.flights for point in left if point.flights is not None]
@@ -282,9 +294,7 @@ class Assessment(Result, Reported):
         return f"{text} (first: {departure_text(first)})"
 
     def _chattering(self) -> str:
-        """Return a phrase with the trims at which the loop chatters about an unstable equilibrium,
-        or "".
-        """
+        """Return a phrase with the trims at which the loop chatters at its equilibrium, or ""."""
         chattering = [point for point in self.points if point.chatters]
         if not chattering:
             return ""
@@ -293,7 +303,7 @@ class Assessment(Result, Reported):
     def _cycling(self) -> str:
         """Return a phrase on the largest limit cycle and its trim, or "".
 
-        Amplitudes are compared relative to the nominal values of the signals.
+        Amplitudes are compared after division by the nominal values of the signals.
         """
         largest = None
         for point in self.points:
@@ -306,7 +316,11 @@ class Assessment(Result, Reported):
         return "" if largest is None else largest[1].replace(" at the trim:", ":")
 
     def _where(self, points: list[AssessedPoint]) -> str:
-        """Return trims as text: "from 38 to 60 m/s", "at 45 m/s"."""
+        """Return trims as text, such as "from 38 to 60 m/s" or "at 45 m/s".
+
+        Without a scheduling variable, the text is "at the trim". A range is given only if it
+        contains no other trim of the assessment.
+        """
         values = [value for point in points for value in scheduled_value(point.point).values()]
         if not values:
             return "at the trim"
@@ -323,15 +337,15 @@ class Assessment(Result, Reported):
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
 
     def _unless_all(self, points: list[AssessedPoint]) -> str:
-        """Return trims as text after a space, or "" if they are all trims."""
+        """Return trims as text after a space, or "" if `points` contains every trim."""
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
-        """Return a phrase on the shortest delay with which the loop is unstable.
-
-        It contains the trims, unless all of them have this limit. If no delay that was searched
-        destabilizes the loop, the phrase gives the longest delay. The result is "" if no trim
+        """Return a phrase on the shortest unstable delay over the trims that hold, or "" if none
         holds.
+
+        If no examined delay destabilizes a loop, the phrase gives the longest delay that was
+        examined at all these trims.
         """
         holding = [point for point in self.points if point.holds and point.delays is not None]
         limits = [point.delays.limit for point in holding if point.delays is not None]
@@ -353,8 +367,8 @@ class Assessment(Result, Reported):
     def _offset(self) -> str:
         """Return a phrase on the largest steady-state error, relative to the initial-condition box.
 
-        It reports a missing equilibrium instead. Without an error, the phrase is "" if the policy
-        does not hold.
+        If a trim has no equilibrium, the phrase reports this instead. If the error is negligible
+        and the policy does not hold, the phrase is "".
         """
         nowhere = [point for point in self.points if point.equilibrium is None]
         if nowhere:
@@ -376,7 +390,7 @@ class Assessment(Result, Reported):
         return f"steady-state {name} error {many}{size}"
 
     def _saturating(self) -> str:
-        """Return a phrase on the actions and inputs saturated at the equilibrium, or ""."""
+        """Return a phrase on the actions and inputs that are saturated at an equilibrium, or ""."""
         saturated: list[AssessedPoint] = []
         clips: dict[str, None] = {}
         for point in self.points:
@@ -389,10 +403,12 @@ class Assessment(Result, Reported):
         return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Return a phrase on how many flights converge.
+        """Return a phrase on the convergence of the flights.
 
-        It is "every flight converges", or the number of flights that stay inside the envelope
-        without converging. It is "" if flights leave the envelope and all others converge.
+        - No flight was simulated: this statement.
+        - Some flights stay inside the envelope without converging: their number.
+        - Every flight converges: this statement.
+        - Otherwise: "".
         """
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
@@ -406,9 +422,10 @@ class Assessment(Result, Reported):
         return f"{count} of {starts} flights stay inside but do not converge within {seconds:.3g} s"
 
     def _flown_costs(self) -> str:
-        """Return a phrase on costs relative to the best flights found, or "".
+        """Return a phrase on costs relative to the best flights found, at the trim with the worst
+        median.
 
-        It describes the trim with the worst median.
+        The phrase is "" without best flights.
         """
         flown = [point.best for point in self.points if point.best is not None]
         if not flown:
@@ -422,22 +439,21 @@ class Assessment(Result, Reported):
         return f"the steady-state error costs {rate:.2g} per second" if rate > 0.0 else ""
 
     def _bounded_costs(self) -> str:
-        """Return a phrase on the costs of flights above the proved lower bound, or "".
-
-        A bound applies to a single trim.
+        """Return a phrase on the costs of flights above the proved lower bound at the first trim,
+        or "".
         """
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
 
     def _brackets(self) -> list[Table]:
-        """Return the table of lower bounds and costs, if a bound was given."""
+        """Return a list with the table of lower bounds and costs, or [] without a lower bound."""
         best = self.points[0].best
         if best is None or not best.brackets:
             return []
         return [bracket_table(self.deployed.model, best.brackets)]
 
     def _costing(self) -> str:
-        """Return a phrase on the cost of the linear loop, or "" if the policy does not hold."""
+        """Return a phrase on the largest linear cost over the trims that hold, or ""."""
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
@@ -452,7 +468,7 @@ class Assessment(Result, Reported):
         return f"linear cost up to {short_number(times, '')}x the optimum"
 
     def report(self) -> Report:
-        """Return the report: first line, findings, mistakes and the table of the trims."""
+        """Return the report as text and tables, with its data and a table of all digits."""
         model = self.deployed.model
         deployment = self.deployed.deployment
         lines = [self.first_line, *self.further, ""]
@@ -473,7 +489,7 @@ class Assessment(Result, Reported):
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
-        """Return each finding once, with its trims."""
+        """Return each different finding of the trims once, preceded by the trims that have it."""
         where: dict[str, list[AssessedPoint]] = {}
         for point in self.points:
             for finding in point.findings:
@@ -484,9 +500,8 @@ class Assessment(Result, Reported):
         ]
 
     def _off_slope(self) -> list[str]:
-        """Return a list with a sentence on the trim with the largest nonlinearity.
-
-        The list is empty if the nonlinearity is small at all trims.
+        """Return a list with a sentence on the largest nonlinearity, or [] if it is below
+        `_LINEAR`.
         """
         points = [point for point in self.points if point.nonlinearity is not None]
         parts = [point.nonlinearity.part for point in points if point.nonlinearity is not None]
@@ -544,7 +559,9 @@ class Assessment(Result, Reported):
         return Table(header, rows)
 
     def figure(self) -> Figure:
-        """Return a figure of the spectral radius versus delay, and of flight outcomes."""
+        """Return a figure of the spectral radius versus delay, and of flight outcomes or disk
+        margins.
+        """
         from hfa_policy.assessment_figure import drawn_assessment
 
         return drawn_assessment(self, new_figure(9.0, 4.0))
@@ -568,7 +585,7 @@ def _leaving(count: int, total: int, flights: str) -> str:
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
     """Return whether the result at a trim satisfies a requirement.
 
-    name: "delay" (s), "margin" or "cost" (percent)
+    name: "delay" (s), "margin" (disk margin) or "cost" (percent)
     need: required value
     """
     if name == "delay":

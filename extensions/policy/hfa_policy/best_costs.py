@@ -28,8 +28,9 @@ class Bracket(Result):
     lower_bound: lower bound on the cost, proved by a certificate.
     best: cost of the best flight found, or None.
     policy: cost of the policy's flight, or None if it does not end at the trim.
-    beyond: True if the initial condition is outside the certified set; the level of the set is then
-        the bound.
+    beyond: True if lower_bound is the level of the certified set, because the initial condition is
+        not
+        inside this set.
     """
 
     start: Mapping[str, float]
@@ -47,14 +48,14 @@ class BestCosts(Result):
     found: number of initial conditions with a best flight.
     refused: number of initial conditions for which no flight was found, or for which the simulation
         did not confirm the flight.
-    lost: flights of the policy from these initial conditions that leave the envelope or do not end
-        at the trim.
+    lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
+        initial conditions with a best flight.
     policy_over_best: cost of the policy's flights that end at the trim, relative to the best; None
         if there are none.
     lqr_over_best: cost of the flights with the saturated linear optimum, relative to the best; None
         if no flight ends at the trim.
-    offset_rate: cost per second of a steady-state error, or None without an equilibrium.
-    brackets: one for each initial condition; empty without a certificate of a lower bound.
+    offset_rate: cost per second of the steady-state error, or None without an equilibrium.
+    brackets: one for each initial condition with a lower bound; empty without a certificate.
     """
 
     json_keys = (
@@ -72,7 +73,9 @@ class BestCosts(Result):
     brackets: Sequence[Bracket] = ()
 
     def sentence(self) -> str:
-        """Return a phrase that compares the costs."""
+        """Return a phrase on the costs of the policy and of the linear optimum relative to the best
+        flights.
+        """
         if self.policy_over_best is None:
             return f"none of the {self.found} flights with a best flight ends at the trim"
         least, median, worst = self.policy_over_best
@@ -84,7 +87,9 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """Return a phrase on the policy's costs relative to the lower bound, or ""."""
+        """Return a phrase on the policy's costs relative to the lower bounds, or "" without lower
+        bounds.
+        """
         if not self.brackets:
             return ""
         return bracket_sentence((each, each.policy) for each in self.brackets)
@@ -93,7 +98,7 @@ class BestCosts(Result):
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
     """Return a phrase on the costs of flights relative to their positive lower bounds.
 
-    costs: brackets, each with the cost of a flight from its initial condition, or None
+    costs: each lower bound with the cost of a flight from its initial condition, or None
     """
     inside: list[float] = []
     beyond: list[float] = []
@@ -111,7 +116,10 @@ def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
 
 
 def bracket_table(model: Model, brackets: Sequence[Bracket]) -> Table:
-    """Return a table of the lower bound and the known costs for each initial condition."""
+    """Return a table of the lower bound and the known costs for each initial condition.
+
+    The column of the policy is omitted if no cost of the policy is known.
+    """
     is_flown = any(each.policy is not None for each in brackets)
     rows = []
     for each in brackets:

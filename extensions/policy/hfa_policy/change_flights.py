@@ -30,7 +30,11 @@ _LEAST = 1e-9
 
 
 class Sample(NamedTuple):
-    """Number of initial conditions for each change, and duration of each flight, s."""
+    """Size of a comparison.
+
+    starts: number of initial conditions for each change, over all trims.
+    seconds: duration of each flight, s.
+    """
 
     starts: int
     seconds: float
@@ -41,8 +45,8 @@ class Flown(NamedTuple):
 
     costs: (N,), cost of each flight.
     kept: number of flights that stay within the limits.
-    back: number of flights that also end near the trim, almost steady.
-    into_box: number of flights that also end in the initial-condition box, almost steady.
+    back: number of these flights that end near the trim, almost steady.
+    into_box: number of these flights that end in the initial-condition box, almost steady.
     """
 
     costs: np.ndarray
@@ -51,16 +55,16 @@ class Flown(NamedTuple):
     into_box: int
 
     def counted_in_box(self) -> Flown:
-        """Return the results with only the flights that end in the box counted as converged."""
+        """Return the results with `back` replaced by `into_box`."""
         return self._replace(back=self.into_box)
 
     def times(self, other: Flown) -> float:
-        """Return the median ratio of the costs to the costs with another change."""
+        """Return the median of the costs divided by the costs with another change."""
         return float(np.median(self.costs / other.costs))
 
 
 class ChangeFlights:
-    """Flights with changed deployment files from equal initial conditions about some trims.
+    """Flights with changed deployment files from equal initial conditions about several trims.
 
     assessor: assessor of the unchanged deployment file.
     places: the trims.
@@ -75,10 +79,11 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """Return the sampled simulation of all changes.
+        """Return a simulation in which each row also contains P, c, gain and S of its change.
 
-        Each row also contains P, c, gain and S of its change, which transform observations and
-        actions.
+        The observations are P o + c. The action is gain * S a, elementwise in gain.
+
+        dt, delay: sample time and delay, s
         """
         whole = self.assessor.flight()
         sizes = np.cumsum([0, self.k**2, self.k, self.m, self.m**2]).tolist()
@@ -109,7 +114,8 @@ class ChangeFlights:
     def flown_by_optimum(self, sample: Sample) -> Flown | None:
         """Return the results of flights with the sampled optimum of the first trim, without delay.
 
-        The result is None if the optimum does not exist.
+        The result is None if the optimum does not exist. Each flight within the limits counts as
+        `back` and `into_box`.
         """
         gain = self._optimum()
         if gain is None:
@@ -146,8 +152,8 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """Return the gain K of the sampled optimum u = -K x at the first trim, or None if none
-        exists.
+        """Return the gain K of the sampled optimum u = -K x at the first trim, or None without an
+        optimum.
         """
         from scipy.linalg import LinAlgError, solve_discrete_are
 
@@ -177,8 +183,7 @@ class ChangeFlights:
     ) -> list[Flown]:
         """Return the results of flights with each change.
 
-        The initial conditions are shared among the trims. Sample time and delay are those of the
-        deployment unless given.
+        dt, delay: sample time and delay, s, by default those of the deployment
         """
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)
@@ -195,7 +200,7 @@ class ChangeFlights:
         return [*map(Flown, costs.reshape(of_each_change), *counts)]
 
     def _rows(self, flight: SampledFlight, repair: Repair, starts_here: int) -> np.ndarray:
-        """Return the initial rows of a change, one trim after the other.
+        """Return the initial rows of a change, ordered by trim.
 
         starts_here: number of initial conditions at each trim
         """
@@ -215,9 +220,9 @@ class ChangeFlights:
         """Return the deviation and the swing of each flight in its last window, (N,) each.
 
         The deviation is the largest distance from the trim. The swing is half the range. Each is
-        the largest over the linear states, in half-widths of the initial-condition box.
+        the maximum over the linear states, in half-widths of the initial-condition box.
 
-        owners: (N,), index of each flight's trim.
+        owners: (N,), index of each flight's trim
         """
         _, _, low_X, high_X, *_ = flight.slices
         model = self.deployed.model
@@ -236,11 +241,12 @@ class ChangeFlights:
         """Simulate the rows in place. Return the cost of each flight and whether it stays within
         limits.
 
-        Both are (N,). The cost is Σ x'Qx + u'Ru over the windows, with the largest deviations from
-        trim in each window. For a flight that leaves the limits, the cost of that window is also
-        counted for each remaining window.
+        Both results are (N,). The cost is the sum of x'Qx + u'Ru over the windows, with the largest
+        deviations from trim in each window. For a flight that leaves the limits, the cost of that
+        window is also counted for each remaining window.
 
-        owners: (N,), index of each flight's trim.
+        owners: (N,), index of each flight's trim
+        seconds: duration of a flight, s
         """
         model = self.deployed.model
         _, _, low_X, high_X, low_U, high_U, _, trim, _, _ = flight.slices
@@ -280,7 +286,7 @@ class ChangeFlights:
         """Return P, c, gain and S of a change at a trim, in the order of a row.
 
         changed: the changed deployment on the aircraft
-        trim: states and inputs of the trim
+        trim: states, inputs and parameters of the trim
         """
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         at_trim = (trim[:n], trim[n : n + m], trim)

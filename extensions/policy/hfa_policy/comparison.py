@@ -34,12 +34,12 @@ class Comparison(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """Verdict and number of deployments that pass, in one line."""
+        """Verdict and number of deployments that pass."""
         count = sum(assessment.ok for assessment in self.assessments)
         return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
 
     def report(self) -> Report:
-        """Return a report with one row of a table, and the first line, for each deployment."""
+        """Return a report with the table of the deployments, and their first lines."""
         table = Table(_HEADER, [_row(assessment) for assessment in self.assessments])
         lines = [
             f"{assessment.deployed.deployment.origin}: {assessment.first_line}"
@@ -55,7 +55,10 @@ _HEADER = (
 
 
 def _row(assessment: Assessment) -> tuple[str, ...]:
-    """Return the row of a deployment, with the worst value over the trims in each column."""
+    """Return the row of a deployment, with the worst value over the trims in each column.
+
+    The delay is the shortest one among the trims that have an unstable delay.
+    """
     points = assessment.points
     held = sum(point.holds for point in points)
     limits = [point.delays.limit for point in points if point.delays is not None]
@@ -75,7 +78,7 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
 
 
 def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
-    """Return the worst value as text, or "-" if there are no values or one is not finite.
+    """Return the worst value as text, or "-" if there are no values or a value is not finite.
 
     of: max or min
     form: format of the number
@@ -87,10 +90,10 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 
 
 def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
-    """Return three counts as text, or "-" without flights.
+    """Return the counts of three kinds of flights as text, or "-" each without flights.
 
-    They are the flights that converge, that leave the envelope, and that converge after a
-    disturbance pulse.
+    They are the flights that converge, the flights that leave the envelope, and the flights that
+    converge after a disturbance pulse.
     """
     plain = [point.flights for point in points if point.flights is not None]
     disturbed = [point.disturbed for point in points if point.disturbed is not None]

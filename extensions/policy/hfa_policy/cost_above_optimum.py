@@ -43,12 +43,12 @@ class CostLost(Result):
 
     @property
     def largest(self) -> float:
-        """The larger of `worst` and `sampled_worst`; a value that is nan is ignored."""
+        """Larger of `worst` and `sampled_worst`; nan is ignored."""
         return float(np.fmax(self.worst, self.sampled_worst))
 
 
 def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
-    """Return the cost above the optimum, or a sentence that states why no optimum exists.
+    """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
 
     chain: sampled loop with its delay
     """
@@ -69,9 +69,8 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
-    """Return the LQR problem of the aircraft at the equilibrium.
-
-    Its weights are Q and R of the deployment. Its inputs are the commanded inputs.
+    """Return the LQR problem of the linearization at the equilibrium, with Q and R of the
+    deployment.
     """
     Q, R = weights_at(deployed, equilibrium)
     if equilibrium.basis is not None:
@@ -85,8 +84,11 @@ def weights_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return Q (k, k) of the linear states and R (m', m') of the commanded inputs.
 
-    They follow from the deployment file. Outputs in its Q are linearized at `place`. Raises
-    BadInputError for an output that depends on the inputs.
+    An output with the weight q and the slopes c contributes q c c' to Q.
+
+    Raises BadInputError for an output that depends on the inputs.
+
+    place: point at which the outputs are linearized
     """
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None
@@ -109,11 +111,12 @@ def weights_at(
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
     """Return the worst and the mean cost of a sampled loop above the optimum, percent.
 
-    Initially the delayed commands have their trim values, and earlier observations equal the first.
-    Both are inf if the loop is unstable.
+    At the first sample, delayed commands have their trim values, and earlier observations equal the
+    present ones. If the loop is unstable, both results are inf. If no deviation has a cost, both
+    are 0.
 
     step: sampled LQR problem
-    optimum: matrix P of its optimal cost x'P x
+    optimum: matrix P of the optimal cost x'P x
     """
     from scipy.linalg import solve_discrete_lyapunov
 

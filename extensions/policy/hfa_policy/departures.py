@@ -40,9 +40,9 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 def first_departure(
     flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
 ) -> tuple[int, Departure | None]:
-    """Return number and departure of the flight that leaves the envelope first.
+    """Return index and departure of the flight that leaves the envelope first.
 
-    The result is (0, None) if no flight leaves it.
+    The result is (0, None) if all flights stay inside.
 
     rows: initial rows of the flights
     seconds: duration, s
@@ -64,7 +64,8 @@ def first_departure(
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
-    """Raise BadInputError for a trim at the limit of a state that other states move.
+    """Raise BadInputError for a trim at the limit of a state whose rate depends on other linear
+    states.
 
     Flights with small deviations from such a trim leave the envelope immediately.
     """

@@ -1,12 +1,11 @@
 """Deployments on an aircraft, as CasADi functions of its state and input.
 
-Each function also has the argument `trim` = (X0; U0; p). One compiled function thus serves all
-trims.
+Each function of X also has the argument `trim` = (X0; U0; p). One compiled function thus serves
+all trims.
 
-    observe(X, U, trim) -> o        formulas, about and scale; U is the input just before the sample
-    act(o) -> a                     o of all samples of the history, the oldest first; normalizer,
-                                    clip, network, clip or squash to the box
-    inputs(a, X, U, trim) -> U      maps of the actions; other inputs at the trim; within the limits
+    observe(X, U, trim) -> o        observations of a sample; U is the input just before the sample
+    act(o) -> a                     action for the observations of all samples, the oldest first
+    inputs(a, X, U, trim) -> U      inputs of the aircraft, within its limits
     sampled(X, U, trim, past) -> (U, past)   the three functions at a sample, with a history
     command(X, U, trim) -> U        the three functions, with all earlier observations equal to o
 """
@@ -41,6 +40,9 @@ TRIM = "trim"
 class Deployed:
     """Deployment on an aircraft, with names resolved.
 
+    deployment: the deployment.
+    model: the aircraft.
+
     Raises a BadInputError that names the wrong entry of the deployment file and the known names.
     """
 
@@ -48,7 +50,7 @@ class Deployed:
     model: Model
 
     def __post_init__(self) -> None:
-        """Check every name of the deployment."""
+        """Check every name of the deployment, its formulas and its cost."""
         with said_of(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:
@@ -72,7 +74,10 @@ class Deployed:
 
     @cached_property
     def maps(self) -> tuple[Formula, ...]:
-        """Formula of each action's input, in order."""
+        """Formula of each action's input, in order.
+
+        Raises BadInputError for a formula without the action.
+        """
         formulas = []
         for name, entry in self.deployment.action.items():
             with said_of(f"action.{name}.map"):
@@ -135,9 +140,10 @@ class Deployed:
     ) -> None:
         """Raise BadInputError if an observation, the policy or a map is not finite at a trim.
 
-        Observations and maps must also be differentiable.
+        Observations must have finite derivatives with respect to X and U, and maps with respect to
+        the action.
 
-        action: (m,), used in place of the policy's action while the policy is not trained yet
+        action: (m,), replaces the action of a policy that is not trained yet
         """
         with said_of(self.deployment.origin):
             for point in points:
@@ -153,9 +159,9 @@ class Deployed:
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
 
     def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """Return the action (m,) for an observation o.
+        """Return the action (m,) for an observation.
 
-        Raises BadInputError if it is not finite.
+        Raises BadInputError if the action is not finite.
         """
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
@@ -183,7 +189,10 @@ class Deployed:
 
     @cached_property
     def normalized(self) -> ca.Function:
-        """Function o -> (normalized o before the clip, inputs of the network)."""
+        """Function o -> (normalized observations without the clip, inputs of the network).
+
+        Without a normalizer, both results are o.
+        """
         normalizer = self.deployment.normalizer
         o = ca.SX.sym("o", self.deployment.width)
         if normalizer is None:
@@ -194,7 +203,7 @@ class Deployed:
 
     @cached_property
     def action(self) -> ca.Function:
-        """Function (output of the network) -> a, clipped or squashed to the box."""
+        """Function raw -> a: the network's output `raw`, clipped or squashed to the box."""
         low, high = self.deployment.box
         actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))
@@ -207,7 +216,7 @@ class Deployed:
 
     @cached_property
     def stages(self) -> ca.Function:
-        """Function o -> (normalized o before the clip, a before its clip or squash, a)."""
+        """Function o -> (normalized observations without the clip, network's output, action)."""
         network = self.deployment.actor.function
         o = symbols_for([network], self.deployment.width)
         normal, seen = self.normalized(o)
@@ -216,14 +225,14 @@ class Deployed:
 
     @cached_property
     def act(self) -> ca.Function:
-        """Function o -> a, the action (m,) in the units of the box."""
+        """Function o -> a, the action (m,) in the units of the box, or nan if o contains nan."""
         o = symbols_for([self.stages], self.deployment.width)
         a = _unless_nan(ca.sum1(o), self.stages(o)[2])
         return ca.Function("act", [o], [ca.densify(a)])
 
     @cached_property
     def unlimited_inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs U, not limited to the range of the aircraft."""
+        """Function (a, X, U, trim) -> all inputs of the aircraft, without its limits."""
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         values = self.values(X, U, trim)
@@ -238,7 +247,9 @@ class Deployed:
 
     @cached_property
     def inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs U, limited to the range of the aircraft."""
+        """Function (a, X, U, trim) -> all inputs of the aircraft; commanded inputs are within their
+        limits.
+        """
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         limits = Limits.of(self.model, tuple(self.model.inputs))
@@ -276,7 +287,7 @@ class Deployed:
 
     @cached_property
     def command(self) -> ca.Function:
-        """Function (X, U, trim) -> commanded U, with the same observation in all samples of the
+        """Function (X, U, trim) -> commanded U, with equal observations in all samples of the
         history.
         """
         n, m = len(self.model.states), len(self.model.inputs)
@@ -290,9 +301,10 @@ class Deployed:
 
     @cached_property
     def command_slopes(self) -> ca.Function:
-        """Function (X, U, trim) -> (commanded U, dU/dX (m, n), dU/dU_before (m, m)).
+        """Function (X, U, trim) -> (commanded U, its derivatives with respect to X (m, n) and U (m,
+        m)).
 
-        U_before is the argument U, the input just before the sample.
+        The argument U is the input just before the sample.
         """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
@@ -309,7 +321,7 @@ class Deployed:
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
     """Return `value`, or NaN if `seen` is NaN.
 
-    fmin and fmax would otherwise remove the NaN, as in a clip or a ReLU.
+    A ReLU or a clip by fmin and fmax would otherwise remove the NaN.
     """
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())
@@ -322,12 +334,13 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """Return the values of the entries of a table of the deployment file, (k,).
+    """Return the values of a function, one for each entry of a table of the deployment file, (k,).
 
     Raises BadInputError if a value, or its derivative with respect to a varied argument, is not
     finite.
 
     table: name of the table
+    entries: names of the entries
     varied: positions of the varied arguments
     """
     values = np.array(function(*arguments)).ravel()

@@ -67,7 +67,7 @@ class Deployment(Reported):
         store: activation, layout, squash, network. Without a file the deployment describes an
         environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
-        network's inputs. An input of the network is (value - about) / scale.
+        network's inputs. An observation is (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
     timing: dt, s; delay, s, from a sample until its action moves the input; history, the number of
         samples whose observations the policy uses, the oldest first, by default 1.
@@ -129,7 +129,7 @@ class Deployment(Reported):
     def load(path: str | Path) -> Deployment:
         """Load the deployment in the TOML file `path`.
 
-        Raises a BadInputError that names the file, the entry and the correction.
+        Raises a BadInputError that names the file, the wrong entry and the correction.
         """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
@@ -154,7 +154,7 @@ class Deployment(Reported):
 
     @staticmethod
     def of(given: Deployment | str | Path) -> Deployment:
-        """Return a given deployment unchanged, or load it from the TOML file with this path."""
+        """Return a deployment unchanged, or load it from the TOML file with this path."""
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
@@ -162,9 +162,10 @@ class Deployment(Reported):
     def usual(model: Model, dt: float = 0.02) -> Deployment:
         """Return a default deployment of a model, for training.
 
-        All linear states are observed, as deviations from the trim in nominal values. All inputs
-        are actions: a in [-1, 1] moves an input by up to half its range, or by its nominal value if
-        it lacks two finite limits.
+        All linear states are observed, as deviations from the trim divided by the nominal values.
+        All
+        inputs are actions: a in [-1, 1] moves an input by up to half its range, or by its nominal
+            value if a limit is not finite.
 
         dt: sample time, s
         """
@@ -244,7 +245,8 @@ class Deployment(Reported):
     def actor(self) -> Actor:
         """Network of the policy.
 
-        Raises BadInputError if its file cannot be read or contradicts the deployment file.
+        Raises BadInputError if the policy's file is missing, cannot be read or contradicts the
+        deployment file.
         """
         sizes = (len(self.observation), self.history, len(self.action))
         try:
@@ -257,7 +259,7 @@ class Deployment(Reported):
         """Normalizer before the network, or None.
 
         A normalizer for one sample is applied to each sample of the history. Raises BadInputError
-        if its size fits neither one sample nor the history.
+        if the normalizer cannot be read, or if its size fits neither one sample nor the history.
         """
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:
@@ -279,10 +281,10 @@ class Deployment(Reported):
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest action, (m,) each.
+        """Lowest and highest action, (m,) each, from the policy's file or the deployment file.
 
-        They come from the policy's file or from the deployment file. Without either they are
-        infinite. Raises BadInputError if the files differ, or if a squashed action has no box.
+        Without a box the limits are infinite. Raises BadInputError if the two files differ, or if a
+        squashed action has no finite box.
         """
         low = np.full(len(self.action), -np.inf)
         high = np.full(len(self.action), np.inf)
@@ -307,7 +309,10 @@ class Deployment(Reported):
         return low, high
 
     def on(self, model: Model) -> Deployed:
-        """Return the deployment on an aircraft, with names resolved and formulas compiled."""
+        """Return the deployment on an aircraft.
+
+        Raises BadInputError for a name or formula that does not fit the aircraft.
+        """
         from hfa_policy.deployed import Deployed
 
         return Deployed(self, model)
@@ -315,7 +320,7 @@ class Deployment(Reported):
     def changed(self, **changes: Any) -> Deployment:
         """Return the deployment with some tables replaced.
 
-        The policy's files are not read again, unless the table `policy` is replaced.
+        The policy's files are reread only if the table `policy` is replaced.
         """
         made = replace(self, **changes)
         if "policy" not in changes:
@@ -326,7 +331,7 @@ class Deployment(Reported):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of a gain K in a critic's file: u = -K x with all inputs.
+    """Return the deployment of the gain K in a critic's file: u = -K x with all inputs.
 
     x are the deviations of all linear states from the trim, sampled every dt seconds. Raises
     BadInputError if K has another shape or the file contains no K.
@@ -354,8 +359,7 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     """Return the gain K in a critic's file.
 
-    Raises BadInputError if the critic is not given as a gain. Its policy would then depend on R or
-    on the activation of a network.
+    Raises BadInputError if the critic is not linear or its policy is given separately.
     """
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)

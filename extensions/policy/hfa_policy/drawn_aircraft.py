@@ -25,9 +25,9 @@ def drawn_policy(
     aircraft.
 
     An aircraft counts as trimmed if the policy has an equilibrium at every trim. It counts as
-    stable if its sampled loop is stable at every trim.
+    stable if its sampled loop is also stable at every trim.
 
-    assessed: results on the original aircraft, at each trim.
+    assessed: results on the original aircraft, at each trim
     """
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)

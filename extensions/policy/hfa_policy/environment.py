@@ -39,8 +39,9 @@ def environment(
     """Return a gymnasium environment: an aircraft about its trims.
 
     model: the aircraft
-    deployment: observations, actions, timing and cost, or the path of a deployment file. It needs
-        no policy. The default is `Deployment.usual(model, dt)`.
+    deployment: observations, actions, timing and cost, or the path of a deployment file; a policy
+        is
+        not required; default: `Deployment.usual(model, dt)`
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model, or one point; default: the model's default
         trim
@@ -50,8 +51,9 @@ def environment(
     turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
         warning
     dt: sample time of the default deployment, s, 0.02 if not given
-    Q, R: weights of the default deployment's cost, as for `hfa.game`, but diagonal; default:
-        1/nominal². The reward is the negative cost.
+    Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`; default: 1/nominal²
+
+    The reward is the negative cost.
 
     Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, or dt, Q
     or R is given together with a deployment.
@@ -114,7 +116,7 @@ def _deployment(
     """Return the given deployment, or the default deployment of a model.
 
     dt: sample time of the default deployment, s, or None
-    Q, R: weights of its cost, or None
+    Q, R: weights of the cost of the default deployment, or None
 
     Raises BadInputError if dt, Q or R is given together with a deployment.
     """
@@ -140,7 +142,7 @@ def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dic
     matrix: "Q" or "R", for messages
     given: the matrix, its diagonal, or name -> weight
 
-    Raises BadInputError unless the matrix is diagonal and has one entry for each name.
+    Raises BadInputError for a matrix that is not diagonal, and for a wrong number of weights.
     """
     if isinstance(given, Mapping):
         return dict(given)
@@ -177,7 +179,7 @@ def _episodes(
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
     """Import a class of this package that needs a library.
 
-    Raises a BadInputError with the command that installs the library.
+    Raises a BadInputError with the command that installs the library if the library is missing.
 
     extra: extra of the package that contains the library
     module, name: module of the class and its name

@@ -14,10 +14,8 @@ def episode_picture(
 ) -> np.ndarray:
     """Return the picture of an episode, pixels (height, width, 3).
 
-    It has a panel for each linear state and each commanded input.
-
-    owner: index of the trim, whose values are drawn as lines.
-    flown: X and U at each sample.
+    owner: index of the trim, whose values are drawn as lines
+    flown: X and U at each sample
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -1,8 +1,4 @@
-"""Simulation of many episodes of an aircraft at once.
-
-Observations, actions, timing and cost are those of a deployment file. The reward is the negative
-cost.
-"""
+"""Simulation of many episodes of an aircraft at once."""
 
 from __future__ import annotations
 
@@ -42,9 +38,9 @@ class Stepped(NamedTuple):
 
     observations: (N, k), of all samples of the history, the oldest first.
     rewards: (N,), negative cost of the sample.
-    lost: (N,), True if the aircraft left its limits.
+    lost: (N,), True if the aircraft is outside its limits or its state is not a number.
     over: (N,), True if the duration of the episode has elapsed.
-    left: index of an episode outside its limits -> text with the state, its limit and the time.
+    left: index of a lost episode -> text with the state, its limit and the time.
     """
 
     observations: np.ndarray
@@ -60,8 +56,7 @@ class Episodes:
     The reward of a sample is -dt (x'Q x + u'R u). x are deviations from the trim at the sample, and
     u the commanded inputs minus the trim. Q and R are those of the deployment file, by default
     1/nominal² of the linear states and the commanded inputs. If an episode leaves the limits, the
-    cost of that sample is also counted for each remaining sample. Leaving the limits is thus never
-    an advantage.
+    cost of that sample is also counted for each remaining sample.
 
     states: (N, n), X of each episode.
     inputs: (N, m), the input just before the sample.
@@ -84,8 +79,13 @@ class Episodes:
 
         turbulence: drawn again for each episode
 
-        Raises BadInputError if there is no trim, an action has no box, `seconds` is shorter than a
-        sample or not finite, or the aircraft does not support turbulence.
+        Raises BadInputError in these cases:
+        - `points` is empty.
+        - An action has no box.
+        - `seconds` is shorter than a sample or not finite.
+        - A trim is at the limit of a state.
+        - An observation or a map is not finite at a trim.
+        - The aircraft does not support the turbulence.
         """
         if not points:
             raise BadInputError("no trim is given; give at least one operating point")
@@ -187,7 +187,9 @@ class Episodes:
     def step(self, actions: np.ndarray) -> Stepped:
         """Advance all episodes by one sample and return the results.
 
-        actions: (N, m)
+        actions: (N, m), clipped to the box
+
+        Raises BadInputError if the actions have another shape or contain NaN.
         """
         self.advance(actions)
         rewards, lost, over = self.outcomes.T.copy()
@@ -199,7 +201,7 @@ class Episodes:
 
         actions: (N, m), clipped to the box
 
-        Raises BadInputError if they have another shape or contain NaN.
+        Raises BadInputError if the actions have another shape or contain NaN.
         """
         wanted = self._actions.shape
         if actions.shape != wanted or _has_nan(actions):
@@ -217,7 +219,8 @@ class Episodes:
             self.frames[:, -newest:] = self._observed
 
     def left(self, number: int) -> str:
-        """Return as text why an episode was terminated: the state, its limit and the time.
+        """Return as text why an episode was terminated: the violated limit or the missing number,
+        and the time.
 
         number: index of the episode
         """
@@ -233,9 +236,8 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """Return the function that advances all rows by one sample.
-
-        It uses several threads if that is faster.
+        """Return the function that advances all rows by one sample, on several threads for many
+        rows.
         """
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
@@ -249,7 +251,7 @@ class Episodes:
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """Return the function row -> (row one sample later, outcome, o one sample later)."""
+        """Return the function row -> (next row, outcome of the sample, next observations)."""
         flight = self._flight
         flown = sum(flight.sizes)
         n = len(flight.deployed.model.states)
@@ -272,7 +274,7 @@ class Episodes:
 
 
 def _has_nan(actions: np.ndarray) -> bool:
-    """Return whether actions (N, m) contain NaN. A faster test is used for one episode."""
+    """Return whether actions (N, m) contain NaN."""
     if len(actions) == 1:
         return any(map(math.isnan, actions[0].tolist()))
     # The sum of squares is nan if any action is nan.
@@ -280,9 +282,8 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Return the number of a row's entries that determine the end of its episode.
-
-    They are the lowest X, the highest X and the number of remaining samples.
+    """Return the number of a row's entries for the lowest X, the highest X and the remaining
+    samples.
     """
     return 2 * len(flight.deployed.model.states) + 1
 
@@ -290,10 +291,11 @@ def _ends_size(flight: SampledFlight) -> int:
 def _outcome(changing: int, n: int) -> ca.Function:
     """Return the function (before, after, cost, ends) -> (accepted entries, new ends, outcome).
 
-    before and after are the changing entries of a row before and after the sample. If `after`
-    contains nan, `before` is kept and the episode is terminated.
+    `before` and `after` are the changing entries of a row before and after the sample. If `after`
+    contains an entry that is not finite, `before` is accepted and the episode is terminated.
 
-    changing: number of changing entries, of which the first n are X
+    changing: number of changing entries
+    n: number of states, which are the first changing entries
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
     least = ca.SX.sym("least", n)
@@ -327,7 +329,8 @@ def _all(conditions: Iterable[ca.SX]) -> ca.SX:
 class EpisodeAir:
     """Turbulence of N episodes, each about one of several trims.
 
-    It is exact at the samples. During a sample, the mean of its values at both ends is held.
+    The turbulence is exact at the samples. During a sample, the mean of the values at both ends is
+    held.
     """
 
     def __init__(
@@ -335,7 +338,7 @@ class EpisodeAir:
     ) -> None:
         """Prepare the turbulence.
 
-        Raises BadInputError if the aircraft or the trim does not support it, as `Turbulence.air`.
+        Raises BadInputError if the aircraft or the trim does not support the turbulence.
 
         count: number of episodes
         dt: sample time, s
@@ -368,7 +371,9 @@ class EpisodeAir:
         self._states[numbers] = _rowwise(self._stationary[owners], draw)
 
     def step(self) -> np.ndarray:
-        """Return the disturbances of the next sample, (N, k)."""
+        """Advance the turbulence by one sample and return the disturbances during that sample, (N,
+        k).
+        """
         owners = self._owners
         draw = self._random.standard_normal(self._states.shape)
         before = self._states
@@ -398,7 +403,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """Return the command steps for actions that are given from outside and clipped to the box.
+    """Return the command steps for actions that are arguments of each sample, clipped to the box.
 
     low, high: limits of the box, (m,) each
     """
@@ -415,10 +420,9 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return Q of states and outputs, and R of inputs, by name.
+    """Return Q of states and outputs, and R of inputs, by name, as given in the deployment file.
 
-    They come from the deployment file. Without a cost they are 1/nominal² of the linear states and
-    the commanded inputs.
+    Without a cost, the weights are 1/nominal² of the linear states and the commanded inputs.
     """
     model = deployed.model
     cost = deployed.deployment.cost

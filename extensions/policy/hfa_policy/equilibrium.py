@@ -1,6 +1,6 @@
 """Equilibrium of the sampled loop.
 
-It consists of X and U with f(X, U) = f(X0, U0) in the linear states and U = command(X, U).
+The equilibrium (X, U) satisfies f(X, U) = f(X0, U0) in the linear states and U = command(X, U).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Equilibrium of the sampled loop and its linearization there.
+    """Equilibrium of the sampled loop and its linearization.
 
     At a kink, a slope is the mean of the slopes on both sides. u are the commanded inputs, x the
     linear states.
@@ -82,7 +82,7 @@ class Equilibrium:
     frames: Frames | None = None
 
     def in_basis(self, basis: np.ndarray, inverse: np.ndarray) -> Equilibrium:
-        """Return the equilibrium with its slopes in the coordinates z, x = basis z.
+        """Return the equilibrium with A, B, C and K in the coordinates z of x = basis z.
 
         basis: (k, r)
         inverse: (r, k), with z = inverse x
@@ -104,7 +104,7 @@ class Equilibrium:
 class EquilibriumSearch:
     """Search for the equilibrium at one trim, in linear states and commanded inputs.
 
-    steady: trim whose rates the equilibrium has; by default the point itself.
+    steady: trim whose rates the equilibrium has, by default the trim itself.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class EquilibriumSearch:
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
         """Return the equilibrium found by Newton's method from X (n,) and U (m,), or None.
 
-        If the method fails, it is repeated from the point with the least squared residual.
+        If Newton's method fails, it is repeated from the point with the least squared residual.
         """
         start = np.concatenate([states, inputs])
         z = self.base.copy()
@@ -140,7 +140,7 @@ class EquilibriumSearch:
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
         """Return the slopes (k, n) of the equilibrium's linear states with respect to all states.
 
-        They follow from the implicit function theorem. Slopes with respect to linear states are 0.
+        Columns of linear states are 0.
         """
         X = equilibrium.states
         U = equilibrium.inputs
@@ -171,7 +171,7 @@ class EquilibriumSearch:
         return np.asarray(np.linalg.lstsq(closed, drift @ plant.f, rcond=1e-12)[0])
 
     def _least(self, z: np.ndarray) -> np.ndarray:
-        """Return a point near z with the least squared residual (Levenberg-Marquardt method)."""
+        """Return a point near z with the least squared residual."""
         from scipy.optimize import least_squares
 
         def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -195,7 +195,7 @@ class EquilibriumSearch:
         return nearest
 
     def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
-        """Return the equilibrium found by Newton's method with step halving, or None."""
+        """Return the equilibrium found by Newton's method with step halving from z, or None."""
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
@@ -227,9 +227,8 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs u and their slopes at z.
-
-        The slopes are derivatives with respect to the linear states and to the previous inputs.
+        """Return the commanded inputs at z, and their slopes by linear states and by previous
+        inputs.
         """
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
@@ -238,7 +237,8 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual and its Jacobian in linear states and commanded inputs.
+        """Return the residual at z and its Jacobian with respect to linear states and commanded
+        inputs.
 
         Both are nan if the equations of motion have no finite value.
         """
@@ -276,9 +276,9 @@ class EquilibriumSearch:
         )
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slopes of the observations, with nan replaced by 0.
+        """Return the slopes of the observations by linear states and by previous commanded inputs.
 
-        They are derivatives with respect to the linear states and to the previous commanded inputs.
+        Slopes that are nan are replaced by 0.
         """
         observe = self.deployed.observe
         slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
@@ -297,7 +297,10 @@ class EquilibriumSearch:
         return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
-        """Return the notes on entries of A and B of the linear states and the commanded inputs."""
+        """Return the notes on entries of A and B in rows of linear states.
+
+        Columns of A count for linear states, and columns of B for commanded inputs.
+        """
         linear = self.model.linear
         columns = [("A", name) for name in linear]
         columns += [("B", name) for name in self.deployed.commanded]
@@ -365,13 +368,13 @@ class EquilibriumSearch:
         return tuple(dict.fromkeys(names[number] for number in clipped))
 
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the observations of all samples of the history, which are equal."""
+        """Return the observations of all samples of the history at a constant X and U."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         return np.tile(o, self.deployed.deployment.history)
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:
-    """Return whether a value is at the end of an interval or outside it."""
+    """Return whether a value is at an end of an interval or outside the interval."""
     width = highest - lowest
     slack = _AT_CLIP * width if np.isfinite(width) else 0.0
     return bool(value <= lowest + slack or value >= highest - slack)

@@ -1,4 +1,4 @@
-"""Export of a deployed policy to other tools: its command at a sample, in C and as an FMU."""
+"""Export of a deployed policy's command at a sample, in C and as an FMU."""
 
 from __future__ import annotations
 
@@ -29,8 +29,6 @@ POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     """Return file name -> text of the C files for the command at a sample.
 
-    The command includes observations, normalizer, clip and map.
-
     origin: comment on the origin of the policy
     """
     model = policy.deployed.model
@@ -60,7 +58,7 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
     """Return the command u = g(v) with v = [X; U before; past], as a loop for `write_fmu`.
 
-    Its only state is a clock, s, because model exchange requires a state. If the policy uses
+    The only state is a clock, s, because model exchange requires a state. If the policy uses
     earlier observations, the observations at the sample are also outputs.
     """
     model = policy.deployed.model
@@ -111,5 +109,9 @@ def _command(policy: DeployedPolicy) -> ca.Function:
 
 
 def _identifier(name: str) -> str:
-    """Return a name with each group of characters other than letters, digits and _ as one _."""
+    """Return a name with each group of other characters than letters, digits and _ replaced by one
+    _.
+
+    Leading and trailing _ are removed.
+    """
     return re.sub(r"\W+", "_", name).strip("_")

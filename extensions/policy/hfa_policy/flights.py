@@ -1,9 +1,9 @@
 """Simulation of many flights of a deployed policy, sampled and held as deployed.
 
-A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push]. The
-memory contains the commands u_{k-1} ... u_{k-d-1} that act now or later. The past contains
+A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push; extra].
+The memory contains the commands u_{k-1} ... u_{k-d-1} that act now or later. The past contains
 earlier observations that the policy uses. The trim is (X0; U0; p). The push is added to the
-rates of the linear states.
+rates of the linear states, followed by the disturbances of the aircraft.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ Rows = Callable[..., list[np.ndarray]]
 
 
 class Steered(NamedTuple):
-    """Command at a sample in three steps. The second step can process all flights at once.
+    """Command at a sample in three steps.
 
     enters: (X, U before, trim, extra) -> inputs of the network, (k,). If earlier observations are
         used, `past` is a further argument.
-    network: (k,) -> (m,).
+    network: inputs (k,) -> outputs (m,).
     moves: (outputs of the network, X, U before, trim, extra) -> U.
     rows: the network for many rows, or None if `network` is called for each row.
     past: (X, U before, trim, extra, past) -> past of the next sample, or None for one sample.
@@ -90,7 +90,7 @@ class SampledFlight:
     dt, delay: sample time and delay, s.
     parts: number of integration steps in a sample.
     extra: number of further entries of a row, which are arguments of `steered` after the trim.
-    other: another policy; by default that of the deployment.
+    other: another policy, or None for the policy of the deployment.
     winds: disturbances of the aircraft, which follow the push in a row.
     """
 
@@ -116,7 +116,7 @@ class SampledFlight:
 
     @property
     def early(self) -> float:
-        """Time after a sample, s, during which the previous command still acts."""
+        """Time after a sample, s, during which the earlier of two delayed commands still acts."""
         rest = self.delay - self.whole * self.dt
         return rest if rest > _WHOLE * self.dt else 0.0
 
@@ -176,7 +176,7 @@ class SampledFlight:
     def later(self) -> ca.Function:
         """Function (row, outputs of the network) -> changed entries of the row one sample later.
 
-        They are X, memory, lowest and highest X and U so far, and past.
+        The changed entries are X, memory, lowest and highest X and U so far, and past.
         """
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
@@ -216,7 +216,10 @@ class SampledFlight:
     def window(self, flights: int, seconds: float) -> Window:
         """Return the function that advances rows by a window.
 
-        It is compiled to machine code if the flights have enough samples in total.
+        It uses machine code if flights * seconds / dt is at least `COMPILE_FROM`.
+
+        flights: number of flights
+        seconds: duration of a flight, s
         """
         is_long = flights * seconds / self.dt >= COMPILE_FROM
         on_rows = row_code if is_long else RowFunction
@@ -226,7 +229,7 @@ class SampledFlight:
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:
-        """Reset the lowest and highest values before a window, in place.
+        """Reset the lowest and highest values of rows in place.
 
         For X they become the present X. For U they become inf and -inf.
         """
@@ -258,7 +261,7 @@ class SampledFlight:
 
         starts: initial states X, (N, n)
         trims: (X0; U0; p) of each flight's trim
-        pushes: disturbance pulse of each flight
+        pushes: disturbance pulse of each flight, followed by the disturbances `winds`
         extra: further entries of each row, or None
         """
         model = self.deployed.model
@@ -275,7 +278,7 @@ class SampledFlight:
 
 
 def _first_result(function: Rows) -> RowNetwork:
-    """Return a function of rows that returns only the first result of `function`."""
+    """Return a function of rows that returns the first result of `function`."""
     return lambda rows: function(rows)[0]
 
 
@@ -306,7 +309,7 @@ class Window:
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
-    """Call `work` with disjoint sets of row indices, in up to one thread per processor.
+    """Call `work` with disjoint sets of row indices, in several threads if there are many rows.
 
     count: number of rows
     """

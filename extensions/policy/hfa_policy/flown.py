@@ -38,7 +38,7 @@ class DeployedPolicy(Policy):
     """Policy of `hfa fly` that holds the commanded inputs of a deployment between its samples.
 
     deployed: the policy on its aircraft.
-    point: the trim that its deviations refer to.
+    point: trim from which the deviations are measured.
     """
 
     is_held = True
@@ -70,8 +70,6 @@ class DeployedPolicy(Policy):
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured deviations of the states) -> deviations of the
         inputs.
-
-        It samples every dt. A command acts after the delay.
         """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
@@ -105,10 +103,7 @@ class DeployedPolicy(Policy):
         return sample
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the policy's name, deployment file and network, for the JSON output.
-
-        The deployment file is also stored as `card`, its name in version 0.3.
-        """
+        """Return the policy's name, deployment file and network, for the JSON output."""
         deployment = self.deployed.deployment
         return {
             "law": self.name,
@@ -119,16 +114,20 @@ class DeployedPolicy(Policy):
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """Return the policy of a deployment file about a trim, as `flown_deployment` does."""
+    """Return the policy of a deployment file about a trim.
+
+    Warnings and errors are those of `flown_deployment`.
+    """
     return flown_deployment(Deployment.load(path), point, f"of {path}")
 
 
 def flown_deployment(
     deployment: Deployment, point: OperatingPoint, name: str = "deployment"
 ) -> DeployedPolicy:
-    """Return the policy of a deployment about a trim. Warn of mistakes that its files show.
+    """Return the policy of a deployment about a trim.
 
-    Raises BadInputError if an observation, the policy or a map is not finite at the trim.
+    Warns of mistakes that the policy's files show. Raises BadInputError if an observation, the
+    policy or a map is not finite at the trim.
     """
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
@@ -165,7 +164,8 @@ def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
     """Return the scenario with the duration, tick and step that a policy requires.
 
-    Its steps are equal to those of `hfa assess`, unless it contains moving air or actuators.
+    The duration is a whole number of ticks. With moving air or actuators, a step is at most
+    `_FINE`. Otherwise the steps are those of `hfa assess`.
     """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)

@@ -43,11 +43,11 @@ _RULE = "a formula may contain numbers, names, + - * / ** and " + ", ".join(_FUN
 
 
 class Formula(NamedTuple):
-    """Parsed formula. It is never executed as Python code.
+    """Parsed formula of supported operations, which is never executed as Python code.
 
     text: the formula as written.
-    tree: its syntax tree, which contains supported nodes only.
-    names: its variables, in order of appearance.
+    tree: syntax tree of the formula.
+    names: variables of the formula, in order of appearance.
     """
 
     text: str
@@ -67,7 +67,8 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
     known: permitted names
 
-    Raises BadInputError for an unknown name, and for text that is not a formula.
+    Raises BadInputError for an unknown name, an unsupported operation, a text longer than
+    `_LONGEST` characters, and for anything that is not a formula.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
         raise BadInputError(f"{shown(text)} must be a formula of at most {_LONGEST} characters")
@@ -82,9 +83,9 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """Add the names in a syntax tree to `names`.
+    """Append the names in a syntax tree to `names`.
 
-    Raises BadInputError for the first node that is not supported.
+    Raises BadInputError for a node that is not supported and for an unknown name.
 
     text: the formula, for messages
     known: permitted names
@@ -131,7 +132,10 @@ def _check_number(value: Any, text: str) -> None:
 
 
 def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Return the value of a checked syntax tree for values by name."""
+    """Return the value of a checked syntax tree.
+
+    values: name -> value
+    """
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else ca.SX(_CONSTANTS[node.id])
     if isinstance(node, ast.Constant):

@@ -22,8 +22,8 @@ _OBSERVED = np.dtype(np.float32)
 class AircraftEnvironment(gymnasium.Env):
     """Aircraft about its trims, with observation, action, timing and cost of a deployment.
 
-    Actions outside the box are clipped. `info` contains `X`, `U` and the index of the trim. If the
-    aircraft leaves its limits, `info["left"]` names the state, its limit and the time.
+    `info` contains `X`, `U` and the index of the trim. If the aircraft leaves its limits,
+    `info["left"]` reports the reason and the time.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
@@ -32,9 +32,7 @@ class AircraftEnvironment(gymnasium.Env):
         """Prepare the environment.
 
         episodes: simulation of a single episode
-        render_mode: None or "rgb_array"
-
-        Raises BadInputError for another mode.
+        render_mode: None or "rgb_array"; another mode raises BadInputError
         """
         self.episodes = episodes
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -88,10 +86,12 @@ class AircraftEnvironment(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode at a random state about a random trim.
+        """Begin an episode and return the observation (k,) and `info`.
 
-        options={"start": X, "trim": index} sets the initial state and the trim instead. Returns the
-        observation and `info`.
+        The initial state is random, about a random trim. options={"start": X, "trim": index} sets
+        both instead. The default of "trim" is 0.
+
+        Raises BadInputError for wrong options.
         """
         super().reset(seed=seed)
         if options and "start" in options:
@@ -106,7 +106,7 @@ class AircraftEnvironment(gymnasium.Env):
         return observations[0].astype(np.float32), info
 
     def _trim_number(self, number: Any) -> int:
-        """Return a trim's index as an integer. Raises BadInputError if there is no such trim."""
+        """Return a trim's index as an integer. Raises BadInputError if no trim has this index."""
         count = len(self.episodes.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
@@ -116,8 +116,9 @@ class AircraftEnvironment(gymnasium.Env):
         return int(number)
 
     def _start(self, start: Any) -> np.ndarray:
-        """Return an initial state as an array (n,). Raises BadInputError unless it is n finite
-        numbers.
+        """Return an initial state as an array (n,).
+
+        Raises BadInputError unless `start` is n finite numbers.
         """
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]
@@ -145,8 +146,8 @@ class AircraftEnvironment(gymnasium.Env):
         return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
-        """Return the picture of the episode so far, (height, width, 3), or None if render_mode is
-        None.
+        """Return the picture of the episode so far, (height, width, 3), or None without a
+        render_mode.
         """
         if self.render_mode is None:
             return None
@@ -164,7 +165,7 @@ def observation_space(observed: int) -> spaces.Box:
 
 
 def action_space(episodes: Episodes) -> spaces.Box:
-    """Return the space of the actions."""
+    """Return the Box of the actions."""
     return spaces.Box(
         episodes.low.astype(np.float32), episodes.high.astype(np.float32), dtype=np.float32
     )

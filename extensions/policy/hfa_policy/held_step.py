@@ -20,9 +20,9 @@ _MOST_PARTS = 1000
 
 
 def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
-    """Return the number of integration steps in a sample.
+    """Return the number of integration steps in a sample, at least 1.
 
-    It follows from the fastest mode of the aircraft at any of the trims.
+    The number follows from the fastest mode of the aircraft over the trims.
 
     dt: sample time, s
     """
@@ -39,9 +39,12 @@ def step_of_integration(
 ) -> ca.Function:
     """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
 
-    X' = f(X, U, p, w) + d with (d, w) = push. d acts on the states `linear`, and w are the
-    disturbances `winds`. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations
-    I, Table II.1.2.
+    X' = f(X, U, p, w) + d with (d, w) = push.
+
+    linear: states whose rates d is added to
+    winds: disturbances w
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
     states = layout.names[0]
     inputs = layout.names[1]

@@ -1,7 +1,7 @@
 """Pickles of Stable-Baselines3 and gymnasium, read without executing code.
 
-Arrays are read as arrays. Objects of these packages become containers of their attributes. Any
-other class or function is refused.
+Arrays are read as arrays. Objects of these packages become containers of their attributes. Other
+classes and functions are refused.
 """
 
 from __future__ import annotations
@@ -86,10 +86,7 @@ class _Kind:
 
 
 class _Array(np.ndarray):
-    """Stand-in for numpy.ndarray in a pickle.
-
-    It is empty until its pickled state is set.
-    """
+    """Stand-in for numpy.ndarray in a pickle, empty until its pickled state is set."""
 
     def __setstate__(self, state: Any) -> None:
         """Set the pickled state (version, shape, kind, is in Fortran order, bytes)."""
@@ -102,7 +99,7 @@ def _empty(*_: Any) -> _Array:
 
 
 def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
-    """Return the array with these bytes, kind of numbers, shape and order."""
+    """Return the array with these bytes, number type, shape and order."""
     numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
     return numbers.reshape(shape, order="F" if order == "F" else "C")
 
@@ -122,7 +119,7 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 class _Restricted(pickle.Unpickler):
     """Unpickler that refuses classes and functions by name, before an object is created.
 
-    It accepts arrays, and objects of the packages `_KEPT_PACKAGES`.
+    It accepts arrays, OrderedDict, deque, and objects of the packages `_KEPT_PACKAGES`.
     """
 
     def find_class(self, module: str, name: str) -> Any:
@@ -147,8 +144,8 @@ class _Restricted(pickle.Unpickler):
 def inert(content: bytes) -> Any:
     """Return the content of a pickle: dictionaries, lists, numbers, arrays and `Inert` objects.
 
-    Raises BadInputError if the pickle contains another class or function, is damaged, or would need
-    far more memory than its size.
+    Raises BadInputError if the pickle contains another class or function, is damaged, or needs far
+    more memory than its size.
     """
     try:
         refuse_pickle_bomb(content)

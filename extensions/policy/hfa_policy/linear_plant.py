@@ -16,11 +16,11 @@ from hfa_support.errors import BadInputError, said_of
 
 
 def linear_plant(path: str) -> Model:
-    """Return the model x' = A x + B u of a plant in continuous time, with its trim at the origin.
+    """Return the model x' = A x + B u of a plant in a file, with its trim at the origin.
 
     path: file with A and B, and optionally names and units of states and inputs
 
-    Raises BadInputError if the file does not contain such a plant.
+    Raises BadInputError if the file contains no such plant or the plant is in discrete time.
     """
     found = read_arrays(path)
     with said_of(path):
@@ -32,7 +32,7 @@ def linear_plant(path: str) -> Model:
 
 
 def _unit_weights(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return identity matrices as Q and R. An assessment does not use these weights."""
+    """Return identity matrices as Q and R, which an assessment does not use."""
     n, m = parts["B"].shape
     words = "the identity"
     return Defaults({"Q": np.eye(n), "R": np.eye(m)}, {"Q": words, "R": words})

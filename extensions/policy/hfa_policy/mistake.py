@@ -9,8 +9,8 @@ class Mistake(NamedTuple):
     """Mistake of a deployment.
 
     kind: type of mistake, such as "scale" or "no normalizer".
-    proved: True if the files prove it. Otherwise the files make it likely, or correcting it clearly
-        improves the flights.
+    proved: True if the files prove the mistake; False if they make it likely, or if its correction
+        clearly improves the flights.
     text: description in one sentence.
     """
 
@@ -20,5 +20,5 @@ class Mistake(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return the line of the report, which begins with "mistake" or "perhaps"."""
+        """Return the line of the report: "mistake: ..." if proved, otherwise "perhaps: ..."."""
         return f"{'mistake' if self.proved else 'perhaps'}: {self.text}"

@@ -12,10 +12,11 @@ from hfa_policy.repair_trial import better_repairs
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Yield the mistakes that the files show.
+    """Yield the mistakes of a deployment.
 
-    If there are none, mistakes are yielded whose correction clearly improves the flights. Policies
-    that use earlier samples are not searched.
+    Mistakes that the files show are first. If each of these is unclear and flights were simulated,
+    changes that clearly improve the flights follow. Nothing is yielded for a policy that uses
+    earlier samples.
     """
     if assessor.deployed.past:
         return

@@ -24,9 +24,10 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
 
 
 def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
-    """Return a sentence for each mistake that the policy's files show, for a flight or an export.
+    """Return a sentence for each mistake that the policy's files show.
 
-    The list is empty for a policy that uses earlier samples.
+    A warning is added if the files leave open whether a normalizer is missing. The list is empty
+    for a policy that uses earlier samples.
     """
     if deployed.past:
         return []

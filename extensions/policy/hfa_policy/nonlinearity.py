@@ -1,7 +1,4 @@
-"""Largest deviation of a policy from its linearization over the initial-condition box.
-
-It is found by the search that `hfa verify` uses for networks.
-"""
+"""Largest deviation of a policy from its linearization over the initial-condition box."""
 
 from __future__ import annotations
 
@@ -22,9 +19,11 @@ from trim.point.operating_point import OperatingPoint
 class Nonlinearity(NamedTuple):
     """Largest |u - u_e + K z| found for any commanded input over the box of deviations z.
 
-    u_e is the input at the equilibrium. The deviation is relative to the largest |K z| in the box.
+    u_e is the input at the equilibrium.
 
-    part: this ratio, a lower bound on the true maximum.
+    part: largest deviation found, relative to the largest |K z| in the box; a lower bound on the
+        true
+        maximum.
     state: linear state -> z at the largest deviation.
     """
 
@@ -35,7 +34,8 @@ class Nonlinearity(NamedTuple):
 class _Slope(NamedTuple):
     """Linear policy u = -K z with which the deployed policy is compared.
 
-    P is 0. The search requires it but does not use it for policies.
+    K: (m', k).
+    P: (k, k), 0; the search requires P but does not use it for policies.
     """
 
     K: np.ndarray
@@ -47,7 +47,7 @@ def nonlinearity(
 ) -> Nonlinearity:
     """Return the largest deviation of a policy from its linearization at an equilibrium.
 
-    Before the sample, the inputs have their equilibrium values.
+    The inputs before the sample have their equilibrium values.
 
     box: half-widths of the deviations z of the linear states, (k,)
     """

@@ -24,12 +24,12 @@ class Normalizer:
     """Normalizer o -> clip((o - mean) / sqrt(variance + epsilon), -clip, clip).
 
     mean: (k,).
-    variance: (k,), not negative.
-    epsilon: added to the variance.
+    variance: (k,).
+    epsilon: added to the variance; each sum is positive.
     clip: largest absolute value.
-    count: number of observations in the statistics, or nan if the file does not contain it.
+    count: number of observations in the statistics, or nan if unknown.
     last: (E, k), last unnormalized observations of E environments, or None if unknown.
-    origin: description of its source, for messages.
+    origin: name of the file or description of the source, for messages.
     """
 
     mean: np.ndarray
@@ -75,7 +75,7 @@ class Normalizer:
         return (observation - ca.DM(self.mean)) / ca.DM(self.deviation)
 
     def normalized(self, observation: np.ndarray) -> np.ndarray:
-        """Return the normalized observations.
+        """Return the normalized and clipped observations.
 
         observation: (..., k)
         """
@@ -88,7 +88,8 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
     """Read a normalizer from a file of `VecNormalize.save`, without executing its code.
 
     The result is None if the VecNormalize does not normalize observations. Raises a BadInputError
-    that names the file and the fault.
+    that names the file and the fault if the file contains no normalizer of an array of
+    observations.
     """
     with said_of(path):
         try:
@@ -130,7 +131,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
 def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
     """Return a number among the attributes of a stored object.
 
-    Raises BadInputError unless it is a single number.
+    Raises BadInputError unless the attribute is a single number.
     """
     numbers = numbers_in(f"its {name}", attributes.get(name))
     if numbers.size != 1:
@@ -156,7 +157,9 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Return observations as an array (E, width) of doubles, or None if they have another form."""
+    """Return stored observations as an array (E, width) of doubles, or None if they have another
+    shape.
+    """
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None
     return np.array(values, dtype=float)

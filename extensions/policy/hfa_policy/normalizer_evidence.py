@@ -1,7 +1,4 @@
-"""Evidence in a policy's file of whether its training used a normalizer.
-
-It is compared with the deployment file.
-"""
+"""Comparison of a deployment's normalizer with evidence of a normalizer in the policy's file."""
 
 from __future__ import annotations
 
@@ -31,7 +28,7 @@ _COUNT_AT_FIRST = 1e-4
 def mistakes_of_normalizer(
     deployed: Deployed, stored: Zip, normalizer: Normalizer | None
 ) -> Iterator[Mistake]:
-    """Yield the mistakes of the normalizer: omitted, superfluous, or of another checkpoint.
+    """Yield the mistake of the normalizer, if any: omitted, superfluous, or of another checkpoint.
 
     stored: settings in the policy's zip
     normalizer: normalizer of the deployment, or None
@@ -63,7 +60,13 @@ def mistakes_of_normalizer(
 
 
 class _Training(Enum):
-    """Evidence in a policy's file of a VecNormalize in the training."""
+    """Evidence in a policy's file of a VecNormalize in the training.
+
+    NONE: no VecNormalize normalized observations.
+    UNKNOWN: the file leaves this open.
+    LIKELY: observations change more from sample to sample than those of an aircraft.
+    NORMALIZED: a VecNormalize was used.
+    """
 
     NONE = "none, or none that normalized observations"
     UNKNOWN = "nothing"
@@ -88,7 +91,7 @@ def _says_no_normalizer(training: _Training) -> str:
 def unknown_normalizer(deployed: Deployed) -> str:
     """Return a warning that the training may have used a normalizer, or "".
 
-    The warning is returned if the deployment file declares no normalizer and the policy's file
+    The warning is returned if the deployment file declares no normalizer and the policy's zip
     leaves open whether the training used one.
     """
     stored = deployed.deployment.actor.stored
@@ -107,10 +110,11 @@ def unknown_normalizer(deployed: Deployed) -> str:
 def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
     """Return the evidence on whether the training used a VecNormalize.
 
-    PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store
-    one. With a VecNormalize, the last observation is a linear function of it in each column.
-    Without one, it is the observation one sample earlier. With too few environments, no linear
-    function can be recognized, and only implausibly large changes are evidence.
+    PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store an
+    original observation. With a VecNormalize, each column of the last observation is a linear
+    function of the original one. Without a VecNormalize, the original is the observation one sample
+    earlier. With too few environments for a linear function, only implausibly large changes are
+    evidence.
     """
     if stored.last is None or stored.last_original is None:
         return _Training.NONE
@@ -127,8 +131,8 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
     """Return the distance of the last observations from a linear function of the original ones.
 
-    It is the largest over the columns, relative to the range of the column. The result is nan if
-    there are too few environments. Clipped values are omitted.
+    The distance is the largest over the columns, relative to the range of the column. Clipped
+    values are omitted. The result is nan if all columns have too few values or no range.
 
     original, last: (E, k), for E environments
     """
@@ -146,7 +150,11 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 
 
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
-    """Return whether the states change more between two observations than an aircraft can."""
+    """Return whether the observed states change faster in one sample than an aircraft can.
+
+    The median over the observed states is compared with `_JUMP`. The result is False if no
+    observation is a state.
+    """
     assert stored.last is not None
     assert stored.last_original is not None
     changes = np.abs(stored.last - stored.last_original).max(axis=0)
@@ -165,8 +173,9 @@ def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
     """Return whether normalizer and policy are from different checkpoints.
 
     At equal checkpoints, the normalizer has counted one observation per environment more than the
-    policy. A second call of `learn` restarts the count. The result is therefore False if the
-    normalized last observations agree with the policy's.
+    policy. A second call of `learn` restarts the policy's count. The result is therefore False if
+    the normalized last observations agree with those of the policy. It is also False if the counts
+    or the last observations are unknown.
     """
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False

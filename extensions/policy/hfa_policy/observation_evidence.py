@@ -30,9 +30,9 @@ UNCLEAR = "observations"
 class _Record(NamedTuple):
     """Record of one observation in the training.
 
-    centre, spread: mean and standard deviation.
-    is_of_many: True for the statistics of a normalizer, False for those of the last few
-        observations.
+    centre: mean.
+    spread: standard deviation.
+    is_of_many: True for the statistics of many observations, False for the last few observations.
     """
 
     centre: float
@@ -60,7 +60,7 @@ class _Observed(NamedTuple):
     def given(self, is_absolute: bool) -> np.ndarray:
         """Return the observation at each trim, (N,).
 
-        is_absolute: whether absolute values are observed; deviations are 0
+        is_absolute: True for absolute values; False for deviations, which are 0
         """
         if not is_absolute:
             return np.zeros(len(self.values))
@@ -69,13 +69,15 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the deployment file specifies absolute values, not deviations from the trim."""
+        """True if the deployment file specifies absolute values, False for deviations from the
+        trim.
+        """
         return bool(self.about != "trim")
 
     def contradicts(self, record: _Record, is_absolute: bool) -> bool:
         """Return whether the training's record excludes the observation.
 
-        is_absolute: whether absolute values are observed, not deviations
+        is_absolute: True for absolute values, False for deviations
         """
         if record.is_of_many:
             return self._deviations(record, is_absolute) > _FAR
@@ -84,17 +86,18 @@ class _Observed(NamedTuple):
     def fits(self, record: _Record, is_absolute: bool) -> bool:
         """Return whether the observation is consistent with the training's record.
 
-        is_absolute: whether absolute values are observed, not deviations
+        is_absolute: True for absolute values, False for deviations
         """
         if record.is_of_many:
             return self._deviations(record, is_absolute) < _FITS
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Return whether the record is consistent with the given `about` and another scale.
+        """Return whether the record is consistent with the declared `about` and another scale.
 
-        Deviations have means near 0 in any scale. The same is true of absolute values of a state
-        that may be 0, but not of a speed, whose mean is far above its standard deviation.
+        Deviations have means near 0 in any scale. Absolute values of a state that can be 0 have any
+        mean. Absolute values of another state, such as a speed, have a mean far above their
+        standard deviation.
         """
         is_seen_about_0 = abs(record.centre) < _FITS * record.spread
         if not self.is_absolute:
@@ -103,15 +106,13 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Return whether the record is consistent with the observation as the deployment file
-        declares it.
-        """
+        """Return whether the record is consistent with `about` and scale of the deployment file."""
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
         """Return the distance of the nearest trim from the record's mean, in standard deviations.
 
-        Without a standard deviation, the value is neither far nor near.
+        If the standard deviation is 0, the result is neither far nor near.
         """
         if record.spread == 0.0:
             return 0.5 * (_FITS + _FAR)
@@ -120,6 +121,8 @@ class _Observed(NamedTuple):
     def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
         """Return whether the mean of the record is clearly outside the limits of the observed
         state.
+
+        The result is False for a formula.
         """
         if self.state not in self.model.states:
             return False
@@ -143,8 +146,12 @@ def mistakes_of_observations(
 ) -> Iterator[Mistake]:
     """Yield the mistakes of observations that the record of the training proves.
 
-    They are absolute values in place of deviations, deviations in place of absolute values, and
-    wrong scales. Any other contradiction is yielded as unclear.
+    Each contradicted observation yields one of these:
+    - An unclear mistake, if it may be exchanged with another observation.
+    - A wrong scale, if its scale contradicts the record.
+    - Nothing, if the other kind of values (absolute or deviations) contradicts the record too.
+    - An unclear mistake, if another scale would also explain the record.
+    - Absolute values in place of deviations, or the reverse.
     """
     seen = _seen(stored, normalizer)
     if seen is None:
@@ -177,7 +184,10 @@ def mistakes_of_observations(
 def _exchanged_with(
     number: int, observed: Sequence[_Observed], records: Sequence[_Record]
 ) -> list[str]:
-    """Return the names of the observations that may be exchanged with observation `number`."""
+    """Return the names of the observations that agree with each other's records if exchanged.
+
+    number: index of the observation to be exchanged
+    """
     names = []
     for place, other in enumerate(observed):
         fit = observed[number].agrees(records[place]) and other.agrees(records[number])
@@ -228,9 +238,10 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return mean and standard deviation of the training's observations, (k,) each, or None.
+    """Return mean and standard deviation of the training's observations, (k,) each, or None if
+    unknown.
 
-    A third value is True if they are statistics of many observations.
+    The third value is True if they are statistics of many observations.
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
@@ -244,8 +255,8 @@ def _seen(
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
     """Return mean and size of the training's observations, (k,) each, or None if unknown.
 
-    The size is the root mean square about the mean. Without a normalizer, it is that of the last
-    few observations about an assumed mean of 0.
+    The size is the root mean square about the mean. Without statistics of many observations, the
+    mean is assumed to be 0.
     """
     seen = _seen(deployment.actor.stored, deployment.normalizer)
     if seen is None:
@@ -270,7 +281,7 @@ def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint
 def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
     """Return the value of an observation's formula at a trim.
 
-    The result is 0 for deviations of a formula that is not a single name.
+    If deviations of a formula that is not a single name are observed, the result is 0.
     """
     formula = deployed.observed[index]
     trim = deployed.trim_vector(point)
@@ -302,7 +313,9 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
 def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
     """Return the reason why a scale differs from the training's scale, or "" if it may be equal.
 
-    name: observed state, or a formula, for which the result is ""
+    The result is "" for a formula and for a state without two finite limits.
+
+    name: observed state, or a formula
     spread: standard deviation of the observation in training
     """
     if name not in model.states:

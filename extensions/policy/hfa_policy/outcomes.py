@@ -1,7 +1,4 @@
-"""Outcomes of flights from a box of initial conditions.
-
-A flight converges, leaves the envelope, or does neither.
-"""
+"""Outcomes of flights from a box of initial conditions."""
 
 from __future__ import annotations
 
@@ -68,9 +65,9 @@ _OTHERS = 3
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
     """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
-    They are the nominal values, in particular for angles and angular rates. For a state whose trim
-    value is at least half its nominal value, such as a speed, they are 10 % of the nominal value.
-    They are at most half the distance to a limit.
+    The half-width is the nominal value. For a state that is neither an angle nor an angular rate,
+    and whose trim value is at least half its nominal value, it is 10 % of the nominal value. It is
+    at most half the distance to a limit.
     """
     widths = []
     for name in model.linear:
@@ -91,16 +88,15 @@ class Place:
     point: the trim.
     box: (k,), half-widths of the initial conditions about the trim.
     equilibrium: the equilibrium, or None if it does not exist.
-    stable: whether the loop is stable at the equilibrium; a flight that enters the ball about it
-        has then converged.
-    reach: states that the actions move, or None without an equilibrium.
+    stable: whether the loop is stable at the equilibrium.
+    reach: modes within reach of the policy, or None without an equilibrium.
     seconds: duration of a flight.
-    swing: half a period of the slowest oscillation about the equilibrium, s; 0 if modes are not
-        assessed.
-    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model.
-        Flights converge to the equilibrium at their altitude.
-    lag: (k,), lag of the linear states behind that equilibrium.
-    steady: the trim whose rates the equilibrium has; by default the point.
+    swing: half a period of the slowest oscillation about the equilibrium, s; 0 if a mode is out of
+        reach.
+    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
+        None without an equilibrium.
+    lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
+    steady: trim whose rates the equilibrium has, or None for `point`.
     """
 
     point: OperatingPoint
@@ -121,10 +117,7 @@ class Place:
 
     @property
     def stays(self) -> bool:
-        """True if converged flights remain converged.
-
-        This requires that no mode diverges, including modes that the actions do not move.
-        """
+        """True if the loop is stable and no mode out of reach diverges."""
         own = () if self.reach is None else self.reach.own
         return self.stable and all(mode.growth <= 0.0 for mode in own)
 
@@ -136,19 +129,19 @@ class Outcome(Result):
     starts: number of flights.
     returned: number of flights that converged. Such a flight is within the ball about the
         equilibrium at the end, or earlier for half a period of the slowest oscillation and two
-        seconds. If a mode diverges, only the end counts.
+        windows. If a mode diverges, only the end counts.
     lost: number of flights that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
         "converges".
-    slowest: longest time of convergence, s.
-    cycle: limit cycle of flights that do not converge, or about an unstable equilibrium, or None.
+    slowest: longest time of convergence, s; 0 if no flight converges.
+    cycle: limit cycle of a flight that does not converge, or about an unstable equilibrium, or
+        None.
     elsewhere: number of flights that converge to another equilibrium.
-    elsewhere_at: linear state -> value at the first other equilibrium.
-    moving: number of flights that neither converge nor leave the limits within `seconds`.
+    elsewhere_at: linear state -> value at the first other equilibrium; empty if there is none.
+    moving: number of flights that neither converge to an equilibrium nor leave the limits.
     seconds: duration of a flight.
-    departure: state that first leaves its limit, in the flight that leaves first, and its time, or
-        None if no flight leaves.
+    departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
 
     #: The last two lines contain the names of version 0.3, for one version.
@@ -183,7 +176,7 @@ class Outcome(Result):
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
     """Return random initial conditions (count, n) and disturbance pulses (count, k) about a trim.
 
-    pushed: whether there are pulses; otherwise they are 0
+    pushed: False if the pulses are 0
     """
     model = place.point.model
     random = np.random.default_rng([seed, 1])
@@ -274,7 +267,7 @@ class FlownRows:
         self.status[back] = _RETURNED
 
     def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
-        """Simulate the unfinished flights for one window, and mark those that end in it.
+        """Simulate unfinished flights for one window, and mark those that end in it.
 
         flying: indices of the unfinished flights
         number: number of earlier windows
@@ -310,8 +303,10 @@ class FlownRows:
         """Return the distance from the equilibrium and the swing of each flight in a window.
 
         The distance (N,) is the largest in the window. The swing (N, k) is half the range of each
-        linear state. Both are relative to the half-widths of the ball in which a flight counts as
-        converged.
+        linear state. Both are in half-widths of the ball in which a flight counts as converged.
+
+        rows: rows of the flights after the window
+        flying: indices of the flights
         """
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
@@ -326,20 +321,22 @@ class FlownRows:
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Return a mask of the flights that have converged.
 
-        They stayed in the ball about the equilibrium for more than half a period of any
-        oscillation, and approach the equilibrium. No mode may diverge.
+        Such a flight has been in the ball about the equilibrium for `enough` windows, and is not
+        farther from the equilibrium than in the window before. If a mode diverges, no flight has
+        converged yet.
 
-        distance: largest distance from the equilibrium in the window, (N,), as returned by
-            `_in_balls`
+        distance: largest distance from the equilibrium in the window, in half-widths of the ball,
+            (N,)
         """
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
-        """Return a mask of the flights that have been at another equilibrium for enough windows.
+        """Return a mask of the flights that have been at another equilibrium for `_STANDING`
+        windows.
 
-        distance, swings: as returned by `_in_balls`
+        distance, swings: results of `_in_balls`
         """
         is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
         stands = is_away & (swings.max(axis=1) <= _STANDS * distance)
@@ -369,7 +366,9 @@ class FlownRows:
         return cycling
 
     def swings(self) -> np.ndarray:
-        """Half the range of each linear state in the last window, (N, k)."""
+        """Half the range of each linear state in the last window, (N, k), or 0 for a state out of
+        reach.
+        """
         _, _, low_X, high_X, *_ = self.flight.slices
         moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
         return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
@@ -419,7 +418,7 @@ class FlownRows:
         )
 
     def _first_lost(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
-        """Return the index of the flight that first leaves the envelope, and its departure or None.
+        """Return the index of the flight that leaves the envelope first, and its departure or None.
 
         lost: indices of the flights that leave the envelope
         """
@@ -432,7 +431,8 @@ class FlownRows:
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """Return the number of flights at other equilibria, and the first of these equilibria.
 
-        The equilibrium is given as linear state -> value.
+        The equilibrium is given as linear state -> value. At most `_OTHERS` equilibria are
+        searched.
 
         settled: indices of the flights that are almost steady
         """
@@ -462,8 +462,9 @@ class FlownRows:
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
         """Return the index of the worst flight that stays inside the envelope, and its outcome.
 
-        It is the flight of `neither` that stays farthest from the trim. If `neither` is empty, it
-        is the slowest of `returned`. If both are empty, the result is (0, "").
+        - `neither` is not empty: the flight of `neither` farthest from the equilibrium.
+        - Only `returned` is not empty: the slowest flight of `returned`.
+        - Both are empty: (0, "").
 
         neither: indices of the flights that neither converge nor leave the envelope
         returned: indices of the flights that converge
@@ -489,7 +490,7 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """Return the limit cycle of the flight that begins at a row, or None if there is none.
+    """Return the limit cycle of the flight that begins at a row, or None if it has no limit cycle.
 
     seconds: duration of the flight
     """
@@ -518,9 +519,11 @@ def fly_places(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[list[Outcome], list[Outcome]]:
-    """Simulate `samples` flights about each trim, without and with a disturbance pulse.
+    """Simulate flights about each trim, without and with a disturbance pulse.
 
-    Returns the outcomes at each trim without a pulse, then the outcomes with a pulse.
+    Returns the outcomes at each trim without a pulse, and the outcomes with a pulse.
+
+    samples: number of initial conditions at each trim
     """
     rows = []
     for pushed in (False, True):
@@ -540,10 +543,10 @@ def fly_places(
 def ends_from_trim(
     flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate flights that begin at their trims.
+    """Simulate flights that begin at their trims, for at most `seconds`.
 
     Returns the final X (N, n) and the final acting inputs (N, m). The flights end early if no state
-    changes by more than `_STILL` of its nominal value within a window.
+    changes by more than `_STILL` of its nominal value from the start to the end of a window.
     """
     model = points[0].model
     still = _STILL * np.array([model.signals[name].nominal for name in model.states])

@@ -47,7 +47,8 @@ class Reach(NamedTuple):
     A mode is out of reach if the actions do not move it or the observations do not show it.
 
     judged: (k,), mask of the linear states that count; all, unless a slow mode is out of reach.
-    loop: the equilibrium in coordinates of the r modes within reach; unchanged if all are.
+    loop: the equilibrium in coordinates of the r modes that count; the equilibrium itself if all
+        do.
     own: slow modes of the aircraft that are out of reach.
     states: names of the states that count.
     """
@@ -61,9 +62,9 @@ class Reach(NamedTuple):
 def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> Reach:
     """Return the modes within reach, for deviations within a box (k,).
 
-    Actions affect such a mode and observations show it. Mode i has the eigenvalue λ, the left
-    eigenvector w' and the right eigenvector v, w'v = 1. It is out of reach if it does not double
-    within ten seconds and one of two ratios is below 0.05:
+    Mode i has the eigenvalue λ, the left eigenvector w' and the right eigenvector v, w'v = 1. A
+    mode is out of reach if it does not double within ten seconds and one of two ratios is below
+    0.05:
 
         Σ_j |w'B_j| n_j min(1 / |Re λ|, 60 s) / Σ_l |w_l| b_l
         max_j |C_j v| / (Σ_l |C_jl| b_l max_l (|v_l| / b_l))
@@ -72,9 +73,9 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     respect to the states. The first ratio is the motion of the mode under constant nominal inputs,
     relative to the box. The second is the change of an observation, relative to its range.
 
-    If no slow mode is out of reach, all modes are assessed. Otherwise all modes out of reach are
-    removed from the loop, including fast ones. The fast ones decay, and their coupling hardly
-    changes the radius of the loop (by 4e-8 for the c172p with pitch control). They would dominate a
+    All modes count if no slow mode is out of reach, if all modes are out of reach, or if the modes
+    cannot be separated. Otherwise all modes out of reach are removed from the loop, including fast
+    ones. The fast ones decay and hardly change the radius of the loop, but would dominate a
     relative cost because their cost is almost zero.
     """
     A = equilibrium.A
@@ -115,8 +116,8 @@ def left_alone(
 ) -> OwnMode | None:
     """Return the slow mode of the aircraft that the policy hardly changes, or None.
 
-    It corresponds to the slowest mode of the sampled loop, whose eigenvalue differs from it by at
-    most 10 %.
+    The slowest eigenvalue of the sampled loop differs by at most 10 % from the eigenvalue of this
+    mode.
 
     slowest: eigenvalue of the sampled loop with the largest absolute value
     dt: sample time, s
@@ -134,8 +135,8 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the largest change of an observation for each mode, (r,), relative to its range in a
-    box.
+    """Return the largest change of an observation relative to its range in a box, for each mode,
+    (r,).
 
     modes: (k, r), a column for each mode
     box: half-widths of the box, (k,)
@@ -159,7 +160,7 @@ def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.nda
 
 
 def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMode]:
-    """Return the modes of the aircraft with this eigenvalue, and their times to half or double."""
+    """Return the modes of the aircraft with the eigenvalue `value`."""
     model = deployed.model
     found = []
     for mode in modes_of(A, model.linear, model.modes):
@@ -178,8 +179,8 @@ def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMod
 def seconds_to_converge(radius: float, dt: float) -> float:
     """Return the duration of flights about an equilibrium, s.
 
-    It is four time constants of the slowest mode of the sampled loop. It is at least `HORIZON` and
-    at most `LONGEST`.
+    The duration is four time constants of the slowest mode of the sampled loop, within [`HORIZON`,
+    `LONGEST`]. It is `HORIZON` if the loop is not stable.
 
     radius: spectral radius of the sampled loop
     dt: sample time, s

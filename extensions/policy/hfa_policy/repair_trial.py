@@ -5,8 +5,7 @@ with too much delay, improves with any change that weakens it. A badly trained p
 with many changes. A change is therefore reported only under these conditions:
 
 - The flights with the change are good and clearly better than with the file as written.
-- No change of gain alone improves the flights about as much. It must be an improvement, because
-  a weak policy with the wrong sign is no worse than no policy.
+- No change of gain alone is about as good and clearly better than no control.
 - If the file contains the cost of the training, the cost with the change is near its optimum.
 """
 
@@ -82,7 +81,7 @@ class _Found(NamedTuple):
     """Change that is clearly better.
 
     flown: results of the flights with the change.
-    kind: kind of the mistake.
+    kind: type of the corrected mistake.
     why: assumption of the change, for the message.
     """
 
@@ -94,14 +93,16 @@ class _Found(NamedTuple):
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
     """Yield the changes of the deployment that clearly improve the flights, the best first.
 
-    Nothing is yielded if the flights are already good.
+    Nothing is yielded if the flights at all trims are already good.
     """
     if not all(_flies_well(point) for point in assessed):
         yield from _Trial(assessor, assessed).named()
 
 
 def _flies_well(point: AssessedPoint) -> bool:
-    """Return whether the policy holds at a trim and most flights converge near the trim."""
+    """Return whether the policy holds at a trim, most flights converge, and the equilibrium is near
+    it.
+    """
     if not point.holds or point.flights is None:
         return False
     near_trim = bool(np.all(np.abs(point.offset) <= NEAR * point.place.box))
@@ -124,6 +125,7 @@ def _is_better(flown: Flown, card: Flown) -> bool:
     With the change, no more flights may leave the envelope and no fewer may converge. In addition,
     either clearly more flights converge at clearly less cost, or the cost is at most a third.
 
+    flown: results with the change
     card: results with the file as written
     """
     if flown.kept < card.kept or flown.back < card.back:
@@ -135,10 +137,7 @@ def _is_better(flown: Flown, card: Flown) -> bool:
 
 
 def _weakens(repair: Repair) -> bool:
-    """Return whether a change reduces an observation or an action.
-
-    The absence of control would have a similar effect.
-    """
+    """Return whether a change reduces an observation or an action."""
     largest = np.abs(repair.P).max(axis=1)
     return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
@@ -147,8 +146,9 @@ def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
     """Return whether a change of gain alone is about as good as a change.
 
     With such a gain, about as many flights converge at about the same cost, or the cost is clearly
-    lower. The gain must clearly improve on flights without control.
+    lower. In both cases, the cost must be clearly lower than without control.
 
+    flown: results with the change
     none: results without control
     other_gains: results with other gains
     """
@@ -174,7 +174,7 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """Yield the changes to report: the best of each kind, the best first.
+        """Yield the best change of each kind, the best first, at most `_MOST_NAMED`.
 
         Nothing is yielded if the delay alone explains the flights.
         """
@@ -201,8 +201,7 @@ class _Trial:
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
         """Return the changes whose flights cost about as much as the flights of the optimum.
 
-        All are returned if the deployment file contains no cost or no optimum exists. Only a policy
-        trained for this cost is near its optimum.
+        All are returned if the deployment file contains no cost or no optimum exists.
         """
         if self.card.cost is None or not found:
             return found
@@ -217,7 +216,7 @@ class _Trial:
         ]
 
     def _is_only_late(self) -> bool:
-        """Return whether most flights converge without the delay. It is False if the file has no
+        """Return whether most flights converge without the delay, or False if the file has no
         delay.
         """
         if self.card.delay == 0.0:
@@ -226,7 +225,7 @@ class _Trial:
         return _brings_most_back(on_time)
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
-        """Return the changes of each kind with the lowest costs in a few short flights."""
+        """Return the changes with the lowest costs in a few short flights, `_LEFT` of each kind."""
         flown = self.flights.flown(repairs, _SHORT)
         costs = [float(np.log(of_repair.costs).sum()) for of_repair in flown]
         left: dict[str, list[Repair]] = {}
@@ -237,11 +236,13 @@ class _Trial:
         return [repair for of_kind in left.values() for repair in of_kind]
 
     def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
-        """Return whether a change is clearly better than the file as written.
+        """Return whether a change is to be reported.
 
-        In addition, neither a change of gain nor the absence of control may be about as good. A
-        change that the training's record supports must only be better than the file.
+        The change must be clearly better than the file as written, and the training's record must
+        not contradict it. Unless this record supports the change, neither a change of gain nor the
+        absence of control may be about as good.
 
+        flown: results with the change
         of_gains: results of the file as written, without control, and with other gains
         """
         if repair.kind == "order":
@@ -263,7 +264,7 @@ class _Trial:
     def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
         """Return whether a change that weakens actions is about as good with still weaker actions.
 
-        The weakest trial omits these actions.
+        Weaker actions include zero.
         """
         smaller = repair.gain < 1.0
         gains = [np.where(smaller, part, 1.0) for part in _WEAKER]
@@ -274,12 +275,11 @@ class _Trial:
         )
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
-        """Return a list with a shorter sample time at which the policy is good at a third of the
-        cost.
+        """Return a list with the longest shorter sample time at which the policy is clearly better.
 
-        It is the longest such sample time. The list is empty if there is none. It is also empty if
-        a change of gain, at either sample time, has clearly lower cost, because the gain of the
-        policy is then too high.
+        At this sample time, the flights are good, and their cost is at most a third. The list is
+        empty if no sample time qualifies. A sample time does not qualify if a change of gain has
+        clearly lower cost, because the gain of the policy is then too high.
 
         of_gains: results at the sample time of the file, the first of the file as written
         """
@@ -302,16 +302,16 @@ class _Trial:
     # Comparison with the training's record.
 
     def _nearer(self, repair: Repair) -> float:
-        """Return how much closer the observations are to the training's record with a change.
-
-        The result is 0 without a record.
+        """Return how much a change reduces the misfit to the training's record, or 0 without a
+        record.
         """
         if observations_of_training(self.card) is None:
             return 0.0
         return self._misfit(self.card) - self._misfit(repair.deployment)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Return Σ |log(size of the initial observations / size in training)|.
+        """Return Σ |log(size of the initial observations / size in training)| over the
+        observations.
 
         A size is the root mean square about the training's mean.
         """
@@ -331,7 +331,10 @@ class _Trial:
 
 
 def _said(found: _Found, of_card: Flown) -> str:
-    """Return a sentence on a change, with the relative cost of the file as written."""
+    """Return a sentence on a change, with the cost of the file as written relative to the change.
+
+    of_card: results of the file as written
+    """
     times = of_card.times(found.flown)
     said = f"{times:.3g}" if times < 1000.0 else "over 1000"
     return f"flights would improve if {found.why}: now they cost {said} times as much"

@@ -1,4 +1,4 @@
-"""Trial changes of a deployment file. Each corrects one possible mistake."""
+"""Trial changes of a deployment file, each of which corrects one possible mistake."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _DEGREES = 180.0 / np.pi
 class Repair(NamedTuple):
     """Change of a deployment: o' = P o + c and a' = gain S a.
 
-    kind: kind of the mistake that it corrects.
+    kind: type of the corrected mistake.
     text: assumption of the change, for the message.
-    deployment: the changed deployment.
-    P: (k, k). c follows from the changed deployment at a trim.
+    deployment: the changed deployment, from which c follows at a trim.
+    P: (k, k).
     gain: (m,).
     S: (m, m).
     """
@@ -36,7 +36,7 @@ class Repair(NamedTuple):
 
 
 def card_with_gain(card: Deployment, gain: float) -> Repair:
-    """Return the change that multiplies all actions by a gain, without a changed deployment."""
+    """Return the change that multiplies all actions by a gain."""
     return _with_gains(card, "", "", card, np.full(len(card.action), gain))
 
 
@@ -91,15 +91,15 @@ def _signs(card: Deployment) -> Iterator[Repair]:
 
 
 def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Return the entry of an action with the action multiplied by a factor in its map."""
+    """Return the entry of an action in which the map contains factor * a in place of a."""
     map_of_action = entry.get("map", "trim + a")
     return {**entry, "map": re.sub(r"\ba\b", f"({factor!r} * a)", map_of_action)}
 
 
 def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes that exchange two actions.
+    """Yield the changes that exchange two actions, while the boxes keep their order.
 
-    The boxes keep their order, because they belong to the outputs of the network.
+    The boxes belong to the outputs of the network.
     """
     names = list(card.action)
     for one, other in combinations(range(len(names)), 2):
@@ -114,12 +114,14 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entry of an action with the box of another entry."""
+    """Return the entry of an action with the box of the entry `place`."""
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the change that converts actions on angles from degrees to radians, if any exist."""
+    """Yield the change that converts the actions on angles from degrees to radians, if such actions
+    exist.
+    """
     card = deployed.deployment
     angles = [name for name in card.action if deployed.model.unit(name) in ("rad", "deg")]
     if angles:
@@ -135,7 +137,10 @@ def _units(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _abouts(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes of all observations from deviations to absolute values, and the reverse."""
+    """Yield the changes that make all observations absolute values, or all deviations.
+
+    A change that changes nothing is omitted.
+    """
     for about, text in ((0.0, "absolute values"), ("trim", "deviations from trim")):
         observation = {name: {**entry, "about": about} for name, entry in card.observation.items()}
         if observation != card.observation:
@@ -144,7 +149,10 @@ def _abouts(card: Deployment) -> Iterator[Repair]:
 
 
 def _scales(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the changes of the units of angles, and of scales omitted or applied twice."""
+    """Yield the changes of the units of angles and of the scales.
+
+    A change that changes nothing is omitted.
+    """
     card = deployed.deployment
     scales = np.array([entry.get("scale", 1.0) for entry in card.observation.values()])
     in_degrees = np.where(_angles(deployed), _DEGREES, 1.0)
@@ -184,8 +192,9 @@ def _angles(deployed: Deployed) -> list[bool]:
 def _sizes(deployed: Deployed) -> np.ndarray:
     """Return the size of each observation, (k,).
 
-    It is the deviation with cost 1 for the deployment's Q. Without a weight it is the nominal value
-    of the signal, or 1 for a formula.
+    - With a positive weight q in the deployment's Q: 1 / sqrt(q), the deviation with cost 1.
+    - Other signals: the nominal value.
+    - Other formulas: 1.
     """
     Q, _ = cost_weights(deployed)
     signals = deployed.model.signals

@@ -1,7 +1,4 @@
-"""Flights of a deployed policy from its trim with sensor noise, a gust or turbulence.
-
-They are simulated as in `hfa fly`.
-"""
+"""Flights of a deployed policy from its trim with sensor noise, a gust or turbulence."""
 
 from __future__ import annotations
 
@@ -35,10 +32,10 @@ class RoughFlights(Result):
     flights: number of flights.
     inside: number of flights that stay inside the envelope.
     seconds: duration of a flight, s.
-    disturbed_by: description of noise, gust or turbulence.
+    disturbed_by: description of the disturbances.
     rms: linear state or commanded input -> root mean square deviation from the trim, inside the
         envelope.
-    calm: the same root mean squares for a flight without noise in still air.
+    calm: `rms` of a flight without noise in still air.
     departure: departure of the flight that leaves the envelope first, or None.
     air: description of the gust or turbulence in one line, or "".
     left_out: components of the moving air that the equations do not support, one sentence each.
@@ -58,7 +55,8 @@ class RoughFlights(Result):
 def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     """Return the scenario for a model.
 
-    Raises BadInputError if it does not fit the model, contains no disturbance, or `samples` is 0.
+    Raises BadInputError if the scenario does not fit the model or contains no disturbance, or if
+    `samples` is 0.
     """
     if samples < 1:
         raise BadInputError(
@@ -78,11 +76,12 @@ def rough_flights(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> list[RoughFlights]:
-    """Simulate a deployment from each trim in noise or moving air.
+    """Simulate a deployment from each trim with noise or in moving air.
 
-    There are at most 20 flights from each trim, or one if the scenario contains nothing random.
+    From each trim there are `samples` flights, at most 20, or one if the scenario has no
+    uncertainty.
 
-    scenarios: noise, gust and turbulence at each trim, from `rough_scenario`.
+    scenarios: noise, gust and turbulence at each trim, from `rough_scenario`
     """
     found = []
     for number, (point, happens) in enumerate(zip(points, scenarios, strict=True)):
@@ -99,7 +98,7 @@ def rough_flights(
 
 
 def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
-    """Simulate the flights from one trim, and a flight without noise in still air."""
+    """Simulate the flights from one trim, and a reference flight without noise in still air."""
     flights = [fly_member(plan, member) for member in range(plan.members)]
     rms = _rms(plan, flights)
     still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
@@ -145,7 +144,7 @@ def _disturbed_by(scenario: Scenario) -> str:
 
 
 def _turbulence_text(turbulence: Turbulence | None) -> str:
-    """Return "light turbulence" for a level, or "turbulence" for a given intensity."""
+    """Return the level and "turbulence", or "turbulence" alone if an intensity is given."""
     if turbulence is None or not isinstance(turbulence.level, str):
         return "turbulence"
     return f"{turbulence.level} turbulence"
@@ -154,8 +153,8 @@ def _turbulence_text(turbulence: Turbulence | None) -> str:
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
     """Return the table of root mean square deviations, with two rows for each trim.
 
-    The first row is for the flights with noise or in moving air, with the number inside the
-    envelope. The second is for the flight in calm air.
+    The first row is for the flights with noise or in moving air, and counts those inside the
+    envelope. The second row is for the flight in calm air.
 
     trims: description of each trim
     units: unit of each entry of `rms`

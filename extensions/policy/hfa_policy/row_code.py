@@ -105,7 +105,7 @@ _WRITE = """for (int j = 0; j < {size}; j++)
 
 
 class RowCode:
-    """Compiled function that is evaluated for each row of its arguments, like a `RowFunction`.
+    """Compiled function that is evaluated for each row of its arguments.
 
     Several threads may call it in parallel.
     """
@@ -132,8 +132,8 @@ class RowCode:
     def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
         """Return a function without arguments that evaluates `table` and writes into `results`.
 
-        A result may be the table itself, because each row is read before it is written. Raises
-        ValueError unless all arrays are contiguous, of doubles and of matching shapes.
+        A result may be the table itself. Raises ValueError unless all arrays are contiguous, of
+        doubles and of matching shapes.
         """
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
@@ -162,10 +162,10 @@ def bound_rows(
 def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
     """Compile a dense function for many rows.
 
-    CasADi evaluates the function instead if its operations cannot be written in C, or, with a note,
-    if no compiler is available.
+    Operations that cannot be written in C are compiled by CasADi if possible. If no compiler is
+    available or compilation fails, CasADi evaluates the function.
 
-    one_row: whether one row is evaluated at a time.
+    one_row: whether one row is evaluated at a time
     """
     with MAKING:
         try:

@@ -34,14 +34,14 @@ _WHOLE = 1e-9
 
 
 class Chain(NamedTuple):
-    """System s⁺ = F s + G v, u = C s. The closed loop is v = u.
+    """System s⁺ = F s + G v, u = C s, closed by v = u.
 
     F: (N, N).
     G: (N, m).
     C: (m, N).
     states: number of aircraft states, the first entries of s.
     dt: sample time, s.
-    start: (N, states), s at the first sample for a deviation of the states.
+    start: (N, states), s at the first sample per deviation of the states.
     """
 
     F: np.ndarray
@@ -58,9 +58,8 @@ class Chain(NamedTuple):
 
     @property
     def slowest(self) -> complex:
-        """Eigenvalue of the closed loop with the largest absolute value.
-
-        It is inf if the closed-loop matrix is not finite.
+        """Eigenvalue of the closed loop with the largest absolute value, or inf if the matrix is
+        not finite.
         """
         closed = self.closed
         if not np.isfinite(closed).all():
@@ -77,7 +76,7 @@ class Chain(NamedTuple):
 def slowest_swing(chain: Chain) -> float:
     """Return half the period, s, of the slowest lightly damped oscillation of a loop, or 0 if none.
 
-    An oscillation is lightly damped if more than a twentieth of it remains after half a period.
+    An oscillation is lightly damped if more than 5 % of its amplitude remains after half a period.
     """
     values = np.linalg.eigvals(chain.closed)
     values = values[np.angle(values) != 0.0]
@@ -145,7 +144,7 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
 class Delays(NamedTuple):
     """Effect of delays on a loop.
 
-    radii: spectral radius with delays of 0, 1, 2, ... samples, up to the first unstable one.
+    radii: spectral radius with delays of 0, 1, 2, ... samples, up to `searched`.
     limit: first unstable delay in complete samples, s, not below the deployed delay, or None if
         there is none up to `searched`.
     fine: first unstable delay to 5 % of a sample, s, or None if there is none up to `searched`.
@@ -159,10 +158,10 @@ class Delays(NamedTuple):
 
 
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Return the effect of delays, searched sample by sample from the deployed delay.
-
-    An unstable loop may be stable again with a longer delay. The search ends at the first unstable
+    """Return the effect of delays up to the first unstable one that is not below the deployed
     delay.
+
+    With a longer delay, the loop may be stable again.
 
     dt, deployed_delay: s
     """
@@ -180,7 +179,7 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
 def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int) -> float:
     """Return the first unstable delay, s, within the sample that ends at `samples`.
 
-    It is searched in steps of 1/`_PARTS` of a sample.
+    The resolution is 1/`_PARTS` of a sample. Delays below the deployed delay are omitted.
     """
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt

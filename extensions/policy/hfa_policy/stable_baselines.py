@@ -1,6 +1,6 @@
 """Reader of Stable-Baselines3 zip files (PPO, A2C, SAC and TD3).
 
-It follows the conventions of Stable-Baselines3 2.x:
+The conventions are those of Stable-Baselines3 2.x:
 
 - PPO and A2C clip the mean to the Box. SAC, TD3 and PPO with `squash_output` apply tanh and map
   [-1, 1] to the Box.
@@ -66,14 +66,14 @@ class Zip:
     part: names of the actor's tensors, for `network_in`.
     activation: activation between the layers.
     layout: widths of the hidden layers.
-    squash: whether the output is tanh, mapped to the Box.
-    clip_mean: largest absolute value before tanh, or inf if it is not clipped.
+    squash: whether the output passes through tanh and is mapped to the Box.
+    clip_mean: largest absolute value before tanh, or inf without a clip.
     low, high: (m,), the Box of the actions.
     observations: number of observations.
     timesteps: number of training steps.
     environments: number of parallel environments.
     last: (E, k), last observations, normalized if a normalizer was used, or None if not stored.
-    last_original: (E, k), observations before normalization, or None if not stored.
+    last_original: (E, k), original observations as stored, or None if not stored.
     """
 
     algorithm: str
@@ -125,7 +125,7 @@ def read_zip(path: str | Path) -> Zip:
 
 
 def _member(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return a file in the zip, of limited size. Raises BadInputError if it is missing."""
+    """Return a file in the zip. Raises BadInputError if the file is missing."""
     if name not in archive.namelist():
         raise BadInputError(
             f"the zip contains no {name}; give a file written by Stable-Baselines3's model.save"
@@ -178,7 +178,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
 
 
 def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    """Raise BadInputError if an entry is a class other than the known ones."""
+    """Raise BadInputError if an entry is present and is not one of the known classes."""
     if data.get(entry) is None:
         return
     try:
@@ -197,8 +197,7 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
 def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
     """Return the algorithm, the words that select the actor's tensors, and the default activation.
 
-    They follow from the names of the tensors. Raises BadInputError if the policy is not a
-    feed-forward actor of PPO, A2C, SAC or TD3.
+    Raises BadInputError if the tensors are not a feed-forward actor of PPO, A2C, SAC or TD3.
     """
     names = " ".join(tensors)
     if "features_extractor." in names:
@@ -276,7 +275,8 @@ def _activation(stored: Any, usual: str) -> str:
 def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest values of a Box, (k,) each.
 
-    Raises BadInputError for another space and for a Box of several axes.
+    Raises BadInputError if the space is not a Box, does not have exactly one axis, or has a lower
+    bound above its upper bound.
 
     what: "actions" or "observations", for messages
     """
@@ -304,7 +304,9 @@ def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
 
 
 def is_stable_baselines(path: Path) -> bool:
-    """Return whether a file is a zip written by Stable-Baselines3's `model.save`."""
+    """Return whether a file is a zip that contains `data` and `policy.pth`, as Stable-Baselines3
+    writes.
+    """
     try:
         with zipfile.ZipFile(regular_file(path)) as archive:
             return {"data", "policy.pth"} <= set(archive.namelist())

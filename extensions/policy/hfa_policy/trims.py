@@ -15,8 +15,13 @@ from trim.point.solve import find_operating_point
 def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
     """Return operating points, given or found at values of the scheduling variable.
 
-    Without `points`, the result is the model's default trim. Raises BadInputError for a point of
-    another aircraft, for another object and for an empty list.
+    Without `points`, the result is the model's default trim.
+
+    Raises BadInputError in these cases:
+    - A point belongs to another aircraft.
+    - A point is neither an operating point nor a finite number.
+    - A number is given for a model without a scheduling variable.
+    - `points` is empty.
     """
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)

@@ -1,4 +1,4 @@
-"""Assessment of a deployed policy on changed aircraft, with other parameters or fixed inputs."""
+"""Assessment of a deployed policy on changed aircraft, with changed parameters or inputs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOST_SAMPLES = 100
 
 @dataclass(frozen=True, eq=False)
 class Variation(Result):
-    """Assessment of a policy on an aircraft with one change, with the trim values of the original.
+    """Assessment of a policy on an aircraft with one change.
 
     name: name of the changed parameter or input.
     value: changed value.
@@ -59,10 +59,10 @@ def changes_of(
 ) -> list[tuple[str, float]]:
     """Return the changes of the aircraft as (name, value).
 
-    vary: parameter, or input that no action moves -> (lowest, highest).
+    vary: parameter, or input that no action moves -> (lowest, highest)
 
-    Raises BadInputError for another name, for limits that are not two numbers in ascending order,
-    and for values outside the limits of the model.
+    Raises BadInputError for another name, for limits that are not two finite numbers in ascending
+    order, and for values outside the limits of the model.
     """
     model = deployed.model
     inputs = [name for name in model.inputs if name not in deployed.commanded]
@@ -102,7 +102,7 @@ def variations(
 ) -> list[Variation]:
     """Assess the policy at each trim on each changed aircraft, one change at a time.
 
-    changes: (name, value) of each change, from `changes_of`.
+    changes: (name, value) of each change, from `changes_of`
     """
     found: list[Variation] = []
     for point in assessor.points if changes else ():
@@ -120,9 +120,11 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Return the limits of a variation as two finite numbers in ascending order.
+    """Return the limits of a variation.
 
-    Raises BadInputError for anything else.
+    Raises BadInputError unless `limits` are two finite numbers in ascending order.
+
+    name: varied parameter or input, for the message
     """
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
@@ -143,7 +145,7 @@ def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
 
 
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
-    """Return the trim with one parameter or input changed. The other trim values are unchanged."""
+    """Return the trim with one parameter or input changed."""
     model = point.model
     if name in model.parameters:
         return replace(point, model=model.with_parameters(**{name: value}), problem=None)
@@ -151,10 +153,7 @@ def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
 
 
 def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
-    """Return the deployment with fixed numbers in place of trim values in its observations.
-
-    On a changed aircraft, a deployed policy thus keeps the trim of the original aircraft.
-    """
+    """Return the deployment with fixed numbers in place of trim values in its observations."""
     card = deployed.deployment
     whole = {
         name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in card.observation.items()
@@ -173,7 +172,7 @@ def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
 def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
     """Return the table of changed aircraft, with one row for each change and trim.
 
-    trims: description of each trim, in order.
+    trims: description of each trim
     """
     rows = []
     per_trim = len(found) // len(trims)

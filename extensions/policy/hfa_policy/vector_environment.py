@@ -15,7 +15,7 @@ from hfa_support.errors import numbers_in, refuse_unless_whole
 
 
 class AircraftVectorEnvironment(VecEnv):
-    """Episodes that advance together in compiled code and restart when they end."""
+    """Episodes that advance together and restart when they end."""
 
     def __init__(self, episodes: Episodes) -> None:
         self.episodes = episodes
@@ -29,9 +29,9 @@ class AircraftVectorEnvironment(VecEnv):
         self._began = time.monotonic()
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """Set the seed of all initial conditions from the next reset on.
+        """Set the seed of all later initial conditions, and return the seed once for each episode.
 
-        Returns the seed once for each episode.
+        Raises BadInputError unless the seed is a nonnegative integer or None.
         """
         if seed is not None:
             refuse_unless_whole("seed", seed, 0)
@@ -55,9 +55,9 @@ class AircraftVectorEnvironment(VecEnv):
         """Advance all episodes by one sample and restart the episodes that ended.
 
         Returns observations, rewards, flags of ended episodes, and an `info` for each episode. For
-        an ended episode, `info` contains the last observation and the departure from the envelope.
-        It also contains return, length and time, which Stable-Baselines3 logs as ep_rew_mean and
-        ep_len_mean.
+        an ended episode, `info` contains the last observation, whether the duration elapsed, and
+        return, length and time of the episode. If the aircraft left its limits, `info` also
+        contains the reason.
         """
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)
@@ -81,24 +81,24 @@ class AircraftVectorEnvironment(VecEnv):
         return observations, stepped.rewards.astype(np.float32), ended, infos
 
     def close(self) -> None:
-        """Do nothing: no file or process is open."""
+        """Do nothing, because no file or process is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute, repeated for each episode."""
+        """Return a list with the value of an attribute once for each index."""
         return [getattr(self, attr_name) for _ in self._of(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute, which all episodes share."""
+        """Set an attribute that all episodes share. `indices` has no effect."""
         setattr(self, attr_name, value)
 
     def env_method(
         self, method_name: str, *arguments: Any, indices: Any = None, **options: Any
     ) -> list[Any]:
-        """Call a method once for each episode and return the results."""
+        """Call a method once for each index and return the results."""
         return [getattr(self, method_name)(*arguments, **options) for _ in self._of(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return False for each environment."""
+        """Return a list with False for each index."""
         return [False for _ in self._of(indices)]
 
     def _of(self, indices: Any) -> Iterable[int]:

@@ -1,7 +1,7 @@
 """Search for one entry of the plant that, when changed, makes every printed digit right.
 
 Every text that differs from an entry by one misprint is tried. All these plants are solved
-together to low accuracy. Those with the right digits are solved again with a certificate.
+together to low accuracy. Plants with the right digits are solved again with a certificate.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ class _Edit(NamedTuple):
     """Text of an entry for which the approximate answer has every printed digit.
 
     text: the text
-    slip: misprint that turns it into the typed text
+    slip: misprint that turns the text into the typed text
     value: value of the text
-    lowest: lowest value near it that has every digit, to first order
-    highest: highest such value
+    lowest: lowest value of the entry for which the answer has every digit, to first order
+    highest: highest value of the entry for which the answer has every digit, to first order
     """
 
     text: str
@@ -79,9 +79,9 @@ class _Edit(NamedTuple):
 def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list[ChangedEntry]:
     """Return the intervals of values of one entry that make every printed digit right.
 
-    Each contains a value that differs from the entry's text by one misprint. The entry is one of A,
-    B, E, N, Q, R or gamma. The answer does not decide between several intervals. The result is
-    empty if the search would take too long (`not_searched`).
+    Each interval contains a value that differs from the entry's text by one misprint. The entry is
+    one of A, B, E, N, Q, R or gamma. The result is empty if the search would take too long
+    (`not_searched`).
 
     progress: called with the number of entries searched so far and the total number
     """
@@ -115,8 +115,9 @@ def edits_tried(file: PrintedFile) -> int:
 
 
 def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
-    """Yield the position and the text of each entry of the plant. For Q and R, only the upper
-    triangle.
+    """Yield the position and the text of each number of the plant, except formulas.
+
+    For Q and R, only the upper triangle is included.
     """
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
@@ -156,7 +157,10 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
 
 
 def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
-    """Return the least and the largest x with |misfits - slopes x| <= allowed."""
+    """Return the least and the largest x with |misfits - slopes x| <= allowed.
+
+    Entries with slope 0 are ignored.
+    """
     depends = slopes != 0.0
     centers = misfits[depends] / slopes[depends]
     widths = allowed[depends] / np.abs(slopes[depends])
@@ -177,11 +181,13 @@ def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
 def _likeliest(
     file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
-    """Return the likeliest edit of an interval that a certified answer confirms, or None.
+    """Return the first of the edits that the certified answer confirms, or None.
 
-    Of several edits with the same misprint, it is the one closest to the middle of the interval.
+    The edits are ordered by the likelihood of their misprint, then by the distance from the middle
+    of the interval.
 
     text: typed text of the entry
+    edits: edits with overlapping intervals
     """
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
@@ -201,7 +207,7 @@ def _likeliest(
 def _edits(text: str) -> dict[str, str]:
     """Return right text -> misprint that turns it into the typed text.
 
-    If several misprints do so, the likeliest is given.
+    If several misprints do so, the likeliest is returned.
     """
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None
@@ -217,7 +223,8 @@ def _edits(text: str) -> dict[str, str]:
 
 
 def _without_leading_zeros(digits: str) -> str:
-    """Return the digits without leading zeros, except one before the point: 0.5 for 00.5 and .5."""
+    """Return the digits without leading zeros, but with a 0 before the point: 0.5 for 00.5 and .5.
+    """
     stripped = digits.lstrip("0")
     if not stripped or stripped.startswith("."):
         return f"0{stripped}"
@@ -251,7 +258,9 @@ def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
 
 
 def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
-    """Yield the digits with the point at each position, including one place outside the digits."""
+    """Yield the digits with the point at each position, including one place before and after the
+    digits.
+    """
     plain = digits.replace(".", "")
     yield f"0.0{plain}"
     for moved in range(len(plain) + 1):

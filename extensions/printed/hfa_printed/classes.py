@@ -52,7 +52,7 @@ class Classified:
     name: name of the class
     reason: reason, in one line
     comparison: comparison of every entry with the exact answer of the plant as typed
-    P: (n, n), P of this exact answer
+    P: (n, n), P of the exact answer of the plant as typed
     changed: intervals of one entry of the plant for which every printed digit is right
     not_searched: reason why no intervals were searched, or "" if they were searched or not needed
     """
@@ -66,13 +66,13 @@ class Classified:
 
 
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
-    """Classify a printed answer. The result is the first class that its digits permit.
+    """Return the first class of a printed answer that its digits permit.
 
     progress: passed to `changed_entries`
 
-    Raises NoSolutionError if the plant as typed has no certified answer. Its message names the
+    Raises NoSolutionError if the plant as typed has no certified answer. The message names the
     other time, or changed entries of the plant, for which the printed answer is right. Raises
-    BadInputError if the file does not state the time. Its message names the time for which every
+    BadInputError if the file does not state the time. The message names the time for which every
     digit is right.
     """
     if not file.has_time:
@@ -127,7 +127,7 @@ def _by_digits(
 ) -> tuple[Class, str] | None:
     """Return the class and its reason if they follow from the digits alone, or None.
 
-    P: of the exact answer
+    P: P of the exact answer
     """
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
@@ -151,8 +151,8 @@ def _by_digits(
 def _stands_out(comparison: Comparison) -> bool:
     """Return whether the wrong entries are too far off for the noise of a learned answer.
 
-    They are if noise of this size, absolute or relative, would be visible in all other entries. It
-    is visible above `_STANDS_OUT` half units.
+    An error is too far off if noise of this size, absolute and relative, would exceed `_STANDS_OUT`
+    half units in every other entry.
     """
     outside = comparison.outside
     error = np.abs(comparison.printed - comparison.exact)[outside].min()
@@ -172,9 +172,8 @@ def _sizes(comparison: Comparison) -> np.ndarray:
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """Return the class and its reason if a changed entry or a known mistake explains the answer.
-
-    The result is None otherwise.
+    """Return the class and its reason if a changed entry or a known mistake explains the answer, or
+    None.
 
     changed: changed entries of the plant that make every digit right
     mistake: known mistake, or ""
@@ -198,7 +197,7 @@ def _by_search(
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
     """Return the message for a plant without a certified answer.
 
-    It adds the other time, or changed entries, for which every printed digit is right.
+    The message proposes the other time, or changed entries, for which every printed digit is right.
     """
     other_time = fitting_time(file)
     if other_time:
@@ -216,8 +215,8 @@ def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress |
 def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
     """Return whether the wrong entries are sufficient evidence for a changed entry of the plant.
 
-    An error of r half units occurs by chance once in r. A learned answer or a rounded plant may
-    explain such errors. For these, the chance over all edits tried may be at most 10 %.
+    An error of r half units occurs by chance once in r. For a learned answer or a rounded plant,
+    which may explain such errors, the chance over all edits tried must also be small.
     """
     evidence = comparison.evidence()
     if evidence[1:].sum() < _EVIDENCE:
@@ -238,12 +237,13 @@ def _by_rounding(used: float) -> tuple[Class, str]:
 
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
-    """Return the least s for which changes of the plant's entries explain every printed digit.
+    """Return the least s for which rounding of the plant explains every printed digit, to first
+    order.
 
-    The changes are at most s half units, and digits are explained to first order. The result is inf
-    if no changes explain them.
+    Each entry of the plant with decimals may change by up to s half units. The result is inf if no
+    changes explain the digits.
 
-    P: of the exact answer
+    P: P of the exact answer
     """
     from scipy.optimize import linprog
 
@@ -289,8 +289,8 @@ def _is_cut_off(comparison: Comparison) -> bool:
 def _asymmetric_block(file: PrintedFile) -> str:
     """Return "P" or "H" if its mirrored entries differ beyond their digits, otherwise "".
 
-    At least two pairs must differ, so that a single wrong entry does not count. P of a learned
-    answer is not checked, because it may be slightly asymmetric.
+    At least two pairs must differ. P of a learned answer is not checked, because it may be slightly
+    asymmetric.
     """
     names = ("H",) if file.learned else ("P", "H")
     for name in names:
@@ -306,9 +306,8 @@ def _asymmetric_block(file: PrintedFile) -> str:
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
     """Return a sentence with the printed and the exact value of a wrong entry.
 
-    The exact value has two digits more than its tolerance.
-
-    wrong: position of the entry; of a mirrored pair, the wrong one is described
+    wrong: position of the entry; if its block contains several wrong entries, the first is
+        described
     """
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
@@ -323,9 +322,9 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
     """Return the known mistake that explains the printed answer, or "".
 
-    A learned answer is explained if the mistake explains most of its error.
+    A mistake must explain every digit, or most of the error of a learned answer.
 
-    P: of the exact answer
+    P: P of the exact answer
     """
     question = fitting_time(file)
     if question:
@@ -350,7 +349,7 @@ def _mistaken_answers(
 ) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     """Yield (mistake, answer that results from it) for each known mistake.
 
-    P: of the exact answer
+    P: P of the exact answer
     """
     exact = answer_of(file.plant, P)
     for name in ("K", "L"):

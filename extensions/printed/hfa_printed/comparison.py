@@ -54,17 +54,17 @@ class Comparison:
 
     @property
     def errors(self) -> np.ndarray:
-        """|printed - exact| relative to the tolerance, (N,). Right digits have at most 1."""
+        """|printed - exact| divided by the tolerance, (N,), at most 1 for right digits."""
         return np.abs(self.printed - self.exact) / np.maximum(self.allowed, 1e-300)
 
     @property
     def outside(self) -> np.ndarray:
-        """Mask (N,) of the wrong entries, those with |printed - exact| above the tolerance."""
+        """Mask (N,) of the wrong entries: |printed - exact| exceeds the tolerance."""
         return np.abs(self.printed - self.exact) > self.allowed
 
     @property
     def wrong_positions(self) -> list[Position]:
-        """Positions of the wrong entries in ascending order. Mirrored entries count once."""
+        """Positions of the wrong entries in ascending order, with mirrored entries counted once."""
         wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
         return sorted(wrong)
 
@@ -105,7 +105,10 @@ def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
 
 
 def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
-    """Compare the printed answer with another answer, given by block."""
+    """Compare the printed answer with another answer.
+
+    answer: block -> matrix
+    """
     positions = []
     allowed = []
     for name, block in file.answer.items():
@@ -131,7 +134,7 @@ def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the entries of the printed blocks of an answer, (N,), with the printed signs.
 
-    answer: block -> matrix, or stack of matrices; the result for a stack has one row for each
+    answer: block -> matrix, or stack of matrices; a stack gives a stack of results
     """
     rows = []
     for name in file.answer:
@@ -142,9 +145,8 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _mirrored(position: Position) -> Position:
-    """Return the mirrored position in the upper triangle for an entry below the diagonal of P or H.
-
-    Other positions are returned unchanged.
+    """Return the position in the upper triangle for an entry of P or H, or another position
+    unchanged.
     """
     if position.block in _SYMMETRIC and position.row > position.column:
         return Position(position.block, position.column, position.row)

@@ -73,9 +73,9 @@ class Plant:
         return weights
 
     def game(self) -> Game | DiscreteGame:
-        """Return the plant as a game of `controller.game`.
+        """Return the plant as a `Game`, or as a `DiscreteGame` in discrete time.
 
-        In continuous time, its input is v = u + R⁻¹N'x, which removes N.
+        The continuous-time game has the input v = u + R⁻¹N'x, which eliminates the cross weight N.
         """
         E = self.E
         if not E.shape[1]:
@@ -103,7 +103,7 @@ class Plant:
     def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
         """Return a stack of plants, one for each value of an entry.
 
-        Every matrix is (N, ...). In Q and R the mirrored entry is changed too.
+        A, B, E, Q and R are (N, ...). In Q and R the mirrored entry is changed too.
 
         values: (N,)
         """
@@ -121,7 +121,7 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """Return P (n, n) of the value x'P x, computed by two derivations that must agree.
+    """Return P (n, n) of the certified value x'P x.
 
     Raises NoSolutionError if no solution exists.
     """
@@ -191,7 +191,7 @@ def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
     """Return P, K, L, W and, in discrete time, H of the value x'P x, by name.
 
-    For a stack of plants, each is a stack.
+    For a stack of plants, each result is a stack.
     """
     gains = policies(plant, P)
     m = plant.R.shape[-1]
@@ -220,7 +220,7 @@ def answer_change(
     In Q and R, the mirrored entry changes too. The cost is stationary with respect to the policies,
     so dP solves the Lyapunov equation of the closed loop.
 
-    P: of the plant's answer
+    P: P of the plant's answer
     name, row, column: the entry
     """
     zero = replace(

@@ -1,6 +1,6 @@
 """Reader of files with a printed answer.
 
-Plant and answer are read as text. Each number has a tolerance of half a unit of its last digit.
+Each number has a tolerance of half a unit of its last digit.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ class PrintedFile:
     learned: whether the answer results from learning or an iteration
     plant_rounded: whether the plant is printed with fewer digits than were used for the answer
     assumption: assumption on an incomplete plant, or "" if the plant is complete
-    has_time: whether the file states continuous or discrete time; otherwise continuous time is
-        assumed
+    has_time: whether the file states continuous or discrete time; otherwise `plant` has continuous
+        time
     """
 
     title: str
@@ -102,7 +102,7 @@ def load_printed(path: Path) -> PrintedFile:
     """Read a printed answer from a TOML file.
 
     Raises BadInputError for text that is not a number, for a wrong shape and for missing entries.
-    Its message names the block and the row.
+    The message names the block and the row.
     """
     try:
         content = read_toml(path)
@@ -171,8 +171,8 @@ def read_block(
 def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
     """Return the numbers times a power of ten, as text.
 
-    A 0 without decimals has as many decimals as the most precise number. Raises BadInputError for a
-    number with an exponent and for a formula.
+    A number "0" has as many decimals as the most precise number. Raises BadInputError for a number
+    with an exponent and for a formula.
     """
     decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
     multiplied = []
@@ -285,7 +285,7 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 
 
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
-    """Return name -> value of the table [parameters].
+    """Return name -> value of the table [parameters], or {} without this table.
 
     Each value is a number, or a formula of the preceding names.
     """
@@ -303,7 +303,7 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
 
 
 def _exponent(scale: Any) -> int:
-    """Return the exponent of a scale, a power of ten such as "1.0e+04" that multiplies all numbers.
+    """Return the exponent of a scale, a power of ten such as "1.0e+04".
 
     Raises BadInputError for another scale.
     """
@@ -373,10 +373,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
 
 
 def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
-    """Raise BadInputError if a block is not rows x columns.
-
-    The message names the first row of a wrong length.
-    """
+    """Raise BadInputError if a block is not rows x columns."""
     actual_rows, actual_columns = block.values.shape
     if (actual_rows, actual_columns) == (rows, columns):
         return

@@ -34,10 +34,10 @@ class PrintedVerdict(Result, Reported):
     """Verdict on a printed answer.
 
     file: the printed answer
-    classified: its class, the comparison and the result of the search
+    classified: class of the answer, with the comparison and the result of the search
     cost_lost: upper bound on the cost above the optimum, percent, of an answer that is close; nan
         for other classes
-    limit_cost: largest cost above the optimum, percent, with which a close answer passes
+    limit_cost: largest cost above the optimum, percent, with which a close answer passes, or None
     """
 
     schema = "hfa.printed-check/1"
@@ -55,7 +55,7 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost within the limit."""
+        """True if the answer is as printed, cut off, or close with a cost within `limit_cost`."""
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
@@ -73,7 +73,9 @@ class PrintedVerdict(Result, Reported):
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
     def report(self) -> Report:
-        """Return the report: class and reason, then the entries with the largest errors."""
+        """Return the report: class, reason, changed entries of the plant, and the entries farthest
+        off.
+        """
         comparison = self.classified.comparison
         line = f"{self.classified.name}: {self.classified.reason}"
         if not math.isnan(self.cost_lost):
@@ -114,8 +116,8 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
     progress: called with the number of entries of the plant searched so far and the total number
 
-    Raises BadInputError for a file that cannot be read. Raises NoSolutionError if the plant as
-    typed has no certified answer.
+    Raises BadInputError for a file that is not a printed answer or does not state the time. Raises
+    NoSolutionError if the plant as typed has no certified answer.
     """
     file = load_printed(path)
     with said_of(path):
@@ -137,7 +139,7 @@ def _cost_lost(file: PrintedFile) -> float:
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:
-    """Return K (m, n) of the policy u = -K x, as printed or as P, W or H imply it."""
+    """Return K (m, n) of the policy u = -K x, as printed or as computed from printed H, P or W."""
     n, m = file.plant.B.shape
     if "K" in file.answer:
         return file.signs["K"] * file.answer["K"].values

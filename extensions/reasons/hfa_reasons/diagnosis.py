@@ -1,11 +1,8 @@
 """Search for the mistake in a wrong critic.
 
-Reversing the right mistake makes the critic almost exact. A mistake, or another game to which
-the critic may belong, is named only if a small part of the error remains (`_EXACT`). For a
-common mistake a larger part may remain, as in a critic learned from noisy data (`_WITH_NOISE`).
-A network is compared by its derivatives at the origin, and by the quadratic V and the linear u
-closest to it over the box. Neither represents it exactly, so part of the error may remain
-(`_OF_NETWORKS`).
+A mistake, or another game that the critic may solve, is named if reversing it removes almost all of
+the error. The permitted remaining part is larger for common mistakes in noisy data, and for
+networks, which are compared by approximations.
 """
 
 from __future__ import annotations
@@ -72,13 +69,12 @@ _PER_DEGREE = 180.0 / math.pi
 class Demands(NamedTuple):
     """Thresholds for naming a mistake.
 
-    left: `Hypothesis.fitted` -> permitted remaining part of the error. It is small if numbers were
-        fitted: a few numbers cannot explain noise in tens of entries.
+    left: `Hypothesis.fitted` -> permitted remaining part of the error. It is smaller if numbers
+        were
+        fitted, because fitted numbers explain part of any error.
     least: error below which `_EXACT` applies.
-    entry: largest error of an entry under the hypothesis (`View.entry_errors`). A norm would depend
-        only on the largest entries.
-    share: fraction of the informative entries that must satisfy `entry`. In a noisy network,
-        entries with little effect in the box have no correct digit.
+    entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
+    share: fraction of the informative entries that must satisfy `entry`.
     """
 
     left: Mapping[str, float]
@@ -102,7 +98,7 @@ class Cause(NamedTuple):
 
     share: remaining part of the error, relative to the permitted part.
     error: remaining error, relative to the exact matrix.
-    says: text of the mistake, or "" if there is none.
+    says: text of the mistake, or "" without a mistake.
     """
 
     share: float
@@ -119,9 +115,9 @@ def error_of(view: View, matrix: np.ndarray) -> float:
 
 
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
-    """Return the hypothesis that explains most of the error.
+    """Return the first of the hypotheses that explain about as much of the error as the best.
 
-    If several are about as good, it is the first of them. Its text is "" if none explains enough.
+    The text is "" if no hypothesis explains enough, or if the error is a rounding error.
     """
     before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:
@@ -144,16 +140,17 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
 
 
 def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
-    """Return whether enough single entries are close to their values under a hypothesis."""
+    """Return whether enough entries are close to their values under a hypothesis."""
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
     return bool(right >= demands.share * len(errors))
 
 
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
-    """Return the hypothesis that explains most of the error, with the remaining error, or "".
+    """Return the text of the hypothesis that explains most of the error, with the remaining error,
+    or "".
 
-    Noise may be relative to each entry or to the largest entry.
+    The error is measured relative to each entry first, then with the weights of the view.
     """
     for weighted in (view.relative(), view):
         cause = named(weighted, hypotheses, _WITH_NOISE)
@@ -170,13 +167,13 @@ def diagnose(
     nearby: Nearby | None = None,
     box: np.ndarray | None = None,
 ) -> str:
-    """Return a sentence that names the mistake in a critic, or "" if none is recognized.
+    """Return a sentence that names the mistake in a critic, or "" if no mistake is recognized.
 
     game: the game to be solved
-    exact: its exact solution
+    exact: exact solution of the game
     critic: P and K, K alone, or a network
     limit: largest relative error that passes
-    nearby: other games to which the critic may belong
+    nearby: other games that the critic may solve
     box: (n,), half-widths of the box of states, for a network
     """
     others = _Others(game, nearby or Nearby())
@@ -211,8 +208,8 @@ def diagnose_discrete(
 ) -> str:
     """Return the mistake in a critic in discrete time, or the other problem that it solves, or "".
 
-    game: the game in continuous time; for a plant that is declared discrete, its matrices are
-        interpreted as continuous
+    game: the game in continuous time; for a plant that is declared discrete, the game with the same
+        matrices
     exact: exact solution of the problem in discrete time
     critic: P and K, K alone, or a network
     continuous: end of the sentence if the critic solves `game`
@@ -238,16 +235,17 @@ def diagnose_discrete(
 
 
 class _Others:
-    """Other games to which a critic may belong. They are constructed only if needed."""
+    """Other games that a critic may solve, constructed when needed."""
 
     def __init__(self, game: Game, nearby: Nearby) -> None:
         self.game = game
         self._families = lru_cache(lambda: families(game, nearby))
 
     def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that the critic solves another game, for a critic given by P or K.
+        """Yield hypotheses that a critic given by P or K solves another game.
 
-        If the critic is close to the LQR, another game must explain its difference from the LQR.
+        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game must
+        explain the difference from the LQR.
         """
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
@@ -269,7 +267,7 @@ class _Others:
                 yield is_answer(view, answer, says)
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that the critic solves another game, for a critic that is a network."""
+        """Yield hypotheses that a network solves another game."""
         yield from answers(view, self._families(), _OF_NETWORKS.left[""])
 
 
@@ -278,8 +276,9 @@ def _of_view(
 ) -> str:
     """Return the best explanation of the error in a matrix, or "".
 
-    Common mistakes are tried first, then other games, which take longer. Common mistakes with noise
-    are tried last.
+    Exact common mistakes precede other games, and other games precede common mistakes with noise.
+
+    usual: common mistakes
     """
     cause = named(view, usual, _EXACT)
     if not cause.says:
@@ -296,7 +295,8 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return the views of P, or None if the critic has no P, and of K, in balanced units.
+    """Return the views of P and of K, with weights by balanced units. The first is None without a
+    P.
 
     P, K: the exact matrices
     """
@@ -331,9 +331,8 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """Return a sentence on a further weight that is not 0, or "" if all of them are 0.
-
-    On a linear plant, only the weights of quadratic functions may differ from 0.
+    """Return a sentence on the largest weight of a function that is not quadratic, or "" if all are
+    0.
     """
     if critic.weights is None or critic.basis is None:
         return ""
@@ -348,9 +347,8 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """Return a sentence if P is another root of the Riccati equation, otherwise "".
-
-    Such a P solves the equation but does not stabilize.
+    """Return a sentence if P is a root of the Riccati equation that does not stabilize, otherwise
+    "".
     """
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
@@ -373,7 +371,8 @@ def _of_network(
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
-    """Return the mistake that explains most of a network's error, at the origin or over the box.
+    """Return the mistake that explains most of a network's error, at the origin or over the box, or
+    "".
 
     others: view -> hypotheses that the critic solves another game
     """
@@ -414,7 +413,7 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Yield the explanations that a network was read wrongly, for each variant of the critic."""
+    """Yield the explanation that a network was read wrongly, for each variant of the critic."""
     views = [
         _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
@@ -432,7 +431,7 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
     """Return the views of P, if given, and of K, weighted by the half-widths of the box.
 
-    answer: P and K that represent the network
+    answer: P or None, and K, that represent the network
     """
 
     def by_row(matrix: np.ndarray) -> np.ndarray:
@@ -451,7 +450,7 @@ def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray
 def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
     """Return the quadratic V and the linear u closest to a network over the box.
 
-    They are fitted by least squares at random states of the box. Constant terms, and linear terms
+    Both are fitted by least squares at random states of the box. Constant terms, and linear terms
     of V, are fitted too and then omitted. P is None if the network is a policy.
     """
     n = len(box)

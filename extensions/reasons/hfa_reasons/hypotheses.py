@@ -1,7 +1,7 @@
-"""Hypotheses on common mistakes in critics.
+"""Hypotheses about common mistakes in critics.
 
-Each consists of a sentence and the critic with the mistake reversed. Only the comparison with
-the exact answer (`diagnosis`) decides whether it is named.
+A hypothesis consists of a sentence and the critic's matrix with the mistake reversed. Whether a
+hypothesis is reported depends only on the comparison with the exact solution (`diagnosis`).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Hypothesis(NamedTuple):
     says: sentence that names the mistake.
     undo: P (n, n) or K (m, n) with the mistake reversed.
     fitted: numbers fitted to the critic: "" for none, "factor" for one number, "scales" for one
-        number for each state or input. With fitted numbers, it must explain more of the error.
+        number for each state or input.
     answer: exact P or K of another game, or None if the mistake is not another game.
     """
 
@@ -72,15 +72,17 @@ class View(NamedTuple):
 
     @property
     def known(self) -> int:
-        """Number of independent nonzero entries of the exact matrix."""
+        """Number of independent nonzero entries of the exact matrix; P counts as symmetric."""
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Return the error of each entry under a hypothesis, (entries,), in comparable units.
+        """Return the error of each informative entry under a hypothesis, (entries,), in comparable
+        units.
 
-        The critic with the mistake reversed is compared with the exact matrix. If the hypothesis is
-        another game, the critic is compared with the answer of that game. Entries that are small in
-        both matrices are omitted.
+        - Another game: the critic's matrix is compared with that of the game.
+        - Other mistakes: the matrix with the mistake reversed is compared with the exact one.
+
+        Entries that are small in both matrices are omitted.
         """
         tested = hypothesis.undo
         right = self.exact
@@ -103,14 +105,14 @@ class View(NamedTuple):
     def relative(self) -> View:
         """Return the view with errors relative to each exact entry.
 
-        An entry below a small fraction of the largest is replaced by that fraction.
+        Entries below `_SMALL` times the largest count as `_SMALL` times the largest.
         """
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0
         return self._replace(weights=self.weights / np.maximum(sizes, least))
 
     def transposed(self) -> View:
-        """Return the view with transposed matrices."""
+        """Return the view with judged, exact and weights transposed."""
         return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
 
 
@@ -119,7 +121,7 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 
     weights: (M,)
     exact: exact P, (n, n)
-    psi: functions that the weights multiply
+    psi: basis of the weights
     """
     row, column = np.triu_indices(psi.states)
     quadratic = weights[: psi.quadratic_size]
@@ -188,7 +190,7 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
     """Yield hypotheses that all entries are multiplied by one factor.
 
     noun: "value" or "gain"
-    meant: definition of the right matrix, for the sentence
+    meant: definition of the correct matrix, for the sentence
     """
     for mistake, factor in _FACTORS.items():
         yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.judged)
@@ -205,7 +207,7 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
-    """Return k for a ratio of about 10^k, or 0 if it is not positive and finite."""
+    """Return k for a ratio of about 10^k, or 0 for a ratio that is not positive and finite."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
     return round(math.log10(ratio))
@@ -214,7 +216,8 @@ def _nearest_power_of_ten(ratio: float) -> int:
 def _one_entry(view: View) -> Iterator[Hypothesis]:
     """Yield the hypothesis of a wrong sign or decimal point in the entry with the largest error.
 
-    In P, the mirrored entry is corrected too.
+    In P, the mirrored entry is corrected too. Nothing is yielded if the ratio of the entry to the
+    exact one is not about ± a power of ten.
     """
     if view.known < 1 + REDUNDANT:
         return
@@ -259,8 +262,10 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Yield mistakes of columns: order, signs, degrees and scales. The arguments are as in
-    `of_rows`.
+    """Yield mistakes of columns: order, signs, degrees and scales.
+
+    noun: noun for a column
+    degree: factor of a column whose quantity is in degrees
     """
     for mistake in of_rows(view.transposed(), noun, degree):
         yield mistake._replace(undo=mistake.undo.T)
@@ -269,7 +274,7 @@ def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
     """Yield mistakes of the states in a symmetric matrix: order, signs, degrees and scales.
 
-    noun: noun for a row and column, "state"
+    noun: noun for a row and its column, "state"
     """
     size = len(view.judged)
     with np.errstate(all="ignore"):
@@ -285,10 +290,7 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
 
 
 def _symmetric_factors(view: View) -> np.ndarray:
-    """Return factors t (n,) of the states, with judged_ij ≈ t_i t_j exact_ij.
-
-    They begin with the diagonals. Each is then fitted repeatedly by least squares.
-    """
+    """Return factors t (n,) of the states, with judged_ij ≈ t_i t_j exact_ij."""
     P = view.exact
     signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
     factors = np.sqrt(np.abs(np.diag(view.judged) / np.diag(P)))
@@ -308,8 +310,9 @@ def _scales(
 ) -> Iterator[tuple[str, np.ndarray, str]]:
     """Yield signs, degrees and scales that the factors of states or inputs imply.
 
-    Each is (sentence, divisors of the states or inputs, `Hypothesis.fitted`).
+    Each item is (sentence, divisors of the states or inputs, `Hypothesis.fitted`).
 
+    noun: noun for a factor's quantity, such as "state"
     factors: factor of each state or input
     degree: factor of a quantity in degrees
     """

@@ -1,8 +1,8 @@
 """Search for another game that a critic solves.
 
-It may have another delta, Q, R, discount, time step or scheduling value. For one parameter, the
-search finds the game whose answer is closest. Diagonal Q and R follow from P, because the Riccati
-equation is linear in Q and R⁻¹. The game is then solved, and its answer is compared.
+The game may have another delta, Q, R, discount, time step or scheduling value. For one parameter,
+the search finds the game whose solution is closest to the critic. Diagonal Q and R follow from P,
+because the Riccati equation is linear in Q and R⁻¹.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class Family(NamedTuple):
     """Games with one parameter x.
 
     says: (noun, x) -> description of the game.
-    answer: x -> solution of the game. Raises NoSolutionError if none exists.
+    answer: x -> solution of the game. Raises NoSolutionError if no solution exists.
     starts: initial values of a search for x; empty for a single game.
-    is_lqr: whether it is the game without disturbance.
+    is_lqr: whether the game is the one without disturbance.
     plausible: least and largest x that are plausible for the plant, or None for the interval of
         `starts`, extended by its length on both sides.
     """
@@ -84,10 +84,12 @@ class Family(NamedTuple):
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:
-    """Return the families of other games: LQR, named games, and games with one parameter.
+    """Return the families of other games.
 
-    The parameters are delta, scheduling value, scales of Q and R, and discount. In discrete time,
-    A and B are taken as those of a step, or are sampled.
+    - The LQR, if `game` has a finite delta.
+    - The games named in `nearby`.
+    - Games with another delta, scheduling value, scale of Q or R, or discount.
+    - Games in discrete time, with A and B as those of a step, or sampled.
     """
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
@@ -130,7 +132,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
 
 
 def _lqr(game: Game, lqr: Game) -> Family:
-    """Return the family that consists of the game without disturbance, `lqr`."""
+    """Return the family of the single game without disturbance, `lqr`."""
     without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
     return Family(
         lambda noun, _: f"this is the LQR {noun} {without}", lambda _: solved(lqr), is_lqr=True
@@ -156,7 +158,7 @@ def _another(
 
 
 def _named(description: str, game: Game) -> Family:
-    """Return the family that consists of one game."""
+    """Return the family of a single game."""
     return _another(lambda _: description, lambda _: game)
 
 
@@ -176,7 +178,7 @@ def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family
 def fastest_rate(game: Game) -> float:
     """Return the largest |eigenvalue| of A and of A - B K, rad/s, or 1 if all are 0.
 
-    It limits the plausible discounts and time steps.
+    A - B K is omitted if the game has no solution.
     """
     loops = [game.A]
     with contextlib.suppress(NoSolutionError):
@@ -185,10 +187,11 @@ def fastest_rate(game: Game) -> float:
 
 
 def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
-    """Yield families of games in discrete time, with a step of exp(x) s.
+    """Yield families of games in discrete time, with a step of exp(x) s:
 
-    The first holds the inputs. The second also has a cost that is not multiplied by the step. The
-    third uses Euler's rule.
+    - inputs held over a step,
+    - inputs held over a step, with a cost that is not multiplied by the step,
+    - Euler's rule.
 
     whose: description of the game
     rate: fastest rate of the plant, rad/s, which limits the step
@@ -236,8 +239,9 @@ def held(game: Game, step: float) -> Answer:
 
 
 def of_whole_cost(answer: Answer, step: float) -> Answer:
-    """Convert a solution to that of a cost which is not multiplied by the step.
+    """Return the solution for a cost that is not multiplied by the step.
 
+    answer: solution for a cost that is multiplied by the step
     step: s
     """
     assert answer.P is not None
@@ -245,8 +249,9 @@ def of_whole_cost(answer: Answer, step: float) -> Answer:
 
 
 def euler(game: Game, step: float) -> Answer:
-    """Return the solution for x⁺ = x + (A x + B u + E d) step, with the cost multiplied by the
-    step.
+    """Return the solution for x⁺ = x + (A x + B u + E d) step.
+
+    The cost of a step is multiplied by the step.
 
     step: s
     """
@@ -258,14 +263,17 @@ def euler(game: Game, step: float) -> Answer:
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
-    """Return the hypothesis that the critic solves the problem with this answer."""
+    """Return the hypothesis that the critic solves the problem with the solution `answer`."""
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
     return Hypothesis(says, view.judged - matrix + view.exact, answer=matrix)
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
-    """Yield, for each family, the hypothesis of the game whose answer is closest to the critic.
+    """Yield, for each family, the hypothesis of the game whose solution is closest to the critic.
+
+    A family with a parameter is omitted if the critic has too few entries, or if the search does
+    not succeed.
 
     explained: part of the difference that a search may leave
     """
@@ -283,9 +291,9 @@ def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
     """Yield (sentence, solution) for games with another diagonal Q or R whose value may be P.
 
     The Riccati equation A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is
-    linear in q and 1/r, and is solved for them by least squares.
+    linear in q and 1/r, and is solved for q or for 1/r by least squares.
 
-    game: game whose weights are varied; a Q or R that is not diagonal is kept
+    game: game whose weights are varied; a Q or R that is not diagonal is not varied
     P: (n, n)
     """
     if not P.any():
@@ -327,9 +335,8 @@ def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
 def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
-    """Yield the sentence and the solution for a game with this diagonal of "Q" or "R".
-
-    Nothing is yielded if no solution exists.
+    """Yield the sentence and the solution for a game with this diagonal of "Q" or "R", if one
+    exists.
 
     noun: "state" or "input"
     """
@@ -346,10 +353,12 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """Return the parameter of a family for which the difference is smallest, by least squares.
+    """Return the parameter of a family for which the difference from the critic is smallest, or
+    None.
 
-    It is within the limits of the family. The result is None if the difference does not decrease to
-    `_REACHED` of its value at the best initial value.
+    The search is by least squares, within the limits of the family. The result is None if the
+    relative difference is above `explained`, and above `_REACHED` times that at the best initial
+    value.
 
     explained: part of the difference that the search may leave
     """

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 
 def dataset(result: Any) -> xarray.Dataset:
-    """Return an operating point, a linear model or a sweep as an `xarray.Dataset` with names and
-    units.
+    """Return a result as an `xarray.Dataset` with names and units.
+
+    result: operating point, linear model or sweep
 
     Raises BadInputError if xarray is missing, or for another result.
     """
@@ -46,10 +47,7 @@ def _of_point(point: OperatingPoint) -> xarray.Dataset:
 
 
 def _of_linear(model: LinearModel) -> xarray.Dataset:
-    """Return the dataset of a linear model: A, B, C, D and the offsets X0, U0 and Y0.
-
-    It contains names and units.
-    """
+    """Return the dataset of a linear model: A, B, C, D and the offsets X0, U0 and Y0."""
     import xarray
 
     states = ("state", list(model.states), {"units": list(model.state_units)})
@@ -78,7 +76,7 @@ def _of_linear(model: LinearModel) -> xarray.Dataset:
 def _of_sweep(swept: Sweep) -> xarray.Dataset:
     """Return the dataset of a sweep: states, inputs, A, B, eigenvalues and reasons.
 
-    It contains names and units. Its axes are those of the grid, or "point" for a list.
+    The axes are those of the grid, or "point" for a list.
     """
     import xarray
 

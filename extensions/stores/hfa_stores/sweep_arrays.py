@@ -24,7 +24,7 @@ class SweepArray(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes by the CF conventions; `units_of` replaces `units` if the entries' units
+        """Attributes by the CF conventions, with `units_of` in place of `units` if the units
         differ.
         """
         kind = "units" if self.units == "1/s" else "units_of"
@@ -43,7 +43,7 @@ ARRAYS = {
 def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
     """Return the coordinates of the axes for xarray: names and units along each axis.
 
-    rates: names of the states whose rates are the rows of A and B.
+    rates: names of the states whose rates are the rows of A and B
     """
     states = tuple(model.states)
     inputs = tuple(model.inputs)

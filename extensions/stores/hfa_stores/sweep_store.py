@@ -1,4 +1,4 @@
-"""Sweeps that exceed memory: points in a Zarr store, with names and units."""
+"""Sweeps in a Zarr store, for results that exceed memory."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def reported_sweep(
 ) -> Report:
     """Compute a sweep in a store and return its report.
 
-    It is the part "sweep.store.zarr" of the command `hfa sweep`.
+    The arguments are those of `fill_store`.
     """
     dataset = stream_sweep(
         plan, path, workers=workers, resume=resume, provenance=provenance, progress=progress
@@ -170,7 +170,7 @@ def _template(plan: SweepPlan) -> Any:
 
 
 def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
-    """Return the summary of a store: points by status, and the number of points at a kink.
+    """Return the summary of a store: points by status, and warnings.
 
     dataset: the store at `path`, from `stream_sweep`
     """

@@ -67,7 +67,7 @@ def _run_here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int,
 def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
-    """Run tasks in a pool and yield (key, result) of each as it finishes.
+    """Run tasks in a pool and yield (key, result) of each task as it finishes.
 
     in_flight: largest number of submitted tasks
     tasks: (key, arguments of `function`) of each task
@@ -89,7 +89,7 @@ def _run_in(
 
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
-    """Executor with `count` child processes, each connected to a thread of this process by a pipe.
+    """Context manager that provides an executor with `count` child processes.
 
     `ProcessPoolExecutor` is not suitable. It cannot kill its workers, and its semaphores are
     reported as leaked if a signal ends this process.
@@ -185,7 +185,8 @@ def _serve(connection: Any) -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Executor of the Dask cluster whose scheduler has this address.
+    """Context manager that provides an executor of the Dask cluster whose scheduler has this
+    address.
 
     Raises BadInputError if Dask is missing, the scheduler does not respond or it has no workers.
     """

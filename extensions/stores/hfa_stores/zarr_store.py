@@ -1,10 +1,8 @@
-"""Results of many rows in a Zarr store. Any process can compute a chunk of rows.
+"""Results of many rows in a Zarr store, computed in chunks of rows.
 
-xarray describes the store. A chunk is complete when all arrays contain it and its checksum is
-written. Zarr writes a chunk completely or not at all, so a run that is killed loses only the
-chunks that are being computed. A CRC-32C in each chunk lets every reader detect changed bytes.
-The checksum covers the request, the array, the chunk's number and its values, so --resume accepts
-no chunk of another store.
+A chunk is complete when all arrays contain it and its checksum is written. A run that is killed
+loses only the chunks that are being computed. The checksum covers the request, the array, the
+chunk's number and its values, so --resume accepts no chunk of another store.
 
 A store may come from an untrusted source. Before --resume opens it, its metadata are compared as
 JSON with the metadata of a new store for the same request.
@@ -62,8 +60,9 @@ class RowJob(NamedTuple):
     row: name of the axis of rows, the first axis of each array.
     template: `xarray.Dataset` of the arrays (`array_of_rows`), with names and units on the other
         axes. Its attributes contain everything that determines the results.
-    function: (*arguments) -> arrays by name; the store keeps those of the template. Workers must be
-        able to import the function.
+    function: (*arguments) -> arrays by name, including those of the template. Workers must be able
+        to
+        import the function.
     arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
     """
 
@@ -80,7 +79,7 @@ class RowJob(NamedTuple):
 
     @property
     def chunk(self) -> int:
-        """Number of rows in a chunk. The last chunk may have fewer."""
+        """Number of rows in each chunk but the last, which may have fewer."""
         return int(self.template.chunksizes[self.row][0])
 
     @property
@@ -114,10 +113,11 @@ def array_of_rows(
 ) -> Any:
     """Return a lazy `xarray.Variable` for the template of a job.
 
-    axes, shape: of the array; the axis of rows is the first.
-    fill: value and type of entries that are not computed yet.
-    chunk: number of rows in a chunk.
-    attributes: units and description.
+    axes: names of the axes; the axis of rows is the first
+    shape: length of each axis
+    fill: value and type of entries that are not computed yet
+    chunk: number of rows in a chunk
+    attributes: units and description
     """
     _require_xarray()
     import dask.array
@@ -137,18 +137,17 @@ def fill_store(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Compute each row that is missing in the store at `path`, and return the store.
+    """Compute each row that is missing in the store at `path`, and return it as `xarray.Dataset`.
 
-    The store is returned as `xarray.Dataset`.
+    workers: as in `open_workers`; the results do not depend on it
+    resume: True to continue an interrupted job and recompute damaged chunks; False if the store
+        does
+        not exist
+    provenance: provenance of a new store, as JSON data
+    progress: called with (chunks done, total chunks), first at the start
 
-    workers: as in `open_workers`; the results do not depend on it.
-    resume: whether to continue an interrupted job and recompute damaged chunks; otherwise the store
-        must not exist.
-    provenance: provenance of a new store, as JSON data.
-    progress: called with (chunks done, total chunks), first at the start.
-
-    Raises BadInputError if the store exists (without `resume`), or if it belongs to another job or
-    version.
+    Raises BadInputError if the store exists and `resume` is False, or if `resume` is True and the
+    store is damaged or belongs to another job or version.
     """
     store = path.resolve()
     chunks = job.chunks
@@ -176,7 +175,7 @@ def fill_store(
 
 
 def open_store(path: Path) -> Any:
-    """Open a store as `xarray.Dataset`. Its arrays are read when they are used."""
+    """Open a store as `xarray.Dataset`, whose arrays are read when they are used."""
     _require_xarray()
     import xarray
 
@@ -215,6 +214,7 @@ def _compute_chunk(
 
     rows: rows of the chunk
     names: names of the arrays to keep
+    function, arguments: computation of the rows
     """
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
@@ -256,7 +256,8 @@ def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
 def _checksum(place: Place, name: str, values: np.ndarray) -> int:
     """Return the first 8 bytes of a SHA-256 as an integer.
 
-    It covers the job, the array's name, the chunk's number and its values in little-endian order.
+    The hash covers the job, the array's name, the chunk's number and its values in little-endian
+    order.
     """
     subject = [place.identity, name, place.number, values.dtype.name, values.shape]
     digest = hashlib.sha256(json.dumps(subject).encode())
@@ -265,10 +266,9 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Create a store without results.
+    """Create a store without results, which becomes visible when it is complete.
 
-    It is created under a temporary name and renamed, so that it is never visible incomplete. Raises
-    BadInputError if the path exists.
+    Raises BadInputError if the path exists.
     """
     taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
     if path.exists():
@@ -284,9 +284,8 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
     """Write the store of a job without results: metadata, names and units.
 
-    Zarr creates the store in memory, and this thread writes its files. A signal that ends the
-    process stops this thread. It would not stop the threads of Zarr, which could create a removed
-    folder again.
+    A signal that ends the process also ends the writing, because this thread writes the files.
+    Threads of Zarr could create a removed folder again.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
@@ -318,8 +317,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 def _refuse_another(path: Path, job: RowJob) -> None:
     """Raise BadInputError unless the store at `path` belongs to this job and this version.
 
-    Its metadata are read as JSON. An array is opened only after the metadata agree with those of a
-    new store.
+    An array is opened only after the metadata agree with those of a new store.
     """
     _require_xarray()
     with temporary_folder() as folder:
@@ -386,10 +384,10 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the first file that differs from the request's store, or "" if there is none.
+    """Return the first file that differs from the request's store, or "".
 
-    It is a file with other metadata, a file that does not belong to the store, or a symbolic link,
-    which could lead anywhere.
+    Such a file has other metadata, does not belong to the store, or is a symbolic link, which could
+    lead anywhere.
     """
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
@@ -407,10 +405,7 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(path: Path, row: str) -> dict[str, list[Any]]:
-    """Return the names and units in a store, by array.
-
-    These arrays have another first axis than rows or chunks.
-    """
+    """Return array -> names or units, for each array without an axis of rows or chunks."""
     stored = open_store(path)
     return {
         str(name): variable.values.tolist()
@@ -429,7 +424,7 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
     """Return the numbers of the chunks that are missing in an array or are damaged.
 
-    A warning states the number of damaged chunks.
+    Warns of the number of damaged chunks.
     """
     group = _opened(path, "r")
     missing = []
@@ -450,7 +445,7 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
 
 
 def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
-    """Return whether each array's chunk has the checksum that was written with it."""
+    """Return whether each array's chunk has the stored checksum."""
     rows = job.rows_of(place.number)
     try:
         stored = group[_CHECKSUM][place.number].tolist()

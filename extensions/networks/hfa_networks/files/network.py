@@ -48,13 +48,14 @@ def from_network(
     source: a file that `network_in` reads, a CasADi Function of the state, or a
         torch.nn.Sequential of linear layers and activations
     network: the parts of a file and their kinds, such as "value", "V=value" or
-        "V=value,policy=actor"; if it contains no kind of `OUTPUTS`, the number of outputs decides
+        "V=value,policy=actor"; without a kind, the number of outputs decides
     activation: activation between the layers of a state dict
     scale: (n,), factors on the states at the inputs of the network, none of them 0
-    features: functions on which a single layer acts (default: the quadratic basis), so that the
-        critic is a polynomial
+    features: functions on which a single layer acts, so that the critic is a polynomial; default:
+        the
+        quadratic basis
 
-    Raises a BadInputError of one line that names the file.
+    Raises a BadInputError of one line for a wrong argument or file.
 
     >>> import casadi as ca
     >>> import hfa
@@ -142,7 +143,7 @@ def _of_states(
     scales: (n,), factors on the states
     origin: description of the critic
     variants: mistake -> function that reads the network with this mistake corrected
-    asked: requested part of the file
+    asked: requested part of the file, for messages
     """
     n, m = game.B.shape
     functions = {}
@@ -225,12 +226,12 @@ def _parts(network: str) -> dict[str, str]:
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:
-    """Return whether an output without a stated kind is read as the policy u and not as V.
+    """Return whether an output is read as the policy u although V would also have this size.
 
-    This is the case for a single output on a plant with one input.
+    This is the case for a single output without a kind, on a plant with one input.
 
-    name: name of the output
-    size: number of its entries
+    name: kind or name of the output
+    size: number of entries of the output
     m: number of inputs of the plant
     """
     return name not in OUTPUTS and size == m == 1
@@ -239,14 +240,15 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
     """Return name -> kind for each output of a network.
 
-    A name in `OUTPUTS` is its kind. The kind of another output follows from its size.
+    A name in `OUTPUTS` is a kind. The kind of another output follows from its size.
 
     sizes: name -> number of entries
     n, m: number of states and of inputs of the plant
     part: the requested part of the file
 
-    Raises BadInputError if no kind has this size, if several kinds have it, or if several outputs
-    are not one V and one policy.
+    Raises BadInputError in these cases:
+    - No kind has the size of an output, or several kinds have it.
+    - There are several outputs, but not one V and one policy.
     """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}

@@ -2,9 +2,7 @@
 
 A state dict does not contain the order of its layers. torch files keep the order in which the
 layers were saved. For other formats, the numbers in the names and the widths must allow only one
-order. Nothing is guessed. The layers in order are described as text, `6 -> tanh 64 -> 1`, for
-comparison with the trained network. Weights keep the precision of the file. Arithmetic is in
-double precision.
+order. Weights keep the precision of the file. Arithmetic is in double precision.
 """
 
 from __future__ import annotations
@@ -79,8 +77,8 @@ class NetworkFile(NamedTuple):
     functions: requested part, or name of an output -> function from x (n,) to the output (k,).
     chain: the operations in their order, such as "6 -> tanh 64 -> 1".
     precision: precision of the weights in the file, such as "float32".
-    on_basis: the single layer, if its inputs are the functions of the basis and not the states;
-        `functions` is empty then.
+    on_basis: single layer whose inputs are the functions of the basis, or None; with such a layer,
+        `functions` is empty.
     rows: versions of `functions` that are faster for many rows.
     squashes: operations after some of the functions, not included in these functions.
     normalizers: operations before some of the functions, included in these functions.
@@ -105,14 +103,17 @@ def network_in(
 ) -> NetworkFile:
     """Read the network in a file.
 
-    path: .onnx file, or file of a state dict.
-    states: number of states of the plant.
-    activation: one of `ACTIVATIONS`, between the layers of a state dict; the activation of the
-        output follows after a comma.
-    parts: requested kind -> words in the names of its tensors, joined by +, or an output of an
-        ONNX graph; "policy" without a word selects all tensors that do not belong to a critic.
-    features: size of the basis; a single layer with this number of inputs acts on the basis.
-    inputs: number of inputs of the plant, which follow the states in a Q.
+    path: .onnx file, or file of a state dict
+    states: number of states of the plant
+    activation: activation between the layers of a state dict, one of `ACTIVATIONS`. An activation
+        of
+        the output follows after a comma.
+    parts: kind -> requested part of the file. For a state dict, a part is a list of words in the
+        names
+        of its tensors, joined by +. For an ONNX graph, it is an output. "policy" with the part ""
+        selects all tensors that do not belong to a critic.
+    features: size of the basis. A single layer with this number of inputs acts on the basis.
+    inputs: number of inputs of the plant, which follow the states in a Q
 
     Raises a BadInputError of one line that names the file.
     """
@@ -175,7 +176,8 @@ def _refuse_unread(
 ) -> None:
     """Raise BadInputError if a tensor that is not read may act on the network `name`.
 
-    Its normalizer and its squash must have as many entries as it has inputs and outputs.
+    Also raises BadInputError if the normalizer or the squash does not have one entry for each input
+    or output of the network.
 
     found: name -> tensors of a network, by function
     networks: name -> layers of a network, in order
@@ -242,6 +244,7 @@ def _no_chain(
 
     If the file contains several networks, the message proposes one of them.
 
+    name, array: name and value of the tensor
     reason: predicate of the message, such as "is not a weight"
     tensors: all tensors of the file
     """
@@ -262,10 +265,7 @@ def _no_chain(
 
 
 def _kind(layer: Layer) -> str:
-    """Return the name of a layer with # for each number.
-
-    Layers of equal kind are evaluated in the order of their numbers.
-    """
+    """Return the name of a layer with each number replaced by #."""
     return re.sub(r"\d+", "#", layer.name)
 
 
@@ -276,7 +276,7 @@ def _numbers(layer: Layer) -> list[int]:
 def _as_saved(layers: list[Layer]) -> list[Layer]:
     """Return the layers unchanged.
 
-    Raises BadInputError if the numbers in the names of equal kind decrease.
+    Raises BadInputError if the numbers in the names of one kind decrease.
     """
     last: dict[str, Layer] = {}
     for layer in layers:
@@ -294,9 +294,9 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
 def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     """Return the only order of the layers in which the sizes of consecutive layers fit.
 
-    The numbers in the names of one kind increase. If no order fits, the layers are returned kind by
-    kind in the order of these numbers. Raises BadInputError if several orders fit, or if there are
-    more than `_MOST_KINDS` kinds.
+    Layers of one kind are in the order of their numbers. If no order fits, the layers are returned
+    kind by kind. Raises BadInputError if several orders fit, or if there are more than
+    `_MOST_KINDS` kinds.
 
     widths: permitted numbers of inputs of the first layer
     """
@@ -340,9 +340,9 @@ def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterato
 
 
 def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
-    """Return each layer with the name of its activation, or "" if it has none.
+    """Return each layer with the name of its activation, or "" without an activation.
 
-    activation: activation between the linear layers, and after a comma that of the output
+    activation: text "BETWEEN" or "BETWEEN,OUTPUT", or None
     """
     between, last = _activations(layers, activation)
     names = [""] * len(layers)
@@ -357,7 +357,7 @@ def _activated(layers: list[Layer]) -> list[int]:
     """Return the indices of the layers after which the activations act.
 
     One activation acts between two consecutive linear layers. Raises BadInputError if the names do
-    not determine whether it acts before or after a LayerNorm.
+    not determine whether an activation acts before or after a LayerNorm.
     """
     linear = [index for index, layer in enumerate(layers) if layer.is_linear]
     open_places = [
@@ -401,9 +401,11 @@ def composed(
 ) -> tuple[ca.Function, RowNetwork | None]:
     """Return the function x (n,) -> output of the last layer (k,), and its version for many rows.
 
-    The second is None if it is not faster.
+    The version for many rows is None unless `row_network` supports all layers or a product is
+    large.
 
     steps: layers with the names of their activations, "" for none
+    normalizer: normalizer of x, or None
     """
     x = ca.SX.sym("x", steps[0][0].inputs)
     products = Products(x)
@@ -447,12 +449,12 @@ def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
-    """Return the names of the activations between the linear layers and at the output.
+    """Return the names of the activations between the linear layers and at the output, "" for none.
 
-    "" means no activation. Raises BadInputError if the activation of several linear layers is
-    missing or unknown.
+    Raises BadInputError for an unknown activation, and for several linear layers without
+    `activation`.
 
-    activation: text "BETWEEN" or "BETWEEN,OUTPUT"
+    activation: text "BETWEEN" or "BETWEEN,OUTPUT", or None
     """
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
@@ -467,9 +469,11 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
 
 
 def _chain(name: str, steps: list[tuple[Layer, str]], parts: Parts) -> str:
-    """Return the description of a network: "6 -> tanh 64 -> 1 (layers 0, 2)".
+    """Return the description of a network, such as "6 -> tanh 64 -> 1 (layers 0, 2)".
 
     name: name of the network, or ""
+    steps: layers with the names of their activations
+    parts: tensors of the network, by function
     """
     words = [str(steps[0][0].inputs)]
     if parts.normalizer is not None:

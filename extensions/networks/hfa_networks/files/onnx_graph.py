@@ -1,4 +1,4 @@
-"""Conversion of ONNX graphs to CasADi functions. Unsupported operators are refused by name."""
+"""Conversion of ONNX graphs to CasADi functions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_SCALARS = 200_000
 
 
 def _divided(a: Any, b: Any) -> Any:
-    """Return a / b as defined by ONNX: the quotient of integers is truncated."""
+    """Return a / b as defined by ONNX, with the quotient of integers truncated."""
     quotient = a / b
     if np.asarray(a).dtype.kind == "i" and np.asarray(b).dtype.kind == "i":
         return np.trunc(quotient).astype(int)
@@ -110,9 +110,10 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
 def _split(
     x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
 ) -> tuple[np.ndarray, ...]:
-    """Split x along an axis, by default into `num_outputs` parts of equal length.
+    """Split x along an axis into parts with the lengths `sizes` or `split`.
 
-    The last part may be shorter. `sizes` or `split` sets the lengths of the parts.
+    Without lengths, there are `num_outputs` parts of equal length, of which the last may be
+    shorter.
     """
     sizes = split if sizes is None else sizes
     if sizes is None:
@@ -338,10 +339,10 @@ def graph_functions(
 ) -> GraphFunctions:
     """Convert the ONNX graph in a file to functions.
 
-    path: path of the file; external weights are read from files in its folder.
-    states: number of states of the plant.
-    inputs: number of inputs of the plant.
-    outputs: requested kind -> name of an output of the graph, or "" for all.
+    path: path of the file; external weights are read from files in its folder
+    states: number of states of the plant
+    inputs: number of inputs of the plant
+    outputs: requested kind -> name of an output of the graph, or "" for all
 
     Raises BadInputError if the package onnx is missing or the graph is not supported.
     """
@@ -399,8 +400,8 @@ def _evaluate(
     """Evaluate the nodes and add their results to `arrays`.
 
     Returns the operators that depend on the network's inputs, with the sizes of their results, and
-    the lowest precision of the nodes' constants. Raises BadInputError if the results contain too
-    many numbers.
+    the lowest precision of the nodes' constants. Raises BadInputError for an unsupported operator
+    and for results with too many numbers.
 
     operators: name -> function of the operator
     arrays: name -> array of each input and constant
@@ -435,10 +436,11 @@ def _inputs_of(
 ) -> dict[str, tuple[int, ...]]:
     """Return name -> shape of each input of a graph.
 
-    The inputs are the state of the plant, or for a Q the state and the input in one row or in two
-    rows. Raises BadInputError for other inputs.
+    Raises BadInputError unless the inputs are the state of the plant, or for a Q the state and the
+    input as one or two arrays.
 
     constants: names of the inputs that are constants
+    states, inputs: number of states and of inputs of the plant
     """
     shapes = {}
     for item in graph.input:
@@ -471,10 +473,11 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError unless `width` is the number of states, or for a Q of states and inputs.
+    """Raise BadInputError unless a network has one input for each state, or for a Q each state and
+    input.
 
     width: number of inputs of the network
-    states, inputs: number of states and of inputs of the plant
+    states, inputs: number of states and of inputs of the plant; inputs = 0 excludes a Q
     """
     if width == states:
         return
@@ -535,8 +538,8 @@ def _evaluated(
 ) -> tuple[list[np.ndarray], str]:
     """Return the outputs of a node and the precision of its constant.
 
-    For most operators only the first output is returned. The precision is "float64" if the node
-    contains no constant. Raises BadInputError for an unsupported operator.
+    The precision is "float64" if the node contains no constant. Raises BadInputError for an
+    unsupported operator.
 
     operators: name -> function of the operator
     arrays: name -> array of each result so far
@@ -572,9 +575,7 @@ def _evaluated(
 def _refuse_unread(
     name: str, operator: Callable[..., Any], inputs: list[Any], attributes: Mapping[str, Any]
 ) -> None:
-    """Raise BadInputError if an operator has inputs or attributes that its function does not
-    accept.
-    """
+    """Raise BadInputError unless the function of an operator accepts its inputs and attributes."""
     try:
         rule = signature(getattr(operator, "pyfunc", operator))
     except ValueError:  # functions of NumPy, which accept only arrays
@@ -592,7 +593,7 @@ def _refuse_unread(
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
     """Return the size of an operator's result before it is computed.
 
-    The size is 0 if the result is not larger than the input.
+    The result is 0 for an operator that cannot enlarge its input.
     """
     if name in _SIZES:
         return _SIZES[name](*inputs, **attributes)
@@ -624,10 +625,10 @@ def _refuse_more(name: str, size: int, inputs: Any) -> None:
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
     """Return key -> name of an output of the graph.
 
-    The key is the requested kind. If "" requests several outputs, each key is the output's name.
+    The key is the requested kind. If several outputs are requested by "", each name is its own key.
     Raises BadInputError for a name that is not an output of the graph.
 
-    outputs: requested kind ("policy") -> name of its output, or "" for all outputs
+    outputs: requested kind, such as "policy" -> name of an output, or "" for all outputs
     """
     names = [item.name for item in graph.output]
     found = {}

@@ -15,9 +15,7 @@ _SCALARS = 4096
 class Products:
     """Graph of CasADi scalars in which products with large matrices are not expanded.
 
-    Expanded to scalars, a layer of 1024 x 1024 has two million operations. The result of such a
-    product is therefore represented by new symbols. `function` combines the graphs and the
-    products.
+    The result of such a product is represented by new symbols.
     """
 
     def __init__(self, x: ca.SX) -> None:
@@ -59,11 +57,7 @@ class Products:
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
     def rows(self, outputs: np.ndarray) -> RowNetwork | None:
-        """Return the function x (N, n) -> (N, k) that evaluates each large product for all rows at
-        once.
-
-        The result is None if no product is large.
-        """
+        """Return the function x (N, n) -> (N, k) of all rows, or None if no product is large."""
         if not self._factors:
             return None
         steps = []
@@ -84,16 +78,14 @@ class Products:
         return on_rows
 
     def _value(self, entries: ca.SX, values: list[ca.MX]) -> ca.MX:
-        """Return `entries`, which depend on the symbols, as an expression of the values of the
-        symbols.
-        """
+        """Return `entries` as an expression of the values of the symbols."""
         part, places = self._part(entries, len(values))
         return part(*(values[place] for place in places))
 
     def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
         """Return a function for `entries`, and the positions of its arguments among the symbols.
 
-        The arguments are x and those of the first `count` symbols on which `entries` depend.
+        The arguments are x and those of the first `count` symbols on which `entries` depends.
         """
         places = [0]
         for place in range(1, count):

@@ -20,11 +20,11 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 
     u is nan at x where ∂²Q/∂u² does not have the definite sign that it has at x = 0.
 
-    Q: function of (x, u), (n + m,), with one output.
-    states: n.
+    Q: function of (x, u), (n + m,), with one output
+    states: n
 
-    Raises BadInputError unless Q is a polynomial of degree 2 in u and ∂²Q/∂u² is definite at x = 0.
-    The coefficients of the polynomial may depend on x in any way.
+    Raises BadInputError if Q has several outputs, if its degree in u may exceed 2, or if ∂²Q/∂u² is
+    not definite at x = 0.
     """
     if Q.numel_out(0) != 1:
         raise BadInputError(
@@ -51,9 +51,6 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 def _degree(Q: ca.Function, states: int) -> float:
     """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial in u.
 
-    The degree of a product is the sum of the degrees of its factors. The degree of a sum is the
-    largest degree of its terms. Cancellation is not detected.
-
     Q: graph of scalars
     states: number of entries before u in the argument
     """
@@ -75,8 +72,7 @@ def _degree(Q: ca.Function, states: int) -> float:
 
 
 def _degree_of(operation: int, degrees: list[float]) -> float:
-    """Return the degree of the result of an operation on polynomials, or inf if it is no
-    polynomial.
+    """Return an upper bound on the degree of the result of an operation, or inf if there is none.
 
     operation: a CasADi operation code
     degrees: degrees of the operands

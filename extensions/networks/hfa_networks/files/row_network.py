@@ -1,8 +1,7 @@
 """Chain of linear layers, evaluated on many rows at once by matrix products in NumPy.
 
-With many rows, a network of 256 x 256 takes some microseconds for each row. A single row takes a
-hundred. Such a wide network is computed in single precision, as in training and deployment.
-Smaller networks are computed in double precision.
+A network with a large layer is computed in single precision, as in training and deployment.
+Other networks are computed in double precision.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def precision_of(matrix: np.ndarray) -> type[np.floating]:
-    """Return the precision for products of rows with a matrix: single if the matrix is large."""
+    """Return the precision for products with a matrix: single for at least `_WIDE` entries."""
     return np.float32 if matrix.size >= _WIDE else np.float64
 
 

@@ -1,8 +1,7 @@
 """Tensors of a state dict, sorted into layers, input normalizer and output squash.
 
 Checkpoints of rsl_rl, rl_games, skrl and CleanRL contain more than layers. The names of their
-tensors identify the library. A further tensor that may act on the network is an error that names
-the tensor.
+tensors identify the library.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ _ELSE = (
 class Normalizer(NamedTuple):
     """Normalizer x -> clip((x - mean) / deviation, -clip, clip) of a state dict.
 
-    name: name of its tensors in the file.
+    name: name of its module in the file.
     mean: (n,).
     deviation: (n,), above 0.
     clip: largest absolute value, or inf for none.
@@ -67,7 +66,7 @@ class Parts(NamedTuple):
     normalizer: normalizer before the first layer, or None.
     squash: output map after the last layer, or None.
     others: tensors of unknown function.
-    unused: tensors that, by their names, do not act on a policy, although their sizes fit.
+    unused: tensors that do not act on a policy, judged by their names.
     """
 
     layers: dict[str, np.ndarray]
@@ -78,9 +77,7 @@ class Parts(NamedTuple):
 
 
 def _of_rsl_rl(group: Tensors) -> tuple[np.ndarray, float]:
-    """Return standard deviation (n,) and clip of rsl_rl's EmpiricalNormalization, whose eps is
-    0.01.
-    """
+    """Return standard deviation (n,) and clip of rsl_rl's EmpiricalNormalization."""
     return group["_std"] + 0.01, np.inf
 
 
@@ -123,11 +120,11 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
     """Sort the tensors of a state dict by function.
 
-    part: words that select layers by their names, joined by +; "" selects all layers.
-    is_policy: whether "" selects the policy alone, without a critic in the same file.
+    part: words that select layers by their names, joined by +; "" selects all layers
+    is_policy: whether "" selects the policy alone, without a critic in the same file
 
-    Raises BadInputError if no name contains one of the words, or if several normalizers or squashes
-    may belong to the part.
+    Raises BadInputError if no layer is selected, or if several normalizers or squashes may belong
+    to the part.
     """
     groups = _grouped(tensors)
     normalizers = {}
@@ -171,13 +168,13 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
     """Raise BadInputError if a tensor that is not read may act on the inputs or outputs of a
     network.
 
+    Other linear layers are accepted as a separate network, unless their sizes fit before, after or
+    in parallel to this network. Unused layers with one output are accepted as a critic. Unused
+    tensors of a standard deviation are accepted if their size is the number of outputs.
+
     others: tensors of a state dict that belong to no network that is read
     unused: tensors whose names indicate a critic or the standard deviation of an action
     takes, gives: number of inputs and of outputs of the network
-
-    Other linear layers are a separate network, unless their sizes fit before, after or in parallel
-    to this network. Among the unused tensors, layers with one output are a critic, and a tensor
-    with as many entries as outputs is a standard deviation.
     """
     chains: dict[str, list[tuple[str, np.ndarray]]] = {}
     tensors = {**others, **unused}
@@ -211,8 +208,8 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
 
 
 def roots(tensors: Iterable[str]) -> list[str]:
-    """Return the names of the networks in a file: the tensors' names without layer number and
-    "weight".
+    """Return the tensors' names without layer number and "weight" or "bias", each once and not
+    empty.
     """
     stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
     return [stem for stem in dict.fromkeys(stems) if stem]
@@ -238,7 +235,7 @@ def _is_spread(name: str) -> bool:
 def _has_word(name: str, part: str) -> bool:
     """Return whether the name of a tensor contains one of the words of "word+word".
 
-    A number matches only at the beginning of the name, where it is the position in a tuple.
+    A number must be the beginning of the name, where it is the position in a tuple.
     """
     for word in part.split("+"):
         is_first = f".{name}.".startswith(f".{word}.")
@@ -261,9 +258,9 @@ def _joined(stem: str, leaf: str) -> str:
 
 
 def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
-    """Return the normalizer that the tensors of a module define, or None if they define none.
+    """Return the normalizer that the tensors of a module define, or None.
 
-    Raises BadInputError if a variance is not positive.
+    Raises BadInputError if a standard deviation is not positive.
 
     stem: name of the module
     group: name within the module -> tensor
@@ -283,9 +280,11 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
 def _normalizer_of(
     found: Mapping[str, Normalizer], layers: Tensors, of_critic: bool
 ) -> Normalizer | None:
-    """Return the normalizer of a network's inputs, or None if the file contains none for it.
+    """Return the normalizer of a network's inputs, or None if the file contains no normalizer for
+    them.
 
-    Raises BadInputError if several normalizers fit, or if a normalizer scales a critic's value.
+    A critic without its own normalizer has the normalizer of the file. Raises BadInputError if
+    several normalizers fit, or if a normalizer scales a critic's value.
 
     found: name -> normalizer of the file
     layers: tensors of the network
@@ -305,11 +304,12 @@ def _normalizer_of(
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
     """Return the item that belongs to the layers, or None if `found` is empty.
 
-    A single item belongs to the layers. Of several items, it is the one whose name begins with the
-    same word as the layers' names. Raises BadInputError if this does not select one item.
+    A single item belongs to the layers. Of several items, exactly one must have a name that begins
+    with the first word of a layer's name. Otherwise BadInputError is raised.
 
     what: noun for the items, for the message
     found: name -> item
+    layers: tensors of the layers
     """
     if len(found) < 2:
         return next(iter(found.values()), None)

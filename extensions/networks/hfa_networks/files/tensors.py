@@ -1,6 +1,6 @@
 """Tensors of state dicts in files of torch, safetensors, .npz and .json.
 
-The files are read without torch. No code in a file is executed.
+No code in a file is executed.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
     """Return the tensors with floats in double precision, and the precision of the file.
 
     The precision is "float32" if any tensor has it, otherwise "float64". Raises BadInputError if
-    the tensors have too many entries, or an entry is not a finite number of at least 32 bits.
+    the tensors have too many entries in total, if an entry is not finite, or if a type is neither
+    integer, bool nor a float of at least 32 bits.
     """
     for name, array in tensors.items():
         is_float = array.dtype.kind == "f"
@@ -123,8 +124,8 @@ def _dtype(kind: str) -> str:
 def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
     """Return a tensor of a torch file: the entries storage[offset + Σ index_i stride_i].
 
-    It replaces torch._utils._rebuild_tensor_v2. Raises BadInputError for an entry outside the
-    storage.
+    Replaces torch._utils._rebuild_tensor_v2. Raises BadInputError for an entry outside the storage
+    and for a shape that is not of integers.
 
     storage: array of all entries in the file's storage
     """
@@ -162,7 +163,7 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 def refuse_pickle_bomb(content: bytes) -> None:
     """Raise BadInputError if reading a pickle would need far more memory than its size.
 
-    Such a pickle numbers more objects than it has bytes, or contains more than `_MOST_STEPS`
+    Such a pickle refers to more objects than it has bytes, contains more than `_MOST_STEPS`
     instructions, or contains a tuple that is shared too often to be hashed.
     """
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
@@ -179,11 +180,10 @@ def refuse_pickle_bomb(content: bytes) -> None:
 
 
 def _refuse_shared_tuples(content: bytes) -> None:
-    """Raise BadInputError if a tuple has more than `_MOST_STEPS` leaves, counting shared ones
-    repeatedly.
+    """Raise BadInputError if a tuple has more than `_MOST_STEPS` leaves, with each use counted.
 
     A tuple that is a dictionary key is hashed while the pickle is read, and hashing visits all its
-    leaves. The leaves of each object on the pickle's stack are counted without creating the object.
+    leaves.
     """
     stack: list[int] = []
     marks: list[int] = []
@@ -214,7 +214,7 @@ def _refuse_shared_tuples(content: bytes) -> None:
 def refuse_shared(stored: Any) -> None:
     """Raise BadInputError if the content of a pickle has more leaves than `_MOST_STEPS`.
 
-    Each use of a shared leaf counts. For example, 32 lists that each contain the next one twice
+    Each use of a shared leaf counts. For example, 32 lists that each contain the next list twice
     have 2^32 leaves.
     """
     counts: dict[int, int] = {}
@@ -233,9 +233,9 @@ def refuse_shared(stored: Any) -> None:
 
 
 def _inside(value: Any) -> list[Any]:
-    """Return the objects that an object in a pickle contains: items, dictionary keys or attributes.
+    """Return the objects inside an object of a pickle: items, dictionary keys or attributes.
 
-    An array or a class contains none.
+    The result is [] for an array and for a class.
     """
     if isinstance(value, dict):
         return [*value, *value.values()]
@@ -247,9 +247,7 @@ def _inside(value: Any) -> list[Any]:
 
 
 class _Restricted(pickle.Unpickler):
-    """Unpickler for dictionaries and arrays. Any other class or function raises an error that names
-    it.
-    """
+    """Unpickler for dictionaries and arrays that refuses any other class or function by name."""
 
     def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
         refuse_pickle_bomb(content)
@@ -279,9 +277,7 @@ class _Restricted(pickle.Unpickler):
 
 
 def _refuse_large(archive: zipfile.ZipFile) -> None:
-    """Raise BadInputError if the members of a zip file together unpack to more than `LARGEST`
-    bytes.
-    """
+    """Raise BadInputError if a zip file unpacks to more than `LARGEST` bytes in total."""
     if sum(member.file_size for member in archive.infolist()) > LARGEST:
         raise BadInputError(
             f"the file unpacks to more than {LARGEST >> 20} MiB, the maximum; save a "
@@ -290,10 +286,10 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return a member of a zip file as bytes.
+    """Return a member of a zip file as bytes, at most as many as its stated size.
 
-    At most the stated size is unpacked. Raises BadInputError if this size exceeds `LARGEST`, or if
-    the member is encrypted or has a compression that neither torch nor NumPy uses.
+    Raises BadInputError if this size exceeds `LARGEST`, or if the member is encrypted or has a
+    compression that neither torch nor NumPy uses.
     """
     entry = archive.getinfo(name)
     is_encrypted = entry.flag_bits & 1
@@ -312,8 +308,7 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
-    """Return the tensors in a file written by torch.save, or in the policy.pth of a
-    Stable-Baselines3 zip.
+    """Return the tensors in a file of torch.save, or in the policy.pth of a Stable-Baselines3 zip.
 
     Raises BadInputError for a TorchScript file.
     """
@@ -337,6 +332,8 @@ def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray
     """Return the arrays of nested dictionaries, lists and tuples by names such as "model.0.weight".
 
     At most four levels are read.
+
+    prefix: beginning of the names, such as "model."
     """
     if isinstance(stored, np.ndarray):
         return {prefix.removesuffix("."): stored}

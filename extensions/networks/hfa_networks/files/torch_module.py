@@ -1,7 +1,4 @@
-"""torch.nn.Sequential objects in memory: chains of linear layers and activations.
-
-They are read without importing torch.
-"""
+"""torch.nn.Sequential objects of linear layers and activations, read without importing torch."""
 
 from __future__ import annotations
 
@@ -37,7 +34,8 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
     kind: one of `OUTPUTS`, or "" if the number of outputs decides
     states, inputs: number of states and of inputs of the plant
 
-    Raises BadInputError for another module, or if a weight is not finite.
+    Raises BadInputError for another module, for sizes that do not fit, and for a weight that is not
+    finite.
     """
     steps: list[tuple[Layer, str]] = []
     precisions = set()
@@ -72,7 +70,7 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
 
 
 def _class_of(module: Any) -> str:
-    """Return the class name of a module, with its Python module if that is not in torch.nn."""
+    """Return the class name of a module, with its Python module unless that is in torch.nn."""
     kind = type(module)
     is_own = kind.__module__.startswith("torch.nn.")
     return kind.__name__ if is_own else f"{kind.__module__}.{kind.__name__}"

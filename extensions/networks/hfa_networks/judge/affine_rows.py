@@ -1,6 +1,6 @@
-"""A CasADi function as exact affine rows of its inputs and of nodes, its nonlinear operations.
+"""A CasADi function as exact affine rows of its inputs and of its nonlinear operations, the nodes.
 
-A row maps each variable to a rational coefficient. Variable 0 is the constant 1, the inputs
+A row maps each variable to a rational coefficient. Variable 0 is the constant 1. The inputs
 follow, then the nodes.
 """
 
@@ -53,7 +53,7 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
 
     Products of polynomials of the inputs, up to a limiting degree, become combinations of
     monomials. Each monomial is one node, so common terms of two polynomials cancel. The rows
-    represent the expression that CasADi stores, including simplifications that it made.
+    represent the expression that CasADi stores, including simplifications that CasADi made.
 
     Raises NotReadError if the function has other operations than +, -, *, division by a constant,
     powers, tanh, min, max, |t|, sign and comparisons, or if it is too large.
@@ -94,7 +94,7 @@ def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
 
 
 class _Reader:
-    """Builder of rows. It adds a node for each nonlinear operation."""
+    """Builder of rows and of their nodes."""
 
     def __init__(self, inputs: int) -> None:
         self.nodes: list[Node] = []
@@ -185,7 +185,7 @@ class _Reader:
         return {self._node("product", first, last): _ONE}
 
     def _degree(self, row: Row) -> float:
-        """Return the degree of a row as a polynomial in the inputs, or inf if it is not one."""
+        """Return the degree of a row as a polynomial in the inputs, or inf for any other row."""
         if not row.keys() <= self._powers.keys():
             return math.inf
         return max(len(self._powers[variable]) for variable in row)
@@ -201,7 +201,7 @@ class _Reader:
         return {monomial: factor for monomial, factor in total.items() if factor}
 
     def _monomial(self, powers: tuple[int, ...]) -> int:
-        """Return the variable of a monomial. Its node is added if it does not exist.
+        """Return the variable of a monomial, and add its node if it does not exist.
 
         powers: indices of the inputs in the monomial, repeated for powers
         """
@@ -215,10 +215,9 @@ class _Reader:
         return self._monomials[powers]
 
     def _node(self, kind: str, *rows: Row) -> int:
-        """Return the variable of a node.
+        """Return the variable of a node, and add the node unless it has one argument and exists.
 
-        An existing node with one argument is reused. Raises NotReadError if there are too many
-        nodes.
+        Raises NotReadError if there are too many nodes.
         """
         key = _key(kind, rows[0])
         if len(rows) == 1 and key in self._known:

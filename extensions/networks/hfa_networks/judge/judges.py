@@ -1,7 +1,4 @@
-"""Findings on critics that are nonlinear functions of the state.
-
-The checks of critics load them by the entry point `nonlinear`.
-"""
+"""Findings on critics that are nonlinear functions of the state."""
 
 from __future__ import annotations
 

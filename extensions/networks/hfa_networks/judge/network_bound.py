@@ -24,7 +24,7 @@ class Proof(NamedTuple):
     error: proved upper bound on the relative error.
     fraction: the bound is proved for |z_i| <= fraction b_i; 0 if nothing is proved.
     boxes: number of boxes for which bounds were computed.
-    beyond: state (n,) whose error exceeds the bound, which ended the proof, or None.
+    beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
     is_of_all: whether the bound covers all errors that are compared.
     """
 
@@ -37,8 +37,9 @@ class Proof(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Proved part of the box in words, such as "on 0.96 times the box". The factor is rounded
-        down.
+        """Proved part of the box in words: "in the box", or such as "on 0.96 times the box".
+
+        The factor is rounded down.
         """
         if self.fraction == 1.0:
             return "in the box"
@@ -55,11 +56,9 @@ def prove(
 ) -> Proof | None:
     """Prove |errors(z)| <= limit for |z_i| <= b_i by branch and bound, for at most `seconds` s.
 
-    The result states the fraction of the box that is proved. The proof also ends at a state whose
-    error exceeds the limit. A box for which no sufficient bound is found is halved across the input
-    that contributes most to the width of its bound. The boxes closest to z = 0 are processed first,
-    so that the proved fraction grows. The result is None if `errors` contains operations for which
-    no bound is implemented.
+    The proof also ends at a state whose error exceeds the limit. The result contains the fraction
+    of the box that is proved. It is None if `errors` contains operations for which no bound is
+    implemented.
 
     what: description of the errors, for `Proof.what`
     b: half-widths of the box, (n,)
@@ -108,6 +107,7 @@ def _halves(
     Each box is halved across the input with the largest gap. If a gap is not finite or all are 0,
     the box is halved across its widest input.
 
+    centres, half_widths: (boxes, n)
     gaps: (boxes, n), contribution of each input to the width of the box's bound
     """
     boxes = np.arange(len(centres))

@@ -48,13 +48,21 @@ Expression = Callable[[ca.SX], ca.SX]
 class Flown(NamedTuple):
     """Results of simulations of a network. The fields are named as in the JSON output.
 
-    flights: number of initial conditions, or 0 if the linear loop is unstable.
-    cost_lost_flown_percent: largest cost above V*, in percent of V*.
-    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*.
+    A tested multiple of the box is a power of two. The loop converges from all smaller tested
+    multiples too.
+
+    flights: number of initial conditions, or 0 if nothing was simulated.
+    cost_lost_flown_percent: largest cost above V*, in percent of V*; inf if a simulation does not
+        converge.
+    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*; inf if a simulation does not
+        converge.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
-    reach: largest multiple of the box from which the loop converges on the linear plant.
-    reach_nonlinear: this multiple on the nonlinear plant, or None without such a plant.
-    reach_nonlinear_exact: this multiple for the exact policy on the nonlinear plant, or None.
+    reach: largest tested multiple of the box from which the loop converges on the linear plant, or
+        0.
+    reach_nonlinear: `reach` on the nonlinear plant, or None without such a plant.
+    reach_nonlinear_exact: `reach` of the exact policy on the nonlinear plant, or None without such
+        a
+        plant.
     """
 
     flights: int = 0
@@ -76,16 +84,16 @@ class Loop(Protocol):
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
-        Returns the end state minus the equilibrium, (n,), and the cost, or None if V* about the
-        equilibrium does not decrease sufficiently.
+        Returns the end state minus the equilibrium, (n,), and the cost, or None if the loop does
+        not converge.
         """
 
 
 class TimeAxis(Protocol):
     """Plant of a critic in continuous or discrete time.
 
-    The disturbance is w = L* z, the worst disturbance of the exact solution. Under it, a policy u
-    has the cost J = V* + the sum over time of (u - u*)' `price` (u - u*).
+    The disturbance is w = L* z, the worst disturbance of the exact solution. Under this
+    disturbance, a policy u has the cost J = V* + the sum over time of (u - u*)' `price` (u - u*).
     """
 
     @property
@@ -110,8 +118,7 @@ class TimeAxis(Protocol):
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
         """Return the closed loop under w = L* z.
 
-        Its cost is the sum of (u - u*)' `price` (u - u*), with the value of u - u* at the
-        equilibrium subtracted from u - u*.
+        The cost is the sum of v' `price` v, with v = u - u* minus its value at the equilibrium.
 
         b: half-widths of the box of states, (n,)
         """
@@ -154,8 +161,7 @@ class InTime:
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
         """Return the closed loop under the worst disturbance d = L* z.
 
-        Its running cost is (u - u*)'R (u - u*), with u - u* relative to its value at the
-        equilibrium.
+        The running cost is v'R v, with v = u - u* minus its value at the equilibrium.
         """
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._worst) @ z + ca.DM(self._game.B) @ policy(z)
@@ -204,8 +210,7 @@ class InSteps:
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
         """Return the closed loop under the worst disturbance w = L* x.
 
-        Its cost is Σ αᵏ v'(R + α B'P*B) v, with v = u - u* relative to its value at the
-        equilibrium.
+        The cost is Σ αᵏ v'(R + α B'P*B) v, with v = u - u* minus its value at the equilibrium.
         """
         return self._loop_of(self._worst, policy, b, self.price)
 
@@ -280,9 +285,11 @@ class _FlowLoop:
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
-        Returns the end state minus the equilibrium, and the cost. The result is None if V* about
-        the equilibrium does not decrease to `RETURNED` times its initial value, or if the
-        integration fails.
+        Returns the end state minus the equilibrium, and the cost. The result is None in these
+        cases:
+        - The loop has no equilibrium near z = 0.
+        - V* about the equilibrium does not decrease to `RETURNED` times its initial value.
+        - The integration fails.
         """
         from scipy.integrate import odeint
 
@@ -312,11 +319,7 @@ class _FlowLoop:
 class _StepLoop:
     """Closed loop x⁺ = after(x) with cost Σ αᵏ paid(x_k).
 
-    expressions: CasADi expressions of x, after(x) and paid(x).
-    P: (n, n), matrix of V*.
-    sums: α, and the number of steps of a simulation.
-    rest: equilibrium near x = 0, or None if none is found.
-    by_exact: (n, n), maps the initial state to the final state of the exact loop.
+    rest: equilibrium near x = 0, or None if none is found
     """
 
     def __init__(
@@ -342,8 +345,8 @@ class _StepLoop:
         """Simulate the loop from the initial state `start` (n,).
 
         Returns the end state minus the equilibrium, and the cost, or None if the loop does not
-        converge. It converges if V* about the equilibrium decreases to `RETURNED` times its initial
-        value, or to twice the final V* of the exact loop.
+        converge. The loop converges if V* about the equilibrium decreases to `RETURNED` times its
+        initial value, or to twice the final V* of the exact loop.
         """
         if self.rest is None:
             return None
@@ -360,12 +363,13 @@ class _StepLoop:
 
 
 def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """Return the equilibrium z (n,) that Newton's method finds from z = 0.
+    """Return the equilibrium z (n,) that Newton's method finds from z = 0, or None without
+    convergence.
 
-    The result is None if the method does not converge within |z_i| <= `_FARTHEST_REST` b_i.
+    The iterates must stay within |z_i| <= `_FARTHEST_REST` b_i.
 
     z: symbols, (n,)
-    rates: expression of z' (or of x⁺ - x) in these symbols, (n,)
+    rates: expression of z', or of x⁺ - x, in these symbols, (n,)
     b: half-widths of the box, (n,)
     """
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
@@ -387,10 +391,9 @@ def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
 
 
 def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
-    """Return the check of the distance between the loop's equilibrium and the trim.
+    """Return the check of the distance max_i |rest_i| / b_i between equilibrium and trim.
 
-    The distance is max_i |rest_i| / b_i. It is infinite if no equilibrium was found (`rest` is
-    None).
+    rest: equilibrium, (n,), or None for an infinite distance
     """
     if rest is None:
         return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
@@ -412,7 +415,7 @@ def fly(
     Nothing is simulated if the network has non-finite values or its linear loop is unstable.
 
     flights: number of initial conditions; at most `_WIDE_FLIGHTS` are used for a wide network
-    plant: nonlinear plant of a critic in continuous time, for further simulations
+    plant: nonlinear plant of a critic in continuous time, or None
     """
     if not critic.finite or not axis.is_stable(critic.K):
         return Flown()
@@ -436,10 +439,9 @@ def flown_losses(
 ) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
-    All are inf if one simulation does not converge, or if the linear loop is unstable. The loop is
-    simulated under the worst disturbance of the exact solution (`TimeAxis`). The cost after the end
-    of the simulation is computed for the linear loop. If the equilibrium differs from the trim, the
-    value of u - u* at the equilibrium is subtracted.
+    The loop is under the worst disturbance of the exact solution. The cost after the end of a
+    simulation is that of the linear loop. All costs are inf if a simulation does not converge, or
+    if the linear loop is unstable.
     """
     remaining = axis.remaining_cost(critic.K)
     if remaining is None:
@@ -458,7 +460,7 @@ def flown_losses(
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
     """Return random initial conditions in the box |z_i| <= b_i, (count, n).
 
-    Every second one is a corner of the box.
+    Rows 0, 2, 4, ... are corners of the box.
     """
     starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])
@@ -466,11 +468,12 @@ def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest tested multiple of the box from which all simulations converge, or 0 if
-    none.
+    """Return the largest tested multiple of the box from which all simulations converge, or 0.
 
-    The multiples are 2^-k ... 2^k, k = `DOUBLINGS`, beginning with 1. Each is tested with `few`
-    initial conditions. All smaller multiples that were tested converge too.
+    The multiples are powers of two from 2^-k to 2^k, k = `DOUBLINGS`. The simulations from all
+    smaller tested multiples converge too.
+
+    few: number of initial conditions for each multiple
     """
 
     def returns(size: float) -> bool:

@@ -1,8 +1,6 @@
 """Errors of a critic that is a nonlinear function of the state, over a box of states.
 
-A search returns a lower bound on the largest error, and a proof an upper bound. The errors are
-defined in the same way in continuous and in discrete time. A `TimeAxis` also simulates the
-critic from states in the box.
+A search returns a lower bound on the largest error, and a proof an upper bound.
 """
 
 from __future__ import annotations
@@ -66,12 +64,12 @@ class Found(NamedTuple):
 class Findings(NamedTuple):
     """Findings on a network.
 
-    errors: checks of the errors at the origin and in the box
-    checks: `errors`, and the check of the equilibrium
-    proof: proved bound, or None
-    flown: results of simulations
-    section: section of the report
-    states: number of states at which the search begins
+    errors: checks of the errors at the origin and in the box.
+    checks: `errors`, and the check of the equilibrium if the network was simulated.
+    proof: proved bound, or None.
+    flown: results of simulations.
+    section: section of the report.
+    states: number of states at which the search begins.
     """
 
     errors: list[Check]
@@ -85,7 +83,10 @@ class Findings(NamedTuple):
 class Comparison(NamedTuple):
     """Comparison of a network with the exact solution over a box of states.
 
-    weights: (m,), square roots of the weights in R, by which errors of the inputs are compared.
+    critic: the network.
+    exact: the exact solution.
+    weights: (m,), square roots of the weights of the inputs, by which errors of inputs are
+        compared.
     box: half-widths b (n,) of the box |z_i| <= b_i.
     """
 
@@ -96,9 +97,7 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """Functions that are compared: "value", "gradient" and "policy", as far as the critic has
-        them.
-        """
+        """Functions that the critic has: "policy", and optionally "value" and "gradient"."""
         functions = {"policy": self.critic.policy}
         if self.critic.gradient is not None:
             functions = {"gradient": self.critic.gradient} | functions
@@ -112,7 +111,7 @@ class Comparison(NamedTuple):
         Each error is relative to the largest exact V, dV/dz_i or u_i in the box. The constant of V
         is subtracted, because no policy depends on it.
 
-        kinds: the functions to compare, all available ones by default
+        kinds: the functions to compare; () for all that the critic has
         """
         P = ca.DM(self.exact.P)
         names = []
@@ -150,9 +149,6 @@ def findings(
 ) -> Findings:
     """Return the errors of a network over the box |z_i| <= b_i, and the results of its simulations.
 
-    The errors are found by a search. A bound is proved for them if possible. The loop is simulated
-    from the box if its linear part is stable.
-
     limit: largest relative error that passes
     """
     about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
@@ -175,9 +171,15 @@ def _searched_and_proved(
     """Search for the largest errors, then prove a bound.
 
     Returns the largest error at the origin, the largest errors found in the box, and the proof or
-    None. If no error above the limit is found, the limit is proved for all errors. Otherwise
-    `_MARGIN` times the error found in the policy is proved for the policy. If the proof finds a
-    larger error, the search is repeated from that state. Only graphs of scalars (SX) are proved.
+    None. Only graphs of scalars (SX) are proved.
+
+    - No error above the limit is found: the limit is proved for all errors.
+    - Only other errors than that of the policy exceed the limit: the limit is proved for the
+      policy.
+    - The error of the policy exceeds the limit: `_MARGIN` times this error is proved for the
+      policy.
+
+    If the proof finds a larger error, the search is repeated from that state.
     """
     end = time.monotonic() + scope.seconds
     origin, worst = search(about)
@@ -221,6 +223,7 @@ def search_checks(
     """Return the checks of the errors that `search` found.
 
     origin: error at the origin
+    found: largest errors in the box
     limit: largest relative error that passes
     """
     what = "u" if critic.gradient is None else "the slope of V"
@@ -234,10 +237,11 @@ def search_checks(
 def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tuple[Found, ...]]:
     """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
-    The errors are computed at `STARTS` states. L-BFGS-B then maximizes each error from the worst
-    state, from the `CLIMBS` worst corners, from the `CLIMBS` worst states that are not corners, and
-    from the state `also` (n,). For a wide network the corners and the others are omitted. All
-    errors are compared at the end of each maximization.
+    The errors are computed at `STARTS` states, and at `also`. Each error is maximized by L-BFGS-B
+    from the worst state and from `also`. For a network that is not wide, it is also maximized from
+    the `CLIMBS` worst corners and from the `CLIMBS` worst other states.
+
+    also: further initial state of the search, (n,), or None
     """
     b = about.box
     z = about.critic.symbols
@@ -279,7 +283,7 @@ def _climber(
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """Return the function (weights, y) -> local maximizer of weights'errors(b y) for |y_i| <= 1.
 
-    The search for the maximizer begins at y.
+    y: initial point of the search
     """
     from scipy.optimize import minimize
 
@@ -309,8 +313,8 @@ def network_section(
 ) -> Section:
     """Return the section of the report on a network.
 
-    It contains the layers, the output at the state b for comparison, the errors found, the proved
-    bound and the results of the simulations.
+    found: largest errors in the box
+    flown: results of the simulations
     """
     outputs = [name for name in FUNCTIONS if name in critic.network]
     if "V" in outputs:

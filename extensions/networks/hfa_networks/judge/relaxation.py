@@ -57,7 +57,7 @@ class Lines(NamedTuple):
 def _tanh(t: np.ndarray) -> np.ndarray:
     """Return tanh t with an error of at most `_TANH_ERROR`.
 
-    It uses only operations that IEEE 754 rounds correctly.
+    All operations are rounded correctly by IEEE 754.
     """
     r = np.minimum(np.abs(t), _SATURATED) / 32.0
     power = np.ones_like(r)  # exp(-r), then exp(-2 |t|)
@@ -86,14 +86,13 @@ def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """Return an upper bound on g(t) = tanh t - slope t over [low, high].
-
-    The rounding error of g is not included.
-
-    at_ends: the larger of g(low) and g(high).
+    """Return an upper bound on g(t) = tanh t - slope t over [low, high], without rounding errors of
+    g.
 
     For t < 0, g is convex, so its maximum is at an end. For t > 0, g is concave, so it lies below
     its tangent at any point p. The chosen p is the computed point with tanh'(p) = slope.
+
+    at_ends: the larger of g(low) and g(high)
     """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)
@@ -135,7 +134,7 @@ def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
     """Return linear enclosures of t² for low <= t <= high.
 
-    They follow from t² = 2 m t - m² + (t - m)² with m the middle of the interval.
+    t² = 2 m t - m² + (t - m)² with m the middle of the interval.
     """
     middle = 0.5 * (low + high)
     width = np.maximum(high - middle, middle - low)
@@ -150,7 +149,7 @@ def _product_lines(
 ) -> Lines:
     """Return linear enclosures of the product s t on [low, high] x [other_low, other_high].
 
-    They follow from s t = n s + m t - m n + (s - m) (t - n) with m, n the middles of the intervals.
+    s t = n s + m t - m n + (s - m) (t - n) with m, n the middles of the intervals.
     """
     m = 0.5 * (low + high)
     n = 0.5 * (other_low + other_high)
@@ -178,6 +177,7 @@ _Blocks = dict[int, np.ndarray]
 class _Group(NamedTuple):
     """Nodes of one kind and level.
 
+    kind: kind of the nodes.
     arguments: for each argument, the rows of all nodes.
     """
 
@@ -203,7 +203,7 @@ class _Affine(NamedTuple):
 class Bounds(NamedTuple):
     """Bounds on the largest output |e_i| over each box.
 
-    highest: (boxes,), upper bound on all |e_i| in the box, or nan without a bound.
+    highest: (boxes,), upper bound on all |e_i| in the box, or not finite without a bound.
     lowest: (boxes,), lower bound on max |e_i| at `corner`.
     corner: (boxes, n), a corner of each box.
     gaps: (boxes, n), contribution of each input to the width of the bound.
@@ -291,6 +291,7 @@ class Relaxation:
     def _rounded(self, line: Lines, group: _Group, sizes: list[np.ndarray]) -> Lines:
         """Return the enclosure with the rounding error of its evaluation added to the radius.
 
+        group: nodes of the enclosure
         sizes: for each group of variables, the bounds on |v|, (boxes, variables)
         """
         rounding = np.abs(line.constant)
@@ -300,8 +301,7 @@ class Relaxation:
         return line._replace(radius=np.where(rounding <= _LARGEST, radius, np.inf))
 
     def _back(self, blocks: _Blocks, sizes: list[np.ndarray], lines: list[Lines]) -> _Affine:
-        """Return rows of all variables as rows of the inputs alone, by substituting the nodes'
-        lines.
+        """Return rows of all variables as rows of the inputs alone.
 
         blocks: the rows, in blocks by group
         sizes: for each group, the bounds on |v|, (boxes, variables)
@@ -331,6 +331,8 @@ class Relaxation:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the middle and the half-width of each row's range over each box, (boxes, rows)
         each.
+
+        affine: the rows, as rows of the inputs
         """
         middle = affine.constant + np.matmul(affine.slopes, centres[:, :, None])[:, :, 0]
         sizes = np.abs(affine.slopes)
@@ -368,7 +370,7 @@ def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _times(stack: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return stack @ matrix, computed as a single two-dimensional product.
+    """Return stack @ matrix.
 
     stack: (boxes, rows, inner)
     """

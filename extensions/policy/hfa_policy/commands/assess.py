@@ -53,9 +53,9 @@ _COMPARED = 5
 
 
 def _need(name: str, text: str) -> float:
-    """Return the required value of a name in `NEEDS`.
+    """Return a required value.
 
-    Raises BadInputError for an unknown name or a negative value.
+    Raises BadInputError for a name that is not in `NEEDS`, and for a negative value.
     """
     from hfa_policy.assessment_report import NEEDS
 
@@ -78,9 +78,9 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Return the lowest and highest value of a parameter or an input.
+    """Return the lowest and highest value of a parameter or an input, or nan for an unknown name.
 
-    The result is nan for an unknown name. That name is refused later, when the actions are known.
+    An unknown name is refused when the actions are known.
     """
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
@@ -94,7 +94,7 @@ def _card_path(text: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
-    """Request of `hfa assess`."""
+    """Arguments of `hfa assess`."""
 
     cards: tuple[Path, ...] = option(
         "deployment file with the observations, actions and timing of a policy, or, with "
@@ -193,6 +193,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         """Load the deployments.
 
         Raises BadInputError for a gain without a sample time, and for a sample time without a gain.
+
+        model: aircraft of a gain
         """
         from hfa_policy.deployment import Deployment, sampled_gain
 
@@ -226,7 +228,10 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
 
     def scenario_at(self, point: OperatingPoint) -> Scenario:
-        """Return the scenario with noise, gust and turbulence at a trim."""
+        """Return the scenario with noise, gust and turbulence at a trim.
+
+        Raises BadInputError if the scenario does not fit the aircraft or no flights are requested.
+        """
         from hfa_policy.rough_flights import rough_scenario
 
         turbulence = at_held_altitude(self.turbulence, self.hold)
@@ -241,7 +246,7 @@ def _best_flights(
 ) -> Callable[[AssessedPoint], BestCosts] | None:
     """Return the function that compares flights at an assessed trim with the best flights.
 
-    The result is None if no comparison is requested.
+    The result is None if no flights are to be compared.
     """
     count = request.compared(deployed.deployment)
     if count == 0:

@@ -17,7 +17,7 @@ from hfa_printed.printed_verdict import check_printed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrintedRequest(OutputOptions):
-    """Request of `hfa printed`."""
+    """Arguments of `hfa printed`."""
 
     file: Path = option(
         "file with the printed plant and P, K, L, W or H (docs/critics.md)",
