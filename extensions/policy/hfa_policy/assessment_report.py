@@ -405,10 +405,10 @@ class Assessment(Result, Reported):
     def _flying(self) -> str:
         """Return a phrase on the convergence of the flights.
 
-        - No flight was simulated: this statement.
-        - Some flights stay inside the envelope without converging: their number.
-        - Every flight converges: this statement.
-        - Otherwise: "".
+        - Without flights: "no flight was simulated".
+        - Some flights stay inside the envelope without converging: the number of these flights.
+        - Every flight converges: "every flight converges".
+        - The flights that do not converge all leave the envelope: "".
         """
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:

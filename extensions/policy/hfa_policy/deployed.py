@@ -65,7 +65,10 @@ class Deployed:
 
     @cached_property
     def observed(self) -> tuple[Formula, ...]:
-        """Formula of each observation, in order."""
+        """Formula of each observation, in order.
+
+        Raises BadInputError for a wrong formula.
+        """
         formulas = []
         for name, entry in self.deployment.observation.items():
             with said_of(f"observation.{shortened(name)}"):
@@ -76,7 +79,7 @@ class Deployed:
     def maps(self) -> tuple[Formula, ...]:
         """Formula of each action's input, in order.
 
-        Raises BadInputError for a formula without the action.
+        Raises BadInputError for a formula that is wrong or lacks the action.
         """
         formulas = []
         for name, entry in self.deployment.action.items():

@@ -90,9 +90,10 @@ class Place:
     equilibrium: the equilibrium, or None if it does not exist.
     stable: whether the loop is stable at the equilibrium.
     reach: modes within reach of the policy, or None without an equilibrium.
-    seconds: duration of a flight.
-    swing: half a period of the slowest oscillation about the equilibrium, s; 0 if a mode is out of
-        reach.
+    seconds: duration of a flight, s.
+    swing: half a period of the slowest lightly damped oscillation about the equilibrium, s; 0
+        without
+        such an oscillation, or if a linear state does not count.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
         None without an equilibrium.
     lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
@@ -140,7 +141,7 @@ class Outcome(Result):
     elsewhere: number of flights that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium; empty if there is none.
     moving: number of flights that neither converge to an equilibrium nor leave the limits.
-    seconds: duration of a flight.
+    seconds: duration of a flight, s.
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
 
@@ -333,8 +334,7 @@ class FlownRows:
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
-        """Return a mask of the flights that have been at another equilibrium for `_STANDING`
-        windows.
+        """Return a mask of the flights that have stood still elsewhere for `_STANDING` windows.
 
         distance, swings: results of `_in_balls`
         """

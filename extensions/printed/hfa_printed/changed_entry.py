@@ -223,8 +223,7 @@ def _edits(text: str) -> dict[str, str]:
 
 
 def _without_leading_zeros(digits: str) -> str:
-    """Return the digits without leading zeros, but with a 0 before the point: 0.5 for 00.5 and .5.
-    """
+    """Return the digits without leading zeros, but at least one before the point: 0.5 for 00.5."""
     stripped = digits.lstrip("0")
     if not stripped or stripped.startswith("."):
         return f"0{stripped}"
