@@ -71,9 +71,9 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
 def test_a_controller_and_attributes_of_store_are_published(
     tmp_path: Path, published_aircraft: Model
 ) -> None:
-    """The formats of a controller file and of a store's attributes are part of the schema.
+    """The schema accepts a controller file and the attributes of a store.
 
-    The schema accepts both. It rejects each with one wrong entry.
+    Each of them with one wrong entry is rejected.
     """
     servo.save_controller(tmp_path / "a.npz", controllers.small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))

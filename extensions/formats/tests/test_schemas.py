@@ -67,7 +67,7 @@ def test_the_data_are_the_fields() -> None:
 
 
 def test_schema_says_types_and_meanings_and_accepts_data() -> None:
-    """The schema contains types and descriptions. It accepts valid data and rejects wrong types."""
+    """The schema contains types and descriptions, accepts valid data and rejects wrong types."""
     schema = json_schema(Whole)
     assert meaning(Leaf, ("roots",)) == "(k,) complex, 1/s."
     assert schema["properties"]["size"]["description"] == "a number."

@@ -69,7 +69,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
-    """Networks that equal the exact V, its gradient or the exact u pass, with a proof."""
+    """Networks of the exact V, its gradient or the exact u pass, with a proof over the box."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     for outputs in (
@@ -89,7 +89,7 @@ def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
 def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
     """A policy that is exact only at the origin fails.
 
-    With u = -1e-3 tanh(1e3 K x), the loop diverges from every tested multiple of the box.
+    With u = -1e-3 tanh(1e3 K x), the loop converges from no tested multiple of the box.
     """
     problem = problem_of()
     u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
@@ -102,9 +102,9 @@ def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
 
 
 def test_constant_in_u_off_origin_rests_off_trim() -> None:
-    """A constant added to u is reported at the origin and in the box.
+    """A constant added to u fails at the origin and in the box, and is named as the reason.
 
-    The equilibrium of the loop is not the trim.
+    The equilibrium of the loop is not the trim and equals the solution of the linear equations.
     """
     problem = problem_of()
     exact = exact_of(problem)
@@ -133,7 +133,7 @@ def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
 
 
 def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
-    """In discrete time, the weights of quartic functions are checked too."""
+    """In discrete time, a wrong weight of a quartic function fails."""
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
@@ -148,8 +148,8 @@ def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
 def test_implied_policy_best_of_one_step_value_behind() -> None:
     """The policy of a nonquadratic value is a saddle point of Q(u, w).
 
-    Its u has a lower cost than u ± 0.001, each with its worst w. It differs from the linearized
-    policy.
+    The policy has a lower cost than u ± 0.001, each with its worst w, and differs from the
+    linearized policy.
     """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     step = problem.step
@@ -175,10 +175,7 @@ def test_implied_policy_best_of_one_step_value_behind() -> None:
 
 
 def test_policy_that_is_not_found_is_no_number() -> None:
-    """The policy is nan where no saddle point is found.
-
-    Here the slope of V jumps at the saddle point.
-    """
+    """The policy is nan at a state where the slope of V jumps at the saddle point."""
     problem = problem_of(delta=np.inf)
     exact = exact_of(problem)
     slope = ca.Function("slope", [Z], [1e3 * ca.sign(Z[1]) * ca.vertcat(0.0, 1.0)])
@@ -187,7 +184,10 @@ def test_policy_that_is_not_found_is_no_number() -> None:
 
 
 def test_cost_in_flight_linear_loop_where_network_linear() -> None:
-    """For a linear network, the simulated cost equals the cost computed for the linear loop."""
+    """For a linear network, the simulated cost equals the cost of the linear loop, to 1e-6.
+
+    No simulated cost exceeds the worst cost of the check.
+    """
     problem = problem_of(discount=0.97)
     exact = exact_of(problem)
     K = 1.2 * exact.K
@@ -207,10 +207,9 @@ def test_cost_in_flight_linear_loop_where_network_linear() -> None:
 
 @pytest.mark.slow
 def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
-    """Networks are checked for a discounted game.
+    """For a discounted game, the exact gain in a state dict passes.
 
-    The exact gain in a state dict passes. The same gain followed by a saturating tanh fails away
-    from the origin.
+    The exact gain followed by a saturating tanh fails away from the origin.
     """
     from hfa_discrete import solve_discounted
 

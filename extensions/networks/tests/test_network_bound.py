@@ -1,4 +1,4 @@
-"""Proofs about networks: proved bounds are true, and false bounds are not proved."""
+"""Proved bounds on networks."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
 def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
     """Return a random function of four inputs.
 
-    It is the sum of a network with two hidden layers of 8, a linear and a quadratic part.
+    The function is the sum of a network with two hidden layers of 8, a linear and a quadratic part.
 
     of_gradient: whether the network is replaced by the gradient of its first output
     """
@@ -62,9 +62,10 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
-    """No sample in a box exceeds the bound over the box.
+    """No sample in a box exceeds the bound over the box, and the lower bound is at most the upper
+    bound.
 
-    The half-widths range from 1 to 1e-5. Small boxes have bounds close to the sampled values.
+    For small boxes, both bounds agree to 1 %.
     """
     if of_gradient and activation in ("relu", "clip"):
         return  # its gradient has steps
@@ -90,7 +91,7 @@ def test_rounding_is_in_the_bound() -> None:
     """The bound includes rounding errors.
 
     At single points, the bound is at least the value of Σ max(w'y, 0) - Σ w'y in rational
-    arithmetic. The weights w are of size 1e8, so double precision has large errors.
+    arithmetic, for weights w of size 1e8.
     """
     rng = np.random.default_rng(1)
     weights = rng.normal(size=(16, 3)) * 1e8
@@ -123,10 +124,9 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
 
 @pytest.mark.parametrize("kind", LINES)
 def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
-    """Each nonlinear operation lies within its enclosure.
+    """Each nonlinear operation lies within its enclosure, at 21 points of each argument's range.
 
-    It is evaluated at 21 points between the ends of each range, for each argument. For half of the
-    ranges, the largest deviation exceeds 90 % of the enclosure's radius.
+    For half of the ranges, the largest deviation exceeds 90 % of the enclosure's radius.
     """
     of = {
         "tanh": np.tanh,
@@ -176,10 +176,9 @@ def linear(game: Game, z: ca.SX) -> ca.SX:
 
 
 def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
-    """A linear policy written with pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one
-    box.
+    """A linear policy as pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one box.
 
-    W is a full matrix. Without time for a proof, the headline states the number of states searched.
+    Without time for a proof, the headline reports the number of states searched.
     """
     W = np.random.default_rng(3).normal(size=(6, 6))
     back = ca.DM(solve_game(game).K @ np.linalg.inv(W))
@@ -212,7 +211,7 @@ def test_other_operations_are_searched_alone(game: Game) -> None:
 def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
     """Return a two-layer relu function with a single bump.
 
-    It is 1 at y = at, and 0 if |y_i - at_i| >= half_width for any i.
+    The function is 1 at y = at, and 0 if |y_i - at_i| >= half_width for any i.
     """
     t = (y - ca.DM(at)) / half_width
     hats = ca.fmax(t + 1.0, 0.0) - 2.0 * ca.fmax(t, 0.0) + ca.fmax(t - 1.0, 0.0)
@@ -221,7 +220,7 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> None:
-    """The proof finds a narrow error that the search misses.
+    """A narrow error that the search alone misses is found with a proof.
 
     The first input has an error of 300 % in a bump with 0.05 times the half-widths of the box.
     """
@@ -247,7 +246,7 @@ def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> Non
 def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
     """The report states that the proof is of the expression as CasADi simplified it.
 
-    CasADi simplifies 1e20 (0.1 (10 x) - x) to 0, but floating-point arithmetic gives about 1e3.
+    CasADi simplifies 1e20 (0.1 (10 x) - x) to 0.
     """
     verdict = judged(
         game,
@@ -260,7 +259,7 @@ def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
 def test_a_fraction_ends_before_the_first_error() -> None:
     """The proved fraction of the box excludes the nearest state with an error above the bound.
 
-    The words for the fraction round down. A bound that is true in the whole box is proved there.
+    The printed fraction is rounded down. A bound that is true in the whole box is proved there.
     """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [ca.fmax(5.0 * ca.tanh(y[0]) - 3.0, 0.0) + 0.2 * y[1] ** 2])
@@ -276,7 +275,10 @@ def test_a_fraction_ends_before_the_first_error() -> None:
 
 
 def test_where_there_is_no_bound_nothing_is_proved() -> None:
-    """Nothing is proved of an error that equals the bound at 0 or overflows double precision."""
+    """Nothing is proved of an error that equals the bound at 0.
+
+    A bound on an error that overflows double precision is not proved in the whole box.
+    """
     y = ca.SX.sym("y", 2)
     squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
     proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.1)
@@ -293,7 +295,7 @@ def test_where_there_is_no_bound_nothing_is_proved() -> None:
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     """The error of the stored 6-32-32-5 policy is proved to be at most 0.051.
 
-    Its equilibrium is not the trim, so its cost is unbounded.
+    The headline reports a cost without bound.
     """
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
@@ -330,7 +332,7 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
 
 @pytest.mark.parametrize("of_abs", [True, False])
 def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
-    """The proof finds a narrow hat, written with relu units or with absolute values."""
+    """A narrow hat on V, written with relu units or with absolute values, is found."""
     game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     verdict = with_hat(game, of_abs)
     assert not verdict.ok
@@ -339,10 +341,9 @@ def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
 
 @pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
 def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
-    """Bounds of functions with kinks are true and narrow.
+    """Bounds of functions with kinks are true and narrow, compared with values at random states.
 
-    They are compared with values at random states of random boxes. Some boxes are centred on a
-    kink.
+    Some boxes are centred on a kink.
     """
     y = ca.SX.sym("y", 2)
     t = y[0] - 0.3 * y[1]
@@ -369,9 +370,9 @@ def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
 
 
 def test_numbers_that_lose_underflows_are_not_bounded() -> None:
-    """Nothing is proved if underflow makes the relative rounding error large.
+    """Nothing is proved of 1e300 (1e-320 y_1 - 1e-320 y_2).
 
-    The double closest to 1e-320 has a relative error of 1e-3, which the factor 1e300 amplifies.
+    The double closest to 1e-320 has a relative error of 1e-3.
     """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])

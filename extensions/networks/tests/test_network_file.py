@@ -1,7 +1,4 @@
-"""State dicts as networks, from files of torch and safetensors, .npz and .json.
-
-The tests cover the order of layers, LayerNorms, and several networks in one file.
-"""
+"""State dicts as networks, from files of torch, safetensors, .npz and .json."""
 
 from __future__ import annotations
 
@@ -52,10 +49,7 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
 
 
 def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None:
-    """Layers are ordered by number, although safetensors writes "10.weight" before "2.weight".
-
-    Both orders would fit the widths.
-    """
+    """Layers are ordered by number, although the file contains "10.weight" before "2.weight"."""
     rng = np.random.default_rng(3)
     tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
         "12.weight": np.ones((1, 6))
@@ -81,9 +75,8 @@ def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
 
 @pytest.mark.parametrize("write", [safetensors_file, np.savez])
 def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) -> None:
-    """Layers whose names do not determine their order are refused.
-
-    This applies to formats in which the names may have been sorted.
+    """Layers of .npz and safetensors files whose names and widths permit several orders are
+    refused.
     """
     layers = square_layers("hidden", "embed", "out")
     path = "letters.npz" if write is np.savez else "letters.safetensors"
@@ -158,10 +151,7 @@ def normal(h: np.ndarray) -> np.ndarray:
 def test_layer_norm_is_where_numbers_of_neighbours_leave(
     places: str, before: bool, chain: str
 ) -> None:
-    """In a torch.nn.Sequential, the numbers determine the position of a LayerNorm.
-
-    The activation is at the missing number, before or after the LayerNorm.
-    """
+    """The activation is at the missing number, before or after the LayerNorm."""
     tensors = with_norm(*places)
     A, a, scale, shift, B, b = tensors.values()
     for path in (torch_file("a.pt", tensors), safetensors_file("a.safetensors", tensors)):
@@ -187,7 +177,7 @@ def test_a_layer_norm_of_unknown_place_is_refused(
 def test_layer_norm_states_or_output_needs_no_gap() -> None:
     """A LayerNorm of the states or of the output needs no gap in the numbers.
 
-    With a name in place of its number, its position is unknown and the file is refused.
+    With a name in place of the number, the file is refused.
     """
     rng = np.random.default_rng(7)
     A = rng.normal(size=(4, 6))
@@ -248,9 +238,9 @@ def test_names_of_layers_are_free(name: str) -> None:
 
 
 def test_actors_and_critics_of_one_file_stable_baselines() -> None:
-    """Networks in one file are selected by words in the names of their tensors.
+    """Networks in a Stable-Baselines3 zip are selected by words in the names of their tensors.
 
-    Parts of one network are joined by +, as for the policy of a Stable-Baselines3 zip.
+    Parts of one network are joined by +.
     """
     value_net = two_layers("mlp_extractor.value_net", 3)
     policy = two_layers("mlp_extractor.policy_net", 3)
@@ -305,7 +295,7 @@ def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
 def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
     """A tensor whose entries lie outside its storage is refused.
 
-    Here the stride of the rows is changed to 60 or to -6.
+    stride: stride of the rows
     """
     torch_file("a.pt", {"weight": np.ones((4, 6))})
     with zipfile.ZipFile("a.pt") as archive:
@@ -360,10 +350,7 @@ def test_wrong_state_dicts_are_refused() -> None:
 
 
 def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
-    """A pickle that numbers an object 4e9 is refused.
-
-    Python's reader would allocate 32 GB for it.
-    """
+    """A pickle with an object number of 4e9 is refused."""
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:
         archive.writestr("critic/data.pkl", content)

@@ -1,7 +1,4 @@
-"""Verdicts on networks as critics and policies.
-
-Right networks pass, and planted mistakes fail.
-"""
+"""Verdicts on networks as critics and policies."""
 
 from __future__ import annotations
 
@@ -53,10 +50,7 @@ def on_the_box(flights: int) -> Scope:
 
 
 def test_a_network_that_is_the_value_passes(game: Game) -> None:
-    """A network that equals V passes.
-
-    It passes with float32 weights too, because their rounding error is below the limit.
-    """
+    """A network that equals V passes, with float64 and with float32 weights."""
     wide, narrow = (
         onnx_file(
             f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)}
@@ -88,9 +82,9 @@ def test_gradients_and_policies_pass(game: Game) -> None:
 
 
 def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
-    """u = -(K/e) tanh(e z), whose relative error is about (e z)²/3, passes for small e.
+    """u = -(K/e) tanh(e z) with e = 1e-4 passes with the activation tanh and fails with relu.
 
-    With another activation it fails. A missing or unknown activation is refused.
+    A missing or unknown activation is refused.
     """
     tensors = {"0.weight": 1e-4 * np.eye(6), "2.weight": -1e4 * gain(game)}
     path = torch_file("actor.pth", tensors)
@@ -107,10 +101,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
 
 
 def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
-    """A policy with u(0) = 0 and a small error in the box is not said to contain a constant.
-
-    With e = 4e-4, the error of u = -(K/e) tanh(e z) is 2.6e-6.
-    """
+    """No constant is named for a policy with u(0) = 0 and a small error in the box."""
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
     verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))
@@ -118,10 +109,7 @@ def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
 
 
 def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
-    """The report shows the layers as read, and one output for comparison.
-
-    The user can thus detect a missing residual connection.
-    """
+    """The report shows the layers as read, and one output for comparison."""
     layers = square_layers("first", "second", "third")
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("a.pt", layers), "--set", "activation=tanh"
@@ -197,10 +185,10 @@ def test_value_and_policy_of_one_file_are_named() -> None:
 
 
 def test_v_and_a_policy_are_judged_together(game: Game) -> None:
-    """Two outputs of one graph are checked together: V and u.
+    """V and u as outputs of one graph are checked together.
 
-    A right V does not hide a policy with the wrong sign. Without a name, six outputs are a
-    gradient.
+    With the correct V and a policy of the wrong sign, the check fails and names the sign. Without a
+    kind, six outputs are a gradient.
     """
     nodes = [
         ("MatMul", "x P", "h"),
@@ -259,7 +247,7 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
 def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
     """The shape of the array in an .npy file determines whether it is W, P or K.
 
-    A shape that is none of these is refused.
+    An array of another shape is refused.
     """
     for entry, right in {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}.items():
         np.save("mine.npy", right)
@@ -277,7 +265,7 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
     """A network is refused if its number of outputs fits no quantity, or fits several.
 
     The command that the error proposes is accepted. A single output on a plant with one input is
-    read as the policy.
+    read as the policy. --set activation without a network is refused.
     """
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
@@ -304,9 +292,9 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
 
 
 def test_the_lines_of_the_readme_judge_a_policy() -> None:
-    """The README's command on a policy works.
+    """The README's command on a policy has exit code 0.
 
-    Without the activation it is refused, and the error ends with the complete command.
+    Without the activation, the command is refused, and the error ends with the complete command.
     """
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
     K = solve_game(plant).K
@@ -321,10 +309,7 @@ def test_the_lines_of_the_readme_judge_a_policy() -> None:
 
 
 def test_a_value_read_as_the_policy_is_recognized() -> None:
-    """A value that was read as the policy is among the possible mistakes.
-
-    One output on a plant with one input is read as the policy.
-    """
+    """A value that was read as the policy is among the possible mistakes of the critic."""
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
     P = solve_game(plant).P
     root = np.linalg.cholesky(P)

@@ -43,10 +43,7 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
 
 
 def test_the_operators_are_those_of_onnx_runtime() -> None:
-    """Each operator gives the results of onnxruntime.
-
-    All operators are in one graph, which sums their results with random weights.
-    """
+    """A graph of all operators gives the results of onnxruntime."""
     rng = np.random.default_rng(0)
     count = len(_OPERATORS)
     sizes = {"W": (8, 6), "b": (8,), "c": (1,), "rest": (12 * count, 1)}
@@ -74,10 +71,7 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
 
 
 def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
-    """Operators that torch exports for LayerNorm, BatchNorm, Softplus, SELU and clamps are correct.
-
-    The results equal those of onnxruntime.
-    """
+    """Operators of LayerNorm, BatchNorm, Softplus, SELU and clamps give onnxruntime's results."""
     rng = np.random.default_rng(5)
     shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
     constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
@@ -104,10 +98,7 @@ def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
 
 
 def test_triangles_comparisons_and_repeated_rows_those_onnx_runtime() -> None:
-    """Operators that torch exports for tril, eye, where and expand are correct.
-
-    The results equal those of onnxruntime.
-    """
+    """Operators of tril, eye, where and expand give onnxruntime's results."""
     rng = np.random.default_rng(6)
     shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
     constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
@@ -164,7 +155,7 @@ def test_graphs_old_new_operator_sets_those_onnx_runtime(opset: int) -> None:
 
 
 def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
-    """Integers in a graph are divided without fraction: 7 / 2 = 3."""
+    """The quotient of integers in a graph is truncated: 7 / 2 = 3."""
     nodes = [
         ("Div", "seven two", "three"),
         ("Slice", "x begin three axis", "part"),
@@ -182,7 +173,7 @@ def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
 
 
 def test_weights_beside_graph_are_read_from_folder_alone() -> None:
-    """External weights, torch's default, are read from the graph's folder.
+    """External weights are read from the graph's folder.
 
     A path or a symbolic link to another folder is refused.
     """
@@ -239,10 +230,7 @@ def test_wrong_graphs_are_refused() -> None:
 def test_without_package_onnx_its_files_alone_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without the package onnx, ONNX files are refused. Other files are still read.
-
-    The test hides the package.
-    """
+    """Without the package onnx, ONNX files are refused and torch files are read."""
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
     assert "install hfa with the extra [networks]" in refusal("a.onnx")

@@ -1,4 +1,4 @@
-"""Policies of functions Q(x, u): computed if Q is quadratic in u, refused otherwise."""
+"""Policies of functions Q(x, u)."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def test_what_torch_exports_by_default_read_and_policy(game: Game) -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("inputs", [0, 5])
 def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, inputs: int) -> None:
-    """The policy of Q = z'Hz with z = (x, u) is linear.
+    """The policy of Q = z'Hz with z = (x, u) has the gain H_uu⁻¹ H_ux.
 
-    Q is a cost or a reward. Its graph has one input z or two inputs x and u.
+    H is positive or negative definite. The graph has one input z or two inputs x and u.
     """
     root = RNG.normal(size=(11, 11))
     H = sign * root @ root.T
@@ -60,10 +60,7 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
 
 
 def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
-    """The coefficients of Q as a polynomial in u may depend on x.
-
-    For Q = cos x + e^x (u - tanh x)², the policy is u = tanh x.
-    """
+    """For Q = cos x + e^x (u - tanh x)², the policy is u = tanh x."""
     xu = ca.SX.sym("xu", 2)
     x, u = ca.vertsplit(xu)
     Q = ca.Function("Q", [xu], [ca.cos(x) + ca.exp(x) * (u - ca.tanh(x)) ** 2])
@@ -73,7 +70,7 @@ def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
 
 
 def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
-    """Where ∂²Q/∂u² changes its sign, the policy is not a finite number."""
+    """At a state where ∂²Q/∂u² has another sign than at 0, the policy is not finite."""
     xu = ca.SX.sym("xu", 2)
     policy = policy_of(ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]]), 1)
     assert float(policy(0.5)) == pytest.approx(-1.0)
@@ -91,7 +88,7 @@ def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
     ],
 )
 def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
-    """A Q that is not quadratic in u is refused, as is one without a minimum or maximum over u."""
+    """A Q that is not quadratic in u, or has no minimum or maximum over u, is refused."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
     with pytest.raises(BadInputError, match=says) as caught:
@@ -100,9 +97,9 @@ def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
 
 
 def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
-    """A file with an actor and two Q functions, as of SAC and TD3, is read by its actor.
+    """The actor in a file with an actor and two Q functions is read if it is selected.
 
-    The Q functions are refused because they are not quadratic in u.
+    Without a selection, the file is refused. A Q function that is not quadratic in u is refused.
     """
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):

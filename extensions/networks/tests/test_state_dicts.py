@@ -1,7 +1,4 @@
-"""State dicts of other libraries.
-
-Normalizers and squashes are part of the network. Unknown tensors are refused by name.
-"""
+"""State dicts of other libraries, with normalizers and squashes."""
 
 from __future__ import annotations
 
@@ -121,10 +118,7 @@ def skrl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.ndarra
 
 
 def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.ndarray]]:
-    """Return the tensors of CleanRL's TD3, the name of the actor, and its policy before the squash.
-
-    The file contains an actor and a critic.
-    """
+    """Return the tensors of CleanRL's TD3, the actor's name, and its policy before the squash."""
     tensors = {"0.action_scale": np.array([2.0, 0.5]), "0.action_bias": np.array([1.0, -0.5])}
     tensors |= actor("0.", ("fc1", "fc2", "fc_mu"))
     tensors |= chain("1.", ("fc1", "fc2", "fc3"), (STATES + ACTIONS, 8, 8, 1))
@@ -133,9 +127,8 @@ def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.nd
 
 @pytest.mark.parametrize("library", [rsl_rl, rl_games, skrl, clean_rl])
 def test_policies_of_other_libraries_are_read(library) -> None:
-    """Policies of several libraries give the outputs that the libraries compute.
-
-    This holds for single states and for rows.
+    """Policies of several libraries give the outputs of their formulas, for single states and for
+    rows.
     """
     tensors, part, policy = library()
     stored = network_in(torch_file("a.pt", tensors), STATES, "tanh", {"policy": part})

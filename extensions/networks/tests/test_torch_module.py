@@ -1,4 +1,4 @@
-"""torch networks in memory. Most tests use stand-ins with the attributes of torch's modules."""
+"""torch networks in memory, and stand-ins with the attributes of torch's modules."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Tensor:
     def numpy(self) -> np.ndarray:
         """Return the numbers as an array.
 
-        Raises TypeError if `values` is None, like a bfloat16 tensor of torch.
+        Raises TypeError if `values` is None, as torch does for bfloat16.
         """
         if self.values is None:
             raise TypeError("Got unsupported ScalarType BFloat16")
@@ -66,7 +66,7 @@ def _network(activation: Any) -> Any:
 
 
 def test_a_sequential_is_the_network_of_its_file(folder: Any) -> None:
-    """A Sequential has the policy of its formula, and the same verdict as its state dict in a file.
+    """A Sequential has the policy of its formula, and the cost of its state dict in a file.
 
     Another activation changes the policy.
     """
@@ -92,7 +92,7 @@ def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
 
 
 def test_a_network_flies() -> None:
-    """A simulation with a Sequential applies its policy at each sample.
+    """A flight with a Sequential has the inputs of the network's formula at all times.
 
     A network with a wrong number of outputs is refused.
     """
@@ -131,7 +131,7 @@ def test_what_is_not_read_is_refused() -> None:
 
 
 def test_torch_modules_are_read() -> None:
-    """The policies of Sequentials give the outputs that torch computes, for each activation."""
+    """Policies of Sequentials give the outputs that torch computes, for each activation."""
     torch = pytest.importorskip("torch", reason="the package torch is not installed")
     kinds = ("ELU", "GELU", "LeakyReLU", "ReLU", "SELU", "SiLU", "Sigmoid", "Softplus", "Tanh")
     for kind in kinds:

@@ -227,7 +227,10 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs at z and their slopes by linear states and previous inputs.
+        """Return the commanded inputs at z, and their slopes by linear states and by earlier
+        inputs.
+
+        The earlier inputs act just before the sample.
         """
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)

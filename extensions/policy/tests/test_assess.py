@@ -37,9 +37,10 @@ def good():
 
 
 def test_the_first_line_is_verdict_and_two_findings(good):
-    """The first line contains the verdict and two findings, in at most 100 columns.
+    """The first line contains the verdict and two findings. Further findings follow on separate
+    lines.
 
-    Further findings follow on separate lines. A requirement that is not satisfied comes first.
+    A requirement that is not satisfied is the second finding. All lines have at most 100 columns.
     """
     lines = good.report().title.split("\n")
     assert lines[0] == "PASS: holds from 45 to 60 m/s at 50 Hz; unstable with 20 ms of delay"
@@ -113,7 +114,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_rest_is_where_flight_of_200_s_ends(name):
-    """The equilibrium equals the end of a flight of 200 s that begins at the trim."""
+    """The equilibrium equals the end of a flight of 200 s that begins at the trim, to 1e-6."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
@@ -125,7 +126,7 @@ def test_rest_is_where_flight_of_200_s_ends(name):
 
 
 def test_a_flight_is_that_of_its_equations():
-    """The simulation of a sample with a delay of 1.5 samples equals SciPy's integration."""
+    """A simulated sample with a delay of 1.5 samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
@@ -186,7 +187,9 @@ def test_flights_are_decided_by_their_seed():
 
 
 def test_normalizer_files_do_not_show_note_and_data(capsys):
-    """A warning is printed and stored if the files do not show whether a normalizer was used."""
+    """If the files do not show whether a normalizer was used, a warning is printed and is in the
+    JSON.
+    """
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
     printed = capsys.readouterr()
@@ -238,7 +241,9 @@ def test_the_nonlinearity_is_found_where_it_was_planted():
 
 
 def test_box_and_needs_are_those_of_the_command():
-    """`hfa.assess` accepts the box and the requirements of `hfa assess`. Wrong ones are refused."""
+    """`hfa.assess` accepts a box and requirements. A wrong name or half-width of the box is
+    refused.
+    """
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
     gain = gtm_card({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
@@ -264,8 +269,8 @@ def test_a_gain_has_no_nonlinearity():
 def test_aircraft_of_one_input_is_assessed_and_flown(delay):
     """A pendulum with one input is assessed, simulated, and used as an environment.
 
-    Its spectral radius equals python-control's for A = [0 1; g / l -b / m l²] and held inputs, with
-    and without delay.
+    The spectral radius equals that of python-control for A = [0 1; g / l -b / m l²] and held
+    inputs, with and without delay. All four flights converge.
     """
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     gain = np.array([[2.5, 0.5]])
@@ -293,9 +298,8 @@ def test_aircraft_of_one_input_is_assessed_and_flown(delay):
 
 
 def kinked_model():
-    """Return the GTM with a speed rate that decreases with |pitch rate|.
-
-    It has a kink at every trim.
+    """Return the GTM with a speed rate that decreases with |pitch rate|, and thus a kink at every
+    trim.
     """
     gtm = model_of(GTM)
 
@@ -308,9 +312,10 @@ def kinked_model():
 
 
 def test_slopes_at_a_kink_are_those_of_linearize():
-    """At a kink, the equilibrium has the A and B of `linearize`. A finding names the kink.
+    """At a kink, the equilibrium has the A and B of `linearize`, which are those of the smooth
+    model.
 
-    At a kink of the policy, K is the mean of both slopes.
+    At a kink of the policy, K is the mean of both slopes. A finding names the first kink.
     """
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])
@@ -332,9 +337,7 @@ F16 = f"{ROOT}/examples/f16.py:F16"
 
 
 def f16_card(**tables):
-    """Return a deployment for the F-16's elevator.
-
-    It observes alpha, pitch rate and pitch.
+    """Return a deployment for the F-16's elevator that observes alpha, pitch rate and pitch.
 
     tables: further tables of the deployment
     """
@@ -350,9 +353,9 @@ def f16_card(**tables):
 
 
 def test_a_trim_at_edge_of_envelope_is_refused():
-    """A trim at the limit of a state is refused if other states move this state.
+    """`assess` and `environment` refuse a trim at the lowest altitude.
 
-    The F-16 as shipped has a trim inside its envelope.
+    `environment` accepts the trim of the F-16 as shipped.
     """
     model = model_of(F16)
     edged = replace(
@@ -387,10 +390,9 @@ def test_a_lost_flight_names_state_limit_and_time():
 
 
 def test_the_first_lost_flight_is_the_first():
-    """The flight that leaves the envelope first is reported.
+    """The flight that leaves the envelope first is reported, with its initial state and its time.
 
-    It and its time equal those of SciPy's integration, without and with a disturbance pulse of 33
-    samples.
+    Both equal those of SciPy's integration, without and with a disturbance pulse of 33 samples.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])
@@ -413,7 +415,7 @@ def test_the_first_lost_flight_is_the_first():
 def _leaves_after(deployed, place, start, push):
     """Return the time, s, at which a flight leaves the limits of its states, or inf.
 
-    The flight is integrated by SciPy from sample to sample.
+    SciPy integrates the flight from sample to sample.
     """
     model, point = place.point.model, place.point
     trim, X, U = deployed.trim_vector(point), start, np.array(point.inputs)
@@ -433,7 +435,7 @@ def _rate(_, x, model, u, d):
 def test_changed_aircraft_are_flown_with_frozen_trim_values():
     """A policy on a changed aircraft keeps the trim values of the original aircraft.
 
-    Its equilibrium with another xcg equals SciPy's root of the equations of motion with the policy.
+    The equilibrium with another xcg equals SciPy's root of the equations of motion with the policy.
     """
     from scipy.optimize import root
 
@@ -484,9 +486,9 @@ def test_a_wrong_change_is_refused_before_trims(vary, said):
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):
-    """Several deployments are compared in one table, with equal trims and initial conditions.
+    """Several deployments are compared in one table. Equal deployments have equal flights.
 
-    The first line begins with FAIL if one of them does not satisfy a requirement.
+    The first line begins with FAIL if a deployment does not satisfy a requirement.
     """
     model = model_of(GTM)
     linear = hfa.linearize(model, trims_of(model, [45.0])[0])

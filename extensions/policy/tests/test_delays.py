@@ -1,4 +1,4 @@
-"""The smallest unstable delay of the sampled loop agrees with flights, to the sample."""
+"""The smallest unstable delay of the sampled loop, compared with flights."""
 
 import numpy as np
 import pytest
@@ -17,10 +17,10 @@ SMALL = 1e-6
 
 
 def is_lost(name, point, equilibrium, delay):
-    """Return whether a small deviation from a flight grows.
+    """Return whether a small deviation between two flights grows.
 
-    It grows if it is larger at the end than in the middle, or exceeds 100 times its initial size.
-    The deviation is the difference between two flights, one of which begins at the equilibrium.
+    A deviation grows if it is larger at the end than in the middle, or exceeds 100 times its
+    initial size. One of the flights begins at the equilibrium.
 
     delay: s
     """

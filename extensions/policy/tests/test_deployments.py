@@ -1,7 +1,4 @@
-"""Errors in deployment files.
-
-Each error is one line that names the entry. Files are read without executing their code.
-"""
+"""Errors in deployment files, and files that are read without executing their code."""
 
 import base64
 import io
@@ -58,7 +55,7 @@ def compiled(path):
 
 
 def message_of(folder, text):
-    """Write a deployment file, and return the message with which it is refused.
+    """Write a deployment file, and return the message with which the file is refused.
 
     Asserts that the message is one line.
     """
@@ -223,7 +220,7 @@ SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
     ],
 )
 def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
-    """A pickle that would need far more memory than its size is refused."""
+    """A pickle that needs far more memory than its size is refused, with the name of its file."""
     (folder / "bomb.pkl").write_bytes(content)
     assert "bomb.pkl: the" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
 
@@ -269,7 +266,7 @@ def test_data_of_zip_of_another_type_are_refused(folder, entries):
     ],
 )
 def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
-    """A policy of another class is refused by name, because that class defines its output."""
+    """A zip that contains another class is refused, with the name of the class."""
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
         for name, content in entries.items()
@@ -279,9 +276,9 @@ def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
 
 
 def test_action_scale_of_state_dict_is_its_box(folder):
-    """The action_scale and action_bias of a CleanRL state dict define the box of the actions.
+    """The action of a CleanRL state dict is tanh(W o) action_scale + action_bias, and nan for nan.
 
-    `squash = false` contradicts them and is refused.
+    `squash = false` contradicts the state dict and is refused.
     """
     random = np.random.default_rng(3)
     weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
@@ -349,7 +346,7 @@ def test_a_damaged_zip_is_one_line(folder, name):
 
 
 def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
-    """A gain and a state dict with the same weights have equal actions."""
+    """A gain K and a state dict with the weights -K both give the action -K o."""
     K = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
     np.savez(tmp_path / "gain.npz", K=K)
     np.savez(tmp_path / "layer.npz", **{"weight": -K, "bias": np.zeros(2)})
@@ -379,7 +376,7 @@ def test_a_card_in_python_is_that_of_file():
 
 
 def test_a_deployment_that_was_read_is_pickled(folder):
-    """A deployment whose files were read can be pickled, as SubprocVecEnv requires."""
+    """A deployment whose files were read can be pickled."""
     read = card("ppo_gtm")
     assert read.actor
     assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
@@ -408,7 +405,7 @@ def test_a_wrong_argument_is_one_line(make):
 
 
 def shared(times):
-    """Return nested lists, each of which contains the next one twice.
+    """Return nested lists, each of which contains the next list twice.
 
     times: number of levels
     """
@@ -419,7 +416,7 @@ def shared(times):
 
 
 def test_pickle_of_shared_lists_is_refused_at_once(folder):
-    """A pickle of shared lists with 2^32 leaves is refused without visiting each leaf."""
+    """A pickle of shared lists with 2^32 leaves is refused. One with 2^8 leaves is accepted."""
     content = pickle.dumps({"obs_rms": shared(32)}, 2)
     with pytest.raises(BadInputError, match="refer to each other too often"):
         inert(content)
@@ -433,7 +430,9 @@ def test_a_file_does_not_name_its_own_class(folder):
 
 
 def test_stacks_of_frames_actors_crossq_refused_in_words():
-    """Policies for stacks of frames and CrossQ actors are refused with an explanation."""
+    """A policy for a stack of frames is refused with the `history` to give. A CrossQ actor is
+    refused.
+    """
     from hfa_policy.stable_baselines import _algorithm
 
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})

@@ -1,7 +1,4 @@
-"""Flights that end early.
-
-Their outcome equals the outcome at the end of their full duration.
-"""
+"""Flights that end early, compared with flights of the full duration."""
 
 from dataclasses import replace
 
@@ -25,10 +22,9 @@ STARTS = 100
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
 def test_flights_that_end_early_are_classified_right(name, late):
-    """Flights that end early are classified correctly.
+    """Flights that end early, continued to their full duration, stay within the limits.
 
-    Among them are oscillations of the TD3 policy that grow by 1 % in 5 s and would leave the
-    envelope.
+    They end in the ball about the equilibrium exactly if they counted as converged.
     """
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})
@@ -61,8 +57,8 @@ def test_flights_that_end_early_are_classified_right(name, late):
 def test_a_flight_that_has_converged_stays(stays):
     """A flight that counts as converged stays in the ball.
 
-    The search waits half the slowest period. Without this wait, some flights would leave the ball.
-    The phugoid of a small aircraft with a weak gain has a period of 16 s and drifts in altitude.
+    Without the wait of half the slowest period, at least one flight leaves the ball. The example is
+    the phugoid of a small aircraft with a weak gain.
     """
     model = load_model(f"{ROOT}/examples/uav.toml")
     o = ca.SX.sym("o", 2)
@@ -111,10 +107,10 @@ def test_the_equilibrium_follows_the_altitude():
 
 
 def _flown_on(flown, window, chosen, seconds=HORIZON):
-    """Simulate the chosen flights to the end of their full duration.
+    """Simulate the chosen flights to the end of their full duration, and return their final rows.
 
-    Returns their final rows. For each flight, the lowest and highest X and the largest distance
-    from the equilibrium, in half-widths of the convergence ball, are also returned.
+    Also returns, for each flight, the largest distance from the equilibrium, in half-widths of the
+    convergence ball, and the lowest and highest X.
     """
     X, _, low, high, *_ = flown.flight.slices
     rows, times = flown.rows.copy(), flown.times.copy()
@@ -135,7 +131,7 @@ def _flown_on(flown, window, chosen, seconds=HORIZON):
 def _distance(flown, rows, chosen):
     """Return the largest distance of flights from their equilibrium in the last window.
 
-    It is relative to the half-widths of the convergence ball.
+    The unit is the half-widths of the convergence ball.
     """
     X, _, low, high, *_ = flown.flight.slices
     moved = rows[:, X] - flown.trims[chosen]
@@ -148,7 +144,7 @@ def _distance(flown, rows, chosen):
 
 @pytest.mark.slow
 def test_states_lag_behind_an_equilibrium_that_climbs():
-    """In a climb, the speed lags behind the equilibrium at its altitude by the predicted amount."""
+    """In a climb, the speed lags behind the equilibrium by the predicted amount, to 10 %."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     point = hfa.find_operating_point(model, hold={"gamma": np.radians(1.0)})
     o = ca.SX.sym("o", 2)
@@ -177,8 +173,8 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
 def test_modes_out_of_reach_take_flights_out_again():
     """A flight that leaves the ball again, through a mode that no action moves, does not converge.
 
-    For y' = .02 y and x' = -x + u + .02 y² with u = -x, the state x = .02 y² / 2.04 is inside the
-    ball at first and outside at the end.
+    For y' = .02 y and x' = -x + u + .02 y² with u = -x, the final state is x = .02 y² / 2.04. A
+    flight counts as converged if this x is inside the ball.
     """
     signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)
     model = hfa.Model(

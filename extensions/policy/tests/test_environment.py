@@ -32,7 +32,11 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
 
 
 def test_points_are_what_assess_takes() -> None:
-    """Points are operating points, values of the scheduling variable, or None, as in `assess`."""
+    """Points are operating points, a single operating point, values of the scheduling variable, or
+    None.
+
+    An empty list, text, and the trim of another aircraft are refused.
+    """
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
     speeds = []
     for points in (trims("ppo_gtm")[1:2], trims("ppo_gtm")[1], [45.0]):
@@ -53,7 +57,7 @@ def test_points_are_what_assess_takes() -> None:
 def test_an_environment_needs_no_deployment() -> None:
     """Without a deployment, all linear states are observed and all inputs are actions.
 
-    The observations are deviations from the trim in nominal values.
+    The observations are deviations from the trim, divided by the nominal values.
     """
     model = aircraft("ppo_gtm")
     env = environment(model)
@@ -74,7 +78,9 @@ def test_an_environment_needs_no_deployment() -> None:
 
 
 def test_the_usual_deployment_takes_a_sample_time() -> None:
-    """A sample time is accepted without a deployment, and refused together with one."""
+    """A sample time is refused together with a deployment. Without one, it determines the episode
+    length.
+    """
     model = aircraft("ppo_gtm")
     for make in (environment, vector_environment):
         with pytest.raises(BadInputError, match=r"timing\.dt"):
@@ -98,7 +104,7 @@ def test_an_action_that_is_no_number_is_error() -> None:
 def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) -> None:
     """A random gain on elevator and throttle gives equal flights in the environment and by `fly`.
 
-    The flights last 4 s, with and without delay.
+    The flights last 4 s.
     """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
@@ -142,7 +148,7 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
 def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
     """The reward of a sample is its negative cost.
 
-    When an episode leaves the limits, this cost is counted for all remaining samples.
+    If an episode leaves the limits, the cost of the sample is counted for all remaining samples.
     """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
@@ -162,7 +168,7 @@ def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
 def test_an_episode_ends_where_numbers_end() -> None:
     """An action for which the map has no value ends the episode, immediately or after the delay.
 
-    The observation before it is returned, with a large cost.
+    The observation of the sample before is returned, with a large cost.
     """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
@@ -274,9 +280,9 @@ def test_training_logs_the_return_of_episodes() -> None:
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_episodes_meet_the_turbulence_of_flights() -> None:
-    """Turbulence in episodes depends only on the seed.
+    """Episodes with equal seeds are equal, and with another seed differ.
 
-    The states have the standard deviations that `fly` gives.
+    The standard deviations of the states agree with those of `fly` to 35 %.
     """
     light = Turbulence("light", 150.0, span=2.0)
     model, deployment = aircraft("ppo_gtm"), gtm_card({}, action=ACTION)
@@ -317,9 +323,10 @@ def test_what_an_environment_leaves_out_is_a_warning() -> None:
 
 
 def test_weights_of_the_cost_are_those_of_a_game() -> None:
-    """Q and R may be matrices, diagonals, or given by name, as in a game.
+    """Q and R given as matrices, diagonals or by name give the reward of a deployment with this
+    cost.
 
-    They give the reward of a deployment with this cost. A matrix that is not diagonal is refused.
+    A matrix that is not diagonal is refused, as is R together with a deployment.
     """
     model = aircraft("ppo_gtm")
     n, m = len(model.linear), len(model.inputs)

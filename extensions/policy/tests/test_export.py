@@ -1,4 +1,4 @@
-"""Export of a deployment file: its command in C and in an FMU equals the command in Python."""
+"""Export of a deployment file to C and to an FMU, compared with the command in Python."""
 
 import ctypes
 import subprocess
@@ -25,7 +25,8 @@ def exported(name, point, target):
 def differences(policy, command):
     """Return the largest difference between an exported command and the deployment's command.
 
-    It is computed at random states and inputs about the trim, in nominal values of the inputs.
+    Both are evaluated at random states and inputs about the trim. The difference is divided by the
+    nominal values of the inputs.
 
     command: (X, U before) -> U
     """
@@ -44,7 +45,7 @@ def differences(policy, command):
 
 
 def compiled(folder):
-    """Compile the exported C in a folder. Return its function (X, U before) -> U."""
+    """Compile the exported C in a folder, and return the function (X, U before) -> U."""
     library = folder / "policy.so"
     words = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
     source = folder / "deployed_policy.c"

@@ -74,7 +74,7 @@ def test_half_a_sample_has_half_steps_of_integration():
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
 def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
-    """A map without a value at the trim is refused by `fly` and by an environment."""
+    """A map without a value at the trim is refused in a flight and in episodes."""
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))
@@ -96,9 +96,8 @@ def test_sample_time_of_parts_of_microsecond_is_refused():
 
 
 def card_without_normalizer(folder):
-    """Write a deployment file that omits the VecNormalize of its policy's training.
-
-    Returns its path.
+    """Write a deployment file without the VecNormalize of its policy's training, and return its
+    path.
     """
     right = (FOLDER / "ppo_gtm.toml").read_text()
     named = 'normalizer = "ppo_gtm.pkl"'
@@ -110,9 +109,9 @@ def card_without_normalizer(folder):
 
 
 def test_card_is_flown_warns_of_what_files_prove(tmp_path):
-    """A flight of a deployment file warns of mistakes that the policy's files prove.
+    """A flight of a deployment file warns of a mistake that the policy's files prove.
 
-    A right deployment file causes no warning.
+    A correct deployment file causes no warning.
     """
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
@@ -132,7 +131,10 @@ def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
 
 
 def test_a_file_is_flown_as_its_content(tmp_path):
-    """`hfa.fly` accepts the path of a deployment file or of a gain."""
+    """`hfa.fly` with the path of a deployment file or a gain gives the flight of its content.
+
+    A missing file is refused.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
     path = FOLDER / "ppo_gtm.toml"
     by_name = fly(model, point, path, 0.2, initial={"alpha": 0.01})

@@ -27,7 +27,7 @@ SAMPLED = ("--sample-time", "0.02")
 def assessed(tmp_path, capsys):
     """Return a function that runs `hfa assess` on a plant with a gain.
 
-    It returns exit code, output and errors.
+    The function returns exit code, output and errors.
     """
 
     def run(K, *words, **plant):
@@ -90,7 +90,10 @@ def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code
 
 
 def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
-    """An unstable slow mode on which the policy has no gain is named in the first line."""
+    """An unstable slow mode on which the policy has no gain is named in the first line.
+
+    A mode on which the policy has a gain is not named.
+    """
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, np.log(2.0) / 150.0]]
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):
@@ -103,9 +106,10 @@ def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
 
 
 def test_a_gain_alone_is_assessed(folder, capsys):
-    """A gain without a deployment file has the result of a deployment of all states and inputs.
+    """A gain alone has the spectral radius of a deployment of all states and inputs.
 
-    A sample time is required for a gain and refused for a deployment file.
+    A sample time is required for a gain and refused for a deployment file. Files without a gain of
+    the required size are refused.
     """
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     np.savez("plant.npz", A=A, B=B)

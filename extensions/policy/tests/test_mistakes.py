@@ -1,8 +1,4 @@
-"""Planted mistakes of deployment files.
-
-Proved mistakes are named, and changes that improve the flights are suggested. Right files have
-no finding.
-"""
+"""Planted mistakes of deployment files, and correct files."""
 
 import shutil
 from dataclasses import replace
@@ -56,16 +52,13 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
-    """A missing normalizer of SAC and TD3 is reported as likely, not as proved.
-
-    Other units could also cause large changes between samples.
-    """
+    """A missing normalizer is the only mistake. It is proved for A2C and likely for TD3."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
 def of_eight_environments(last, last_original):
-    """Return a deployment of a SAC without normalizer, with eight environments.
+    """Return a deployment of a SAC policy without normalizer, with eight environments.
 
     last, last_original: (8, 4), last observations in training
     """
@@ -77,9 +70,8 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """Last observations that are linear in the original ones prove a normalizer of SAC.
-
-    They may be small, and some are clipped.
+    """Last observations that are linear in the original ones, apart from clipped values, prove a
+    normalizer of SAC.
     """
     original = np.random.default_rng(1).normal(size=(8, 4))
     last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
@@ -90,10 +82,9 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
-    """A SAC that was trained without a normalizer has no finding.
+    """A SAC policy that was trained without a normalizer has no finding.
 
-    Its last observations are equal to the original ones, one sample later, or far away if an
-    episode begins.
+    The last observations differ from the original ones by random changes of any size.
     """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
@@ -102,9 +93,9 @@ def test_SAC_without_a_normalizer_lacks_none(change):
 
 
 def test_a_normalizer_too_many_of_SAC_is_named():
-    """A superfluous normalizer of SAC is named if several environments prove that none was used.
+    """A superfluous normalizer of SAC is named if eight environments prove that none was used.
 
-    The records of one environment do not prove this.
+    The records of one environment do not prove a superfluous normalizer.
     """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
@@ -124,9 +115,9 @@ def test_observations_that_do_not_vary_prove_no_normalizer():
 
 
 def test_one_environment_of_SAC_does_not_show_normalizer():
-    """A warning states that the records of one SAC environment do not show a normalizer.
+    """The records of one SAC environment cause a warning that a normalizer may have been used.
 
-    There is no warning if the deployment file specifies that none was used.
+    The warning is omitted if the deployment file specifies that none was used.
     """
     said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
@@ -146,13 +137,13 @@ def test_a_normalizer_too_many_is_named():
 
 @pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
 def test_the_normalizer_of_another_checkpoint_is_named(name, other):
-    """The normalizer of another checkpoint is named. Its statistics cause no further finding."""
+    """The normalizer of another checkpoint is named, without any further finding."""
     found = kinds(name, with_policy(name, normalizer=f"{other}.pkl"))
     assert found == ["another checkpoint's normalizer"]
 
 
 def test_normalizer_four_numbers_no_count_to_another_checkpoint():
-    """A normalizer given as a table has no count, so it is not assigned to another checkpoint."""
+    """A normalizer given as a table, which has no count, causes no finding."""
     stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
     table = {"mean": stored.mean, "variance": stored.variance}
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
@@ -164,7 +155,7 @@ def test_absolute_values_for_deviations_are_named(name):
 
 
 def test_degrees_for_radians_are_named_beyond_limits():
-    """Degrees in place of radians are named if the training would have exceeded the limits."""
+    """Degrees in place of radians are reported as a wrong scale."""
     name = "ppo_gtm"
     scaled = {
         key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
@@ -195,7 +186,7 @@ def test_order_is_not_proved_to_be_absolute_values():
 
 
 def test_degrees_are_not_proved_to_be_deviations():
-    """Angles in degrees are not reported as deviations, because angles are near 0 in any unit."""
+    """Angles in degrees are not reported as deviations. At most an unclear mistake is reported."""
     right = trained_on_absolute_values()
     observation = {
         key: {**entry, "scale": entry["scale"] / (1.0 if key == "speed" else DEGREES)}
@@ -232,7 +223,7 @@ def exchanged(name, one, other):
 def suggested(name, deployment, points=None):
     """Return the texts of the suggested changes. Asserts that no mistake is proved.
 
-    points: trims, by default those of the policy
+    points: trims, or None for those of the policy
     """
     assessor = Assessor(deployment.on(aircraft(name)), points or trims(name), 24)
     found = list(mistakes_of(assessor, assessor.assessed()))
@@ -306,9 +297,9 @@ def test_degrees_suggested_of_policy_without_records_of_training(of, said):
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 1.0, 4.0])
 def test_nothing_suggested_of_right_card_without_records_training(times):
-    """For a right deployment file without records of training, no change is suggested.
+    """For a correct deployment file without records of training, no change is suggested.
 
-    This also holds if the output of the policy is multiplied by a factor.
+    The output of the policy is multiplied by a factor.
     """
     right = Deployment.load(FOLDER / "ppo_raw.toml")
     assert suggested("ppo_raw", without_records(right, times)) == []
@@ -316,7 +307,7 @@ def test_nothing_suggested_of_right_card_without_records_training(times):
 
 @pytest.mark.slow
 def test_nothing_is_suggested_of_exchange_whose_loop_stable():
-    """No change is suggested if two observations are exchanged and the loop is still stable."""
+    """No change is suggested for an exchange of two observations with which the loop is stable."""
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
 
@@ -324,7 +315,7 @@ def test_nothing_is_suggested_of_exchange_whose_loop_stable():
 @pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
 def test_a_right_card_gets_no_suggestion(name, times):
-    """For a right deployment file whose policy is too strong or too weak, no change is suggested."""
+    """For a correct deployment file with a policy of another strength, no change is suggested."""
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
@@ -337,7 +328,7 @@ def test_a_right_card_gets_no_suggestion(name, times):
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
 @pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
 def test_nothing_suggested_of_right_card_with_without_delay(name, delay):
-    """For a right deployment file, no change is suggested, with or without a delay."""
+    """For a correct deployment file with a delay of 0 or more, no change is suggested."""
     timing = {**card(name).timing, "delay": delay}
     assert suggested(name, card(name).changed(timing=timing)) == []
 
@@ -400,13 +391,13 @@ def with_mistake(kind):
 
 @pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale", "map", "actions"])
 def test_each_kind_of_mistake_suggested_on_another_aircraft(kind):
-    """Each kind of mistake is found on the F-16."""
+    """Each planted kind of mistake is reported on the F-16."""
     assert kind in kinds_on_f16(with_mistake(kind))
 
 
 @pytest.mark.parametrize(("times", "found"), [(-0.1, ["sign"]), (-0.02, []), (-10.0, [])])
 def test_a_change_is_named_only_near_the_optimum(times, found):
-    """A wrong sign is named only if the corrected policy is near the optimum.
+    """Only the kinds of mistakes expected for a gain of this size are reported.
 
     times: factor on the optimal gain
     """
@@ -414,8 +405,8 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
 
 
 def test_optimum_of_changed_flights_is_that_of_scipy():
-    """Flights with the exact optimum as a deployment cost about as much as with the sampled
-    optimum.
+    """Flights with the exact optimum as a deployment cost as much as with the sampled optimum, to 3
+    %.
     """
     model = model_of(F16)
     deployed = optimum_on_f16().on(model)
@@ -428,7 +419,7 @@ def test_optimum_of_changed_flights_is_that_of_scipy():
 
 
 def test_all_signs_are_suggested_together():
-    """If all actions have the wrong sign, changing all signs is suggested."""
+    """If all actions have the wrong sign, the first suggestion changes all signs."""
     right = optimum_on_f16()
     turned_all = {name: {"map": "trim - a"} for name in right.action}
     model = model_of(F16)

@@ -19,14 +19,17 @@ NOISE = Uncertainty(noise={"pitch_rate": 0.02})
 
 @pytest.fixture(scope="module")
 def good():
-    """Return the assessment of a policy with two flights of half a second in noise."""
+    """Return the assessment of a policy with two flights of half a second with sensor noise."""
     point = trims("ppo_gtm")[1]
     scenario = Scenario(duration=0.5, uncertainty=NOISE)
     return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [point], 2, seed=3, scenario=scenario)
 
 
 def test_rms_in_noise_is_that_of_fly(good):
-    """The root mean squares in noise equal those of `fly` with the same seed."""
+    """The root mean squares with sensor noise equal those of `fly` with the same seed.
+
+    Without noise, the root mean squares are less than half as large.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     found = good.points[0].rough
     assert (found.flights, found.inside, found.disturbed_by) == (2, 2, "noise")
@@ -45,10 +48,7 @@ def test_rms_in_noise_is_that_of_fly(good):
 
 
 def test_a_flight_that_leaves_in_a_gust_fails(good):
-    """The assessment fails if a flight leaves the envelope in a gust.
-
-    Here the flexible aircraft leaves it in a gust of 80 ft/s.
-    """
+    """The assessment fails if a flight leaves the envelope in a gust."""
     (point,) = trims("ppo_hfa")
     deployed = card("ppo_hfa").on(aircraft("ppo_hfa"))
     gust = OneMinusCosine(200.0, -80.0, 68.0)

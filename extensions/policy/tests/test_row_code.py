@@ -1,4 +1,4 @@
-"""Compiled evaluation of many rows. The results equal CasADi's."""
+"""Compiled evaluation of many rows."""
 
 from __future__ import annotations
 

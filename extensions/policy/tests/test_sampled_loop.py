@@ -57,8 +57,7 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
 def test_half_a_period_of_the_slowest_oscillation():
     """The slowest swing is half the period of the mode at 0.5 rad/s.
 
-    If this mode decays below 5 % within half its period, the result is half the period of the mode
-    at 3 rad/s.
+    If this mode is well damped, the result is half the period of the mode at 3 rad/s.
     """
     for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
         real = -0.5 * damping / math.sqrt(1.0 - damping**2)
@@ -71,7 +70,7 @@ def test_half_a_period_of_the_slowest_oscillation():
 
 @pytest.mark.parametrize("samples", [1, 3])
 def test_a_delay_is_chain_of_python_controls_delays(case, samples):
-    """The loop with a delay equals python-control's loop with a chain of unit delays."""
+    """The spectral radius with a delay equals that of python-control's loop with unit delays."""
     _, equilibrium, K = case
     plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
@@ -84,9 +83,10 @@ def test_a_delay_is_chain_of_python_controls_delays(case, samples):
 
 
 def test_half_sample_delay_half_sample_at_twice_rate(case):
-    """The loop with half a sample of delay equals a loop with half the sample time.
+    """The spectral radius with half a sample of delay equals that of a loop at half the sample
+    time.
 
-    In that loop, the delay is one sample and the command changes every second sample.
+    In the loop for comparison, the delay is one sample and the command changes every second sample.
     """
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
@@ -123,7 +123,7 @@ def test_margins_are_those_of_python_control(case):
 
 
 def test_gain_at_margin_is_at_edge_of_stability(case):
-    """With the gain at its margin, the largest pole is on the unit circle to 1e-9."""
+    """With the gain of an input at its upper margin, the spectral radius is 1 to 1e-9."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     for loop, margin in enumerate(margins(chain_of(equilibrium, DT, 0.0)).inputs):
@@ -154,7 +154,7 @@ def test_costs_are_those_of_scipy(scale):
 
 
 def test_loop_of_wrong_sign_is_lost_without_delay(case):
-    """A loop with a wrong sign is unstable with the shortest delay, 0."""
+    """A loop with a wrong sign is unstable, and its first unstable delay is 0."""
     deployed, _, _ = case
     flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
     action = {**deployed.deployment.action, "elevator": flipped}

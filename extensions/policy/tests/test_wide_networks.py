@@ -1,4 +1,4 @@
-"""Networks of the default sizes of Stable-Baselines3, evaluated for all flights at once."""
+"""Networks evaluated for all flights at once, and flights that end early."""
 
 from itertools import pairwise
 
@@ -45,7 +45,7 @@ def test_an_activation_on_rows_is_that_of_graph(name):
 def test_the_network_on_rows_is_that_of_graph(name):
     """The actors of the test policies have equal outputs on rows and as CasADi functions.
 
-    The observations are not changed in place.
+    The observations are not changed.
     """
     actor = card(name).actor
     observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
@@ -68,7 +68,7 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
 def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, width, nearness):
     """A network of any width and activation has the outputs of its CasADi function on rows.
 
-    Wide networks agree to single precision.
+    nearness: largest permitted difference
     """
     card = gtm_card({"file": wide_file(tmp_path / "wide.npz", width), "activation": activation})
     observations = np.random.default_rng(1).normal(size=(20, 4))
@@ -111,7 +111,7 @@ def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
 
 
 def test_flight_that_cycles_is_not_flown_to_end():
-    """A flight in a limit cycle ends early."""
+    """Flights of 60 s in a limit cycle end after at most 40 s."""
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
@@ -125,9 +125,8 @@ def test_flight_that_cycles_is_not_flown_to_end():
 
 
 def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
-    """A flight that settles at another equilibrium ends early.
-
-    Its outcome is that of the flight without the early end.
+    """A flight that settles at another equilibrium ends early, with the outcome of the full
+    duration.
     """
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))

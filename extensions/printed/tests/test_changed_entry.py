@@ -1,7 +1,4 @@
-"""Search for misprints in plants.
-
-Planted misprints are named. For right, learned and doubly wrong plants, no entry is named.
-"""
+"""Search for misprints in plants."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ ANOTHER_PLANT = "the answer belongs to another plant"
 def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
     """Return a function from the text of a file to its class and the reason.
 
-    For a plant without an answer it returns "no solution" and the error.
+    For a plant without an answer, the function returns "no solution" and the error.
     """
 
     def judge(text: str) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
-    """A right answer has exit code 0. A wrong entry is named, with exit code 1."""
+    """A correct answer has exit code 0. A wrong entry is named, with exit code 1."""
     file = tmp_path / "printed.toml"
     right = (
         'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
@@ -76,7 +76,7 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
 
 
 def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:
-    """A plant with 60 states is checked without a search for a misprint.
+    """A plant with 60 states is checked without a search for a misprint, as the report states.
 
     The states decay at rates 1 to 60, each with an input and K_i = 1 / (rate + sqrt(rate^2 + 1)).
     The printed gain belongs to other rates of the first two states.

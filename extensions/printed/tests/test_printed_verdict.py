@@ -1,4 +1,4 @@
-"""Classes of printed answers. Planted errors are found, and right answers are not called wrong."""
+"""Classes of printed answers."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def printed(matrix, decimals):
 
 
 def small_case(decimals=5):
-    """Return the file SMALL with its right answer, with a number of decimals."""
+    """Return the file SMALL with its exact answer, rounded to a number of decimals."""
     plant = Plant(
         A=np.array([[-1.0189, 0.9051], [0.8223, -1.0774]]),
         B=np.array([[0.3127], [1.4586]]),
@@ -197,7 +197,7 @@ def test_a_mirrored_pair_is_one_entry_of_answer(verdict_of):
 
 @pytest.mark.parametrize("decimals", [2, 4, 8, 15])
 def test_right_answer_as_printed_at_any_number_digits(verdict_of, decimals):
-    """A right answer is "as printed" for any number of digits."""
+    """A correct answer is "as printed" for any number of digits."""
     assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
 
@@ -222,7 +222,7 @@ def test_rounding_of_the_plant_decides_nothing(verdict_of):
 
 
 def test_slip_after_which_no_answer_exists_is_named(verdict_of):
-    """A misprint in gamma after which no answer exists is named in the error."""
+    """If no answer exists because of a misprint in gamma, the error names the misprint."""
     plant = Plant(
         A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
         B=np.array([[0.0], [1.0]]),
@@ -258,7 +258,7 @@ def test_an_answer_of_nothing_cannot_be_told(verdict_of):
 
 
 def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
-    """A gain with the opposite sign is recognized as a known mistake.
+    """The reason for a gain with the opposite sign is the sign.
 
     If the file declares u = K x, the answer is "as printed".
     """
@@ -273,7 +273,7 @@ def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
 
 
 def test_missing_factor_on_products_is_known_under_noise(verdict_of):
-    """A missing factor 2 in W is recognized in spite of noise."""
+    """A missing factor 2 in a learned W is recognized in spite of noise of up to 0.3 %."""
     text = small_case()
     P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
     weights = P[np.triu_indices(2)] * [1.003, 0.998, 1.001]
@@ -334,7 +334,7 @@ def test_formulas_of_parameters_and_a_common_factor():
 
 
 def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
-    """A right answer is "as printed" if parameters or a common factor are used."""
+    """A correct answer is "as printed" if parameters or a common factor are used."""
     text = small_case()
     parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
         "0.8223 -1.0774", "a -1.0774"
@@ -348,7 +348,7 @@ def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
 def test_time_that_every_digit_fits_is_asked_for(verdict_of):
     """A question proposes the time for which every digit is right.
 
-    If no time is given and none fits, the error asks for it.
+    If no time is given and no time fits, the error asks for the time.
     """
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()
@@ -409,10 +409,9 @@ def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
 
 
 def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
-    """Yield right files of one kind.
+    """Yield files with learned answers or with rounded plants, without a misprint.
 
-    They are learned answers with noise of 1e-6 to 1e-3, or answers of plants that are printed with
-    3 digits.
+    kind: "learned" for noise of 1e-6 to 1e-3, otherwise plants are printed with 3 digits
     """
     rng = np.random.default_rng(seed)
     for index in range(count):
@@ -443,7 +442,9 @@ def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, coun
 
 
 def test_one_wrong_entry_of_learned_table_is_named(tmp_path: Path) -> None:
-    """A wrong entry of a learned answer is named if its error exceeds the noise of the others."""
+    """An entry of a learned answer that is three times too large is named in at least 18 of 20
+    answers.
+    """
     rng = np.random.default_rng(5)
     named = 0
     for index in range(20):

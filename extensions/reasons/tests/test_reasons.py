@@ -1,4 +1,4 @@
-"""Reason of a verdict: its position in the report, for each entry of a file and any units."""
+"""Reasons of verdicts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
 
 
 def test_value_eight_digits_right_gain_said_need_more() -> None:
-    """The report states that a P with eight right digits is not accurate enough for its gain.
+    """The reason states that a P with eight right digits is not accurate enough for its gain.
 
     The input moves both states equally, which costs almost nothing. K = B'P is therefore a small
     difference.

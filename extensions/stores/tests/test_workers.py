@@ -1,7 +1,4 @@
-"""Executors of tasks: processes and clusters.
-
-They return every result, raise errors unchanged, and leave no process.
-"""
+"""Executors of tasks: processes and clusters."""
 
 from __future__ import annotations
 
@@ -58,7 +55,7 @@ def test_a_job_that_is_left_leaves_no_worker() -> None:
 
 
 def test_worker_that_dies_ends_job_in_one_line() -> None:
-    """The death of a worker is reported in one line that proposes --resume."""
+    """The death of a worker is reported with the proposal of --resume, and no worker is left."""
     with (
         pytest.raises(NoSolutionError, match=r"a worker died; .*continue with --resume"),
         open_workers(2) as run,
@@ -84,7 +81,9 @@ def test_no_worker_starts_without_free_file_handles() -> None:
 
 @pytest.mark.slow
 def test_task_kills_workers_of_cluster_is_one_line() -> None:
-    """A task that kills the workers of a cluster causes an error in one line."""
+    """A cluster returns all results. A task that kills the workers of a cluster raises
+    NoSolutionError.
+    """
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
     # The cluster abandons a task after one lost worker instead of four.

@@ -1,8 +1,4 @@
-"""Jobs in a store.
-
-The bits do not depend on the workers. A killed run loses only chunks in progress. Damaged chunks
-are not accepted.
-"""
+"""Jobs in a store: equal bits, killed runs, damaged chunks and metadata."""
 
 from __future__ import annotations
 
@@ -107,10 +103,7 @@ def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
 
 
 def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path: Path) -> None:
-    """Two processes write the same bytes as one, and resuming a complete store changes nothing.
-
-    One chunk contains nan+0j.
-    """
+    """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
     assert contents(tmp_path / "two.zarr") == contents(made)
@@ -153,7 +146,7 @@ if __name__ == "__main__":
 
 
 def test_kill_loses_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
-    """A killed run loses only the chunks that were being computed."""
+    """A killed run keeps at least one of four chunks, and the resumed store has the same bytes."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -215,7 +208,7 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
 
 
 def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_path: Path) -> None:
-    """A store is not overwritten, and not continued by another job or version."""
+    """A store is not overwritten, and not continued by another job, schema or version."""
     with pytest.raises(BadInputError, match="exists; continue it with --resume"):
         fill_store(row_job(), path)
     with pytest.raises(BadInputError, match="belongs to another test"):
@@ -241,10 +234,7 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
 def test_store_appears_whole_and_takes_no_folder_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A store is never visible incomplete.
-
-    If the disk is full, nothing is left, and a similarly named folder of the user is not removed.
-    """
+    """If the disk is full, no store is left, and a similarly named folder is not removed."""
     import xarray
 
     (tmp_path / ".a.zarr.my-backup-202612").mkdir()
@@ -263,10 +253,7 @@ def test_store_appears_whole_and_takes_no_folder_beside(
 
 
 def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
-    """An unfinished store is written by a single thread.
-
-    Other threads could create its temporary folder again after a signal.
-    """
+    """A store without results is written by a single thread."""
     writers: dict[str, set[str]] = {"open": set(), "os.mkdir": set()}
     is_watched = True
 
@@ -325,10 +312,7 @@ OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
     ],
 )
 def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
-    """Changed metadata of an array are refused.
-
-    An example is the byte order "big", with which every number would be read wrongly.
-    """
+    """Changed metadata of an array, such as the byte order, are refused."""
     change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
     with pytest.raises(BadInputError, match="damaged or has another origin"):
         fill_store(row_job(), path, resume=True)
@@ -409,10 +393,7 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
 def test_chunk_is_of_something_else_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
-    """A chunk from elsewhere, with a right CRC-32C, is computed again.
-
-    It comes from another job, chunk or array.
-    """
+    """A chunk of another job, chunk or array, with a right CRC-32C, is computed again."""
     other = tmp_path / "other.zarr"
     if what == "another job":
         fill_store(row_job(seed=1, function=other_numbers), other)
@@ -437,7 +418,7 @@ def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 def refusal(path: Path) -> str:
     """Return the message with which resuming a store is refused, or "".
 
-    If it is resumed, the store must be complete.
+    Asserts that a store that is resumed is complete.
     """
     try:
         assert resumed(path) == []
@@ -450,10 +431,9 @@ def refusal(path: Path) -> str:
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
 def test_random_changes_of_metadata_refused_in_one_line(made: Path, path: Path, count: int) -> None:
-    """Stores with random changes in a metadata file are refused in one line.
+    """At least 80 % of stores with random changes in a metadata file are refused, each in one line.
 
-    A byte is changed, a part is deleted, or other JSON is written. At least 80 % are refused, and
-    no result changes.
+    No result changes.
     """
     random = np.random.default_rng(8)
     files = sorted(made.rglob("zarr.json"))

@@ -1,7 +1,4 @@
-"""Writers of network files as users have them: ONNX, torch's zip and safetensors.
-
-torch is not used.
-"""
+"""Writers of network files in the formats of ONNX, torch and safetensors, without torch."""
 
 from __future__ import annotations
 
@@ -154,7 +151,7 @@ def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
 def refusal(path: str | Path, **how: Any) -> str:
     """Return the message with which `network_in` refuses a file.
 
-    Asserts that it is one line and begins with the path.
+    Asserts that the message is one line and begins with the path.
 
     how: keyword arguments of `network_in`
     """

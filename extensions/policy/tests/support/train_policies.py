@@ -1,10 +1,9 @@
 """Train the policies of `policies/` again, and write their outputs and slopes.
 
-    python extensions/policy/tests/support/train_policies.py [NAME ...]
+    python policy/tests/support/train_policies.py [NAME ...]
 
-Each is trained according to its deployment file. The slopes are computed with the modules of
-Stable-Baselines3 in float64. A training takes two to eight minutes and needs stable-baselines3,
-which the default tests do not need.
+Each policy is trained according to its deployment file. The slopes are computed with the modules
+of Stable-Baselines3 in float64. The package stable-baselines3 is required.
 """
 
 import json
@@ -68,7 +67,7 @@ def aircraft(name):
 
 
 class Flight(gymnasium.Env):
-    """Ten seconds about a trim, as in the deployment file. The reward is 1 minus the cost."""
+    """Ten seconds about a trim, as in the deployment file, with 1 minus the cost as reward."""
 
     def __init__(self, card, model, trims, spread):
         self.card = card

@@ -56,7 +56,7 @@ class PrintedSample(NamedTuple):
         return f'time = "{time}"\n{flag}[plant]\n{plant}\n[printed]\n{printed}\n'
 
     def noisy(self, size: float, rng: np.random.Generator) -> PrintedSample:
-        """Return the sample with relative noise in each entry of the answer. P remains symmetric.
+        """Return the sample with relative noise in each entry of the answer, and a symmetric P.
 
         size: standard deviation of the noise
         """
@@ -69,7 +69,10 @@ class PrintedSample(NamedTuple):
         return self._replace(answer=answer)
 
     def with_slip(self, kind: str, rng: np.random.Generator) -> tuple[PrintedSample, Slip]:
-        """Return the sample with a misprint in a random entry of A, B or E, and the misprint."""
+        """Return the sample with a misprint in a random entry of A, B or E, and the misprint.
+
+        kind: kind of the misprint
+        """
         while True:
             name = str(rng.choice([name for name in ("A", "B", "E") if name in self.texts]))
             block = self.texts[name]
@@ -87,7 +90,7 @@ class PrintedSample(NamedTuple):
 def printed_sample(index: int, rng: np.random.Generator) -> PrintedSample:
     """Return a random LQR problem or game, with 2 to 4 states, in continuous or discrete time.
 
-    The plant has 4 to 6 digits. Its answer, P or K or both, has 3 to 6 decimals.
+    The plant has 4 to 6 digits. The printed answer is P, K or both, with 3 to 6 decimals.
 
     index: determines the type of problem
     """

@@ -49,7 +49,7 @@ def without_the_factor(game: Game) -> np.ndarray:
 
 
 def recorded_policy(game: Game) -> np.ndarray:
-    """Return the value of policies that belong to another P, as learned with fixed policies."""
+    """Return the value of policies that belong to another P."""
     return value_of_policies(
         game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
     )
@@ -350,7 +350,7 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
 
 
 def exchanged(size: int) -> np.ndarray:
-    """Return the order that exchanges the first two of `size` entries, counted from 0."""
+    """Return the order (size,) in which the first two entries are exchanged."""
     order = np.arange(size)
     order[:2] = [1, 0]
     return order
@@ -436,7 +436,7 @@ def random_game(rng: np.random.Generator) -> Game:
 
 
 def noisy(kind: str, right: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a matrix with relative noise in each entry. P remains symmetric.
+    """Return a matrix with relative noise in each entry, symmetric for P.
 
     kind: "P" or another kind
     size: standard deviation of the noise
