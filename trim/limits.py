@@ -52,7 +52,7 @@ class Limits:
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are within their limits, up to `SLACK`.
 
-        It is False for nan.
+        The mask is False for nan.
         """
         array = np.asarray(values)
         return (array >= self.least) & (array <= self.most)

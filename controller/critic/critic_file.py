@@ -200,7 +200,8 @@ def _format_of(path: Path) -> str:
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:
-    """Return the entries of a file. An entry with an alias also gets its standard name."""
+    """Return the entries of a file. An entry stored under an alias is also returned under its
+    standard name."""
     stored = read_arrays(path)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 

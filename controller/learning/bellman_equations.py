@@ -149,7 +149,7 @@ class StackEquations:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the effect of both extremal policies on the rate of the state, and their cost.
 
-        They are S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,).
+        The effect is S_s ½∇V, (N_h, n), and the cost ½∇V' S_s ½∇V, (N_h,).
 
         half_gradient: ½∇V, (N_h, n)
         problem: discount and share
@@ -322,7 +322,8 @@ class Riccati(NamedTuple):
     def refined(self, P: np.ndarray) -> np.ndarray:
         """Return P after Newton corrections P <- P - N.
 
-        They end when a correction is not less than half of the last one (rounding).
+        The corrections end when one is not smaller than half of the last one (rounding), or when
+        their equation is singular.
         """
         last = np.inf
         for _ in range(MOST_REFINEMENTS):

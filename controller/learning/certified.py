@@ -489,7 +489,7 @@ class CertifiedLaw:
         """Take Newton sub-steps until |ē| reaches `target` or no longer decreases. Return the
         point.
 
-        With noisy data it can stop decreasing above the target.
+        With noisy data, |ē| may stop decreasing above the target.
         """
         last = np.inf
         for _ in range(MOST_SUBSTEPS):

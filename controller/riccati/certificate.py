@@ -183,8 +183,8 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 def carefully_certified(form: NormalForm) -> Certified:
     """Return the certified solution of one game by the Schur form and refined doubling.
 
-    The coordinates of `turned` are tried first, then those of `levelled`. Raises NoSolutionError
-    with the reason in the last coordinates if both fail.
+    The coordinates of `turned` are tried first, then those of `levelled`. Raises NoSolutionError if
+    an unstable mode is not reached, or if both fail, with the reason of the last failure.
     """
     _refuse_overflow(form)
     reached = reach_checks(form)

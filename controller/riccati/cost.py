@@ -57,6 +57,9 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     """Return the cost, L2 gain and distance to instability of a gain K (m, n), and those of the
     optimum.
 
+    If K does not stabilize or has an entry above `LARGEST_CRITIC_ENTRY`, its costs and L2 gain are
+    inf, and its distance is 0.
+
     exact: solution of the game
     """
     exact_gain = bounded_real_gain(game, exact.K)

@@ -147,7 +147,7 @@ def test_one_wrong_term_is_seen_in_its_equation(
 
 
 def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
-    """The rates of "published" and "newton" differ only in q' and η''."""
+    """The rates of "published" differ from the Euler-Lagrange equations only in q' and η''."""
     worst = disagreement(judge(False), Published(), parameters, 100, moving=False)._asdict()
     assert worst.pop("pitch_rate") > 0.1
     assert worst.pop("dihedral_rate") > 0.1

@@ -66,10 +66,7 @@ def test_a_sweep_stays_where_its_points_do() -> None:
 
 
 def test_a_far_trim_is_noted_first() -> None:
-    """If the only trim is inverted flight, the first line of the report states its bank.
-
-    Here the lift is negative in upright flight.
-    """
+    """If the only trim has a bank above 90 deg, the first line of the report states the bank."""
     inverted = hfa.Model(
         "inverted",
         {"bank": Signal("rad", start=3.0)},

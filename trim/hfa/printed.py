@@ -334,8 +334,8 @@ def _largest(A: np.ndarray, B: np.ndarray) -> str:
 def bands_known(parameters: ParameterSet) -> bool:
     """Return whether error bands exist for these parameters.
 
-    They exist for the identified values (to 1e-7) with their covariance. After a change of a value,
-    the covariance would describe another aircraft.
+    The parameters must have a covariance and equal the identified values to 1e-7, because the
+    covariance of other values is unknown.
     """
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
     return same and parameters.covariance.size > 0

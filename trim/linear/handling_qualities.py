@@ -122,8 +122,8 @@ def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
 def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None:
     """Return the natural frequency and damping ratio of a family of modes.
 
-    They are those of a conjugate pair, or of two real eigenvalues of the same sign. The result is
-    None for any other eigenvalues.
+    The family must consist of one conjugate pair, or of two real eigenvalues of the same sign.
+    Otherwise the result is None.
     """
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
@@ -139,7 +139,9 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
 
 
 def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
-    """Return n/alpha and the control anticipation parameter CAP, each only if it exists.
+    """Return n/alpha and the control anticipation parameter CAP.
+
+    The list is empty if n/alpha does not exist or is 0. CAP is omitted if it is not positive.
 
     frequency: natural frequency of the short period, rad/s
     """

@@ -184,8 +184,8 @@ class TrimCondition:
     def changes(self) -> dict[str, Any]:
         """Return the differences from the trim that the model declares.
 
-        They are the entries "imposed", "free", "limits", "begin" and "rates", as far as they
-        differ. Tables are lists of [breakpoint, value] rows.
+        The keys are "imposed", "free", "limits", "begin" and "rates". A key without a difference is
+        omitted. Tables are lists of [breakpoint, value] rows.
         """
         usual = self.model.trim
         imposed: dict[str, Any] = {}

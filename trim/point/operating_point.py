@@ -36,9 +36,9 @@ class Status(StrEnum):
     """Status of an operating point.
 
     TRIMMED: the equations balance within the limits
-    BEYOND_LIMITS: they balance only beyond a limit
-    NO_TRIM: they do not balance
-    FAILED: nearest point of a failed search, stored in its error
+    BEYOND_LIMITS: the equations balance only beyond a limit
+    NO_TRIM: the equations do not balance
+    FAILED: the search failed; the point is the best one within the limits
     """
 
     TRIMMED = "trimmed"
@@ -241,7 +241,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def title(self) -> str:
         """Return one line with the model, the status, and remarks on the search.
 
-        It names an angle beyond 90 deg, and states if the search began at another initial point.
+        A remark names an angle without limits that exceeds 90 deg. Another remark states that the
+        search did not begin at the default initial point.
         """
         words = [f"Trim, {self.model.title}: {self.status}"]
         if self.far_out:

@@ -71,8 +71,8 @@ class TrimProblem:
     def at(self, z: np.ndarray) -> Evaluation:
         """Return the equations evaluated at the unknowns z (k,).
 
-        Raises FloatingPointError if they are not finite, and BadInputError if the model refuses the
-        state.
+        Raises FloatingPointError if a result is not finite, and BadInputError if the model refuses
+        the state.
         """
         key = z.tobytes()
         if self._last is not None and self._last[0] == key:
@@ -107,10 +107,11 @@ class TrimProblem:
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
     def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return a solution (k,) with large angles reduced, and whether an angle still exceeds 90
-        deg.
+        """Return a solution (k,) with full revolutions subtracted from large angles, and whether an
+        angle still exceeds 90 deg.
 
-        Full revolutions are subtracted if the result is a solution, too.
+        The solution is unchanged if the smaller angles do not give a solution. Only angles without
+        limits are considered.
         """
         if not self.system.far_out(z).any():
             return z, False

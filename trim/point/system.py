@@ -444,7 +444,7 @@ def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
     """Return variable -> initial value of a search.
 
-    It is the declared value, or the value that the model computes from the imposed values.
+    The initial value is the declared one, unless the model computes it from the imposed values.
     """
     values = {name: model.signals[name].start for name in model.variables}
     if model.extras.begin is not None:

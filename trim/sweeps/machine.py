@@ -242,8 +242,8 @@ class CompiledSystem(SharedSystem):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unknowns (N, k) after Newton's method, and two masks (N,).
 
-        The first mask marks the points that converged, the second mask those that are to be solved
-        otherwise.
+        The first mask marks the points that converged, the second mask the points that need another
+        method.
         """
         if self.machine is None:
             return super().quick_steps(z, c)

@@ -100,7 +100,7 @@ def track_modes(
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """Return the left eigenvectors (N, n, n). Modes that coincide share their common subspace.
+    """Return the left eigenvectors (N, n, n), by the pseudo-inverse if modes coincide.
 
     right: (N, n, n), eigenvectors as columns
     """
@@ -226,7 +226,8 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
     """Return the gain of pairing eigenvalue i of one point with eigenvalue j of another, (.., n,
     n).
 
-    It is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|).
+    min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral projections P_i and
+    Q_j.
     """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])

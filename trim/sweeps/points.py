@@ -214,7 +214,8 @@ def _settled_together(
 ) -> Points:
     """Return all points, solved together by Newton's method.
 
-    The status of points for which it does not converge is NO_TRIM, and `one_by_one` marks them.
+    Points without convergence have the status NO_TRIM and are marked in `one_by_one`. If the system
+    is not square, this applies to all points.
     """
     model = system.model
     n = len(model.states)
@@ -245,10 +246,7 @@ def _settled_together(
 
 
 def _true_rows(mask: np.ndarray) -> np.ndarray:
-    """Return the mask (N,) of the rows of a mask (N, k) in which all entries are True.
-
-    It is fast if all rows are.
-    """
+    """Return the mask (N,) of the rows of a mask (N, k) in which all entries are True."""
     return np.full(len(mask), True) if mask.all() else np.asarray(mask.all(axis=1))
 
 

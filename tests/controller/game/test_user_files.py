@@ -66,7 +66,8 @@ def test_what_is_missing_comes_from_the_paper() -> None:
 def test_the_papers_game_in_meters() -> None:
     """For a plant in metres, the paper's Q and E are converted from feet.
 
-    A plant with other state names has no default for Q.
+    A plant with other state names has no default for Q. A plant without names that has its own Q
+    and R gets E = I and delta = inf.
     """
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)

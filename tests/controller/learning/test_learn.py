@@ -197,7 +197,7 @@ def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_need_no_looser_limit(games: int) -> None:
-    """Random games with 1 to 8 states are learned within the usual error limit."""
+    """Random games with 1 to 8 states are learned within the error limit of `assert_learned`."""
     rng = np.random.default_rng(21)
     for _ in range(games):
         n = int(rng.integers(1, 9))

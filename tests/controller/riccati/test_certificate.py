@@ -218,7 +218,8 @@ def hamiltonian(rng: np.random.Generator, n: int) -> np.ndarray:
 def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
     """Return a matrix whose defective eigenvalues determine its distance to the imaginary axis.
 
-    They are far from the axis, at 1 rad/s. Simple eigenvalues beyond 2 rad/s are near the axis.
+    The defective eigenvalues, -1 ± i, are far from the axis. The simple eigenvalues, with
+    frequencies above 2 rad/s, are near the axis.
     """
     block = np.kron(np.eye(n // 4), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(n // 2, k=2)
     turns = np.kron(np.diag(rng.uniform(2.0, 9.0, n // 4)), [[0.0, 1.0], [-1.0, 0.0]])

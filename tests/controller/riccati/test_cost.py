@@ -133,7 +133,8 @@ def test_the_exact_critic_costs_nothing() -> None:
 
 
 def test_a_gain_beyond_delta_costs_without_bound() -> None:
-    """The cost is infinite for a gain K that is unstable, and if the L2 gain is above delta."""
+    """The excess cost is infinite if the L2 gain is above delta, if K destabilizes, and if K is
+    nan."""
     tight = GAME.with_delta(151.0)
     loose = flight_cost(tight, solve_game(tight), 0.3 * solve_game(tight).K)
     assert loose.worst == loose.mean == math.inf

@@ -20,8 +20,8 @@ from hfa import Game, NoSolutionError, solve_game
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
-    """Each loop of an LQR with diagonal R has a gain margin of at least (1/2, inf), and 60 deg
-    phase."""
+    """Each loop of an LQR with diagonal R tolerates gain factors from 1/2 to inf and a phase shift
+    of 60 deg."""
     K = solve_game(game.with_delta(math.inf)).K
     for margin in loop_margins(game, K):
         assert margin.gain_low <= 0.5

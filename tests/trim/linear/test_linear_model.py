@@ -139,8 +139,8 @@ def test_a_band_is_two_standard_errors(
 def test_copies_of_an_identification_have_its_bands(
     parameter_set: ParameterSet,
 ) -> None:
-    """A panel mass changed by 1e-9 leaves the bands unchanged. Changes of 1e-6 or more are
-    refused."""
+    """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %. Changes of
+    1e-6 or more are refused."""
 
     def heavier(factor: float) -> ParameterSet:
         values = parameter_set.values

@@ -186,9 +186,10 @@ def test_printed_modes_and_load_factors(model: Model) -> None:
 
 
 def test_two_real_eigenvalues_share_a_frequency() -> None:
-    """If the short period has two real eigenvalues, its frequency is the root of their product.
+    """If the short period consists of two real eigenvalues, its frequency is the square root of
+    their product.
 
-    This is so for the flexible aircraft at 30 deg.
+    The flexible aircraft at 30 deg has such a short period.
     """
     model = level_model(hfa.aircraft(), float(np.radians(30.0)))
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]

@@ -41,7 +41,7 @@ def test_columns_in_other_units_are_named() -> None:
     ],
 )
 def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
-    """The report of a model in minutes or hours states this unit of time."""
+    """The report of a model in minutes or hours states its unit of time."""
     model = tank(level, flow)
     linear = linearize(model, find_operating_point(model, usual_condition(model)))
     assert units_in_words(linear) == words

@@ -196,9 +196,10 @@ def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
 def test_the_cheaper_of_two_minima_is_found(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """Of two local minima of effort, the smaller one is found from both initial points.
+    """From both initial points, the smaller of two local minima of effort is found.
 
-    The wings are slightly down (effort 0.248) in one, and at their upper limit in the other.
+    At this minimum the dihedral is at its upper limit. At the other minimum the wings are slightly
+    down (effort 0.248).
     """
     condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
     for start in (None, point):

@@ -559,7 +559,7 @@ ROUNDING_SHOWN = 1e-12
 
 def test_our_own_run_is_a_timed_history(game: Game) -> None:
     """`check_history` finds the settling time that the training run reports, and its figure is
-    drawn."""
+    drawn with error lines."""
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = critics_over_time(game, result.times, W=result.weights, K=result.K)
