@@ -151,7 +151,7 @@ def stated(row: str) -> tuple[float, ...]:
     return tuple(float(number) for number in found[0])
 
 
-@pytest.mark.parametrize("degrees", [15.0])
+@pytest.mark.parametrize("degrees", [15.0, 16.0])
 def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None:
     """The closed loop is stable at the documented lag and unstable with 1 ms more."""
     for weights, limit in zip(WEIGHTS, stated(f"eigenvalues at {degrees:g} deg"), strict=True):
