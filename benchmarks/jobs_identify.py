@@ -3,9 +3,10 @@
 `hfa.identify` is compared with two uses of SciPy's `least_squares` with finite differences: one
 with Runge-Kutta steps in plain Python, one with the compiled simulation of `hfa.identify`. All
 searches begin with parameters 10 % off. SciPy receives the sensor noise that `hfa.identify`
-estimated, and its estimates agree within 1 % of the half-widths of the bands. SciPy computes
-estimates alone. `hfa.identify` also computes corrected bands and searches for faults of the record
-and for a second minimum.
+estimated. The job fails if the estimates differ by more than 1 % of the half-widths of the bands.
+
+SciPy computes estimates alone. `hfa.identify` also computes corrected bands and searches for faults
+of the record and for a second minimum.
 
 A second job identifies 33 parameters from four records. Its time is compared with a goal.
 """
@@ -53,7 +54,7 @@ _DIVERGED = 1e6
 
 
 class RecordCase:
-    """A record of a small aircraft and its least-squares problem.
+    """A record of a small aircraft, and the least-squares problem of its identification.
 
     samples: number of samples of the record.
     off: factor on the true parameters at the start of the search.
@@ -120,7 +121,7 @@ class RecordCase:
     def by_hand(self, v: np.ndarray) -> np.ndarray:
         """Return the residuals, in standard deviations, with Runge-Kutta steps in plain Python.
 
-        All residuals are `_DIVERGED` if the simulation fails.
+        If the simulation fails, all residuals are `_DIVERGED`.
 
         v: unknowns, as in `unknown`
         """
@@ -135,7 +136,9 @@ class RecordCase:
         return np.asarray(((self.measured - y) / self.noise).ravel())
 
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Return a function v -> residuals that uses the compiled simulation of `hfa.identify`."""
+        """Return a function v -> residuals, in standard deviations, that uses the compiled
+        simulation.
+        """
         responses, record = self._responses()
 
         def residuals(v: np.ndarray) -> np.ndarray:
@@ -149,7 +152,7 @@ class RecordCase:
         return residuals
 
     def limit(self) -> Limit:
-        """Return the time of the simulations with sensitivities, one for each step and one for the
+        """Return the time of one simulation with sensitivities for each step and one for the
         covariance.
         """
         responses, record = self._responses()
@@ -174,10 +177,10 @@ class RecordCase:
         """Return the parameters that SciPy's `least_squares` estimates.
 
         residuals: function v -> residuals
-        steps: largest number of steps, None without a limit
+        steps: largest number of evaluations, None without a limit
 
-        Raises RuntimeError if the estimates of an unlimited search differ from those of
-        `hfa.identify`.
+        Raises RuntimeError if estimates of a search without limit differ from those of
+        `hfa.identify` by more than `_SAME` of the half-width of a band.
         """
         found = least_squares(
             residuals, self.begin, x_scale="jac", diff_step=_DIFFERENCE, max_nfev=steps
@@ -277,9 +280,7 @@ def _3211(units: np.ndarray) -> np.ndarray:
 
 
 def _record(quick: bool) -> list[Row]:
-    """Time the identification of 11 parameters from one record, and return one row for each
-    peer.
-    """
+    """Return the rows with the times of the identification of 11 parameters, one for each peer."""
     case = RecordCase(1600 if quick else 3000, 1.1)
     job = f"{len(FREE)} unknowns from a record of {len(case.time)} samples"
     rows = []
@@ -311,10 +312,10 @@ _GOAL = 20.0
 
 
 def _large(quick: bool) -> list[Row]:
-    """Time the identification of 33 coefficients from four records of 20 s with 50 samples a
-    second.
+    """Return the row with the time of the identification of 33 coefficients from four records of 20
+    s.
 
-    The search begins with each coefficient 50 % off.
+    The records have 50 samples a second. The search begins with each coefficient 50 % off.
     """
     table = read_toml(_UAV)
     true = from_derivatives(table | {"more": _FLAP | _MORE})

@@ -40,8 +40,8 @@ def white_covariance(fit: Fit) -> np.ndarray:
     matrix.
 
     The noise variances are those of the residuals, times N / (N - number of unknowns). The variance
-    of a parameter is inf if no sample depends on it, or if its information is lost in rounding
-    errors.
+    of a parameter is inf if no sample depends on the parameter, or if its information is lost in
+    rounding errors.
     """
     covariance = _enlarged(fit) * inverse(fit.information)
     unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
@@ -68,11 +68,13 @@ def _unknowns(fit: Fit) -> int:
 def covariance(fit: Fit) -> np.ndarray:
     """Return the (p, p) covariance of the parameters, corrected for autocorrelated residuals.
 
+    The variances are the diagonal elements of
+
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
-    S are the sensitivities without the part that a change of the initial state explains. R is the
-    noise variance, and R_vv is the autocovariance of the noise (`noise_of`). For white residuals C
-    = D. No variance is less than that of `white_covariance`.
+    but at least the variances of `white_covariance`. The correlations are those of
+    `white_covariance`. S are the sensitivities without the part that a change of the initial state
+    explains. R is the noise variance, and R_vv is the autocovariance of the noise (`noise_of`).
 
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
@@ -94,8 +96,8 @@ Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     """Return (information, covariance of the score, score) of each record.
 
-    The information is Σ S' R⁻¹ S. The score is Σ S' R⁻¹ v with the residuals v. Its covariance
-    contains the autocovariance of the noise.
+    The information is Σ S' R⁻¹ S. The score is Σ S' R⁻¹ v with the residuals v. The covariance of
+    the score contains the autocovariance of the noise.
 
     halves: whether each record is split into two halves, each with its own entry
     """
@@ -123,10 +125,9 @@ class Noise:
     """Noise of one measured quantity in a record.
 
     fitted: number of unknowns that the samples of the quantity determine.
-    lost: ratio of the noise variance to the variance of the residuals, which the fit reduces.
+    lost: ratio of the noise variance to the variance of the residuals, at least 1.
     variance: noise variance.
-    correlation: autocorrelation at lags 0, 1, ..., up to the last lag at which it is not
-        negligible.
+    correlation: autocorrelation at lags 0, 1, ..., up to the last non-negligible lag.
     """
 
     fitted: float
@@ -208,12 +209,13 @@ def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: fl
     The noise is modeled as an autoregressive process of order 0 to 4, or as white noise plus a
     first-order process. The model with the least BIC (Bayesian information criterion) is chosen.
 
+    The fit removes a part of the slow noise from the residuals. Therefore a positive sum a of the
+    coefficients is increased by the first-order bias of its estimate, fitted (1 + 3 a) / N
+    (Marriott and Pope, Biometrika 41 (1954) 390-402).
+
     residual: residuals of one quantity, (N,)
     present: whether each sample was measured, (N,)
-    fitted: number of unknowns fitted to this quantity. The fit removes a part of the slow noise
-        from the residuals. Therefore the sum a of the coefficients is corrected by the first-order
-        bias of its estimate, fitted (1 + 3 a) / N (Marriott and Pope, Biometrika 41 (1954)
-        390-402).
+    fitted: number of unknowns fitted to this quantity
     """
     from scipy.linalg import solve_toeplitz
 
@@ -249,10 +251,10 @@ def _unbiased(total: float, fitted: float, count: int) -> float:
 
 
 def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
-    """Fit white noise plus a first-order process to an autocorrelation.
+    """Return the BIC, the pole and the share of white noise plus a first-order process.
 
-    Returns the BIC, the pole of the process, and its share of the variance, for the largest Whittle
-    likelihood among fixed poles and shares.
+    The share is the fraction of the variance that the first-order process has. The fixed pole and
+    share with the largest Whittle likelihood are chosen.
 
     seen: autocorrelation at lags 0, 1, ...
     count: number of samples
@@ -269,10 +271,10 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=4)
 def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the spectra of white noise plus a first-order process, for all fixed poles and shares.
+    """Return properties of the spectra of white noise plus a first-order process.
 
-    Returns the mean logarithms of the spectra, (poles, shares), and their reciprocals, (poles,
-    shares, count).
+    The first result contains the means of the logarithms of the spectra, (poles, shares). The
+    second contains the reciprocals of the spectra, (poles, shares, count).
 
     count: number of frequencies
     """
@@ -323,9 +325,8 @@ def sums_of_products(values: np.ndarray) -> np.ndarray:
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
-    """Return the fraction of the first `LAGS` lags that are compatible with white noise.
-
-    At these lags the autocorrelation is within the 95 % band of white noise.
+    """Return the fraction of lags 1 to `LAGS` with an autocorrelation in the 95 % band of white
+    noise.
     """
     correlation = autocorrelation(residual, present)[1 : LAGS + 1]
     limit = BAND / np.sqrt(max(1, int(present.sum())))
@@ -335,8 +336,8 @@ def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
 def explained(fit: Fit) -> np.ndarray:
     """Return the coefficient of determination of each measured quantity, (k,).
 
-    It is 1 - (sum of squared residuals) / (sum of squared deviations of the quantity from its
-    mean).
+    The coefficient is 1 - (sum of squared residuals) / (sum of squared deviations of the quantity
+    from its mean in each record).
     """
     parts = []
     for place in range(len(fit.noise)):
@@ -350,15 +351,16 @@ def explained(fit: Fit) -> np.ndarray:
 def unexplained(fit: Fit) -> np.ndarray:
     """Return whether the simulated motion of each quantity contradicts the measured motion, (k,).
 
-    A constant simulated value would leave smaller residuals. Large noise alone sets no flag.
+    The noise variance then exceeds `_WORSE` times the variance of the measured samples. A constant
+    simulated value would leave smaller residuals.
     """
     motions = [np.concatenate(_samples(fit, place)[0]).var() for place in range(len(fit.noise))]
     return np.asarray(fit.noise > _WORSE * np.array(motions))
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples of one quantity and their residuals, as two lists with one (N,)
-    array per record.
+    """Return the measured samples of a quantity and its residuals, two lists with an (N,) per
+    record.
 
     place: index of the quantity
     """

@@ -1,5 +1,6 @@
-"""Bias, scale error and delay of record columns, estimated after the search by one Newton step from
-0.
+"""Errors of record columns, estimated after the search by one Newton step from 0.
+
+The errors are bias, scale error and delay.
 """
 
 from __future__ import annotations
@@ -36,11 +37,15 @@ class ColumnError(Result):
     """Error of a column that the search did not estimate, estimated by one Newton step from 0.
 
     value: the estimate, or None if a change of the parameters has the same effect.
-    half: half-width of its 95 % band, or None if `value` is None.
+    half: half-width of the 95 % band of `value`, or None if `value` is None.
     unit: unit of `value` and `half`.
-    moves: parameter that an error of this half-width shifts most, relative to the parameter's band.
-    bands: that shift in half-widths of the parameter's band, or None if unbounded.
-    shift: largest shift of a parameter by the estimated error, in half-widths of its band.
+    moves: parameter that such an error shifts most, relative to the parameter's band.
+    bands: shift of this parameter by an error of size `half`, in half-widths of the parameter's
+        band,
+        or None if `value` is None.
+    shift: shift of this parameter by the estimated error, in half-widths of the parameter's band, 0
+        if
+        `value` is None.
     """
 
     value: float | None
@@ -54,13 +59,13 @@ class ColumnError(Result):
     def is_assumed(self) -> bool:
         """True if the parameters' bands are valid only if this error is 0.
 
-        An error within its 95 % band would then shift an estimate beyond that estimate's band.
+        An error within its 95 % band would otherwise shift an estimate beyond the estimate's band.
         """
         return self.bands is None or self.bands > 1.0
 
     @property
     def clear(self) -> float:
-        """Magnitude of the estimate in standard deviations, 0 without an estimate."""
+        """Magnitude of the estimate in standard deviations, or 0 without an estimate."""
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0
 
 
@@ -124,8 +129,11 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
 def _estimated(search: Search) -> dict[str, SensorError]:
     """Return name -> error, for each column error to be estimated after the search.
 
-    Errors that the search estimates are omitted, and errors that the model does not support. A
-    constant input has only a bias: a scale error would be a second bias, and a delay has no effect.
+    These errors are omitted:
+    - an error that the search estimates
+    - an error that the model does not support
+    - the scale error or delay of a constant input; a scale error would act as a second bias, and a
+      delay has no effect
     """
     responses = search.responses
     steady = search.steady_inputs()
@@ -163,8 +171,8 @@ def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.nda
     k).
 
     An error c changes the column by c d, where d is 1 for a bias, the column for a scale, and minus
-    its time derivative for a delay. Correcting an input also changes the simulation. In turbulence,
-    so does correcting any column.
+    its time derivative for a delay. The correction of an input also changes the simulation. In
+    turbulence the correction of any column changes the predictions.
 
     number: index of the record
     """
@@ -202,7 +210,7 @@ def _variance(
 ) -> float:
     """Return the variance of the score of one column error.
 
-    The part of the residuals that the estimated error explains is subtracted first.
+    The residuals are taken without the part that the estimated error explains.
 
     effects: effect of the error after the best change of the parameters, (N, k) of each record
     value: estimate of the error

@@ -67,7 +67,7 @@ def identify(
     The method is output error, or filter error if `turbulence` is set. The measurement noise is
     white and Gaussian with unknown variance.
 
-    model: its parameter values are the initial values of the search.
+    model: aircraft whose parameter values are the initial values of the search.
     records: one maneuver or several. Each is a path, a flight, a pandas table, or a dictionary of
         arrays by name in the model's units: time (s), every input, measured states or outputs. NaN
         marks a missing sample.
@@ -84,10 +84,11 @@ def identify(
         air, as measured by pitot tubes and vanes.
     plan: whether to compare further maneuvers by how much they narrow the bands.
     columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
-    progress: called with (work done, total work).
+    progress: function called with (work done, total work).
 
-    Raises BadInputError if a record or a name is wrong, and NoSolutionError if nothing moves in the
-    records or the simulation diverges.
+    Raises BadInputError for an invalid record, name or combination of arguments. Raises
+    NoSolutionError if the simulation diverges, or if the model explains none of the motion of
+    records whose inputs are constant or whose quantities are noise.
 
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
@@ -142,7 +143,7 @@ def identify(
 
 
 def _listed(records: Any) -> list[Any]:
-    """Return `records` as a list, also if it is a single record."""
+    """Return one or several records as a list."""
     is_table = hasattr(records, "to_pandas") or hasattr(records, "columns")
     is_one = is_table or isinstance(records, Record | Mapping | str | Path)
     return [records] if is_one else list(records)
@@ -236,8 +237,8 @@ def _free_names(
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
     """Return quantity -> Theil's inequality coefficient, rms(z - y) / (rms(z) + rms(y)).
 
-    z is measured, and y is simulated with the identified parameters. Only the initial conditions
-    are fitted to these records.
+    z is measured, and y is simulated in calm air with the identified parameters. Only the initial
+    conditions are fitted to these records.
 
     records: records that were not used for the identification
 
@@ -347,8 +348,8 @@ def _identified(
 def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
     """Return disturbed state -> standard deviation of its random change in 1 s.
 
-    States whose turbulence cannot be determined from the records are omitted. The result is empty
-    if turbulence was not estimated.
+    States whose turbulence the records do not determine are omitted. The result is empty if
+    turbulence was not estimated.
     """
     if not isinstance(responses, Predictions):
         return {}

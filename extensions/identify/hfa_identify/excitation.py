@@ -27,7 +27,7 @@ _EXPLAINED = 0.5
 def refuse_still(search: Search, fit: Fit | None) -> None:
     """Raise NoSolutionError if the fit explains no measured quantity and the records lack motion.
 
-    The records lack motion if the inputs are constant, or if each measured quantity is white noise
+    Records lack motion if all inputs are constant, or if each measured quantity is white noise
     about a constant.
 
     fit: None if the simulation diverges
@@ -52,7 +52,7 @@ def _is_noise(record: Record) -> bool:
 
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
-    """Return parameter -> the motionless state or input that it multiplies, "" if there is none.
+    """Return parameter -> the motionless state or input that it multiplies, "" if none exists.
 
     parameters: parameters that the records do not determine
     """
@@ -63,8 +63,8 @@ def _still(search: Search, name: str) -> str:
     """Return the state or input on which the effect of a parameter depends most, if it did not
     move.
 
-    The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample. The result is
-    "" if the state or input moved in a record, or if the derivative is 0.
+    The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample of the first
+    record. The result is "" if the state or input moved in a record, or if the derivative is 0.
 
     name: name of the parameter θ
     """

@@ -94,8 +94,13 @@ def faults_of(
     given: Sequence[str],
     progress: Callable[[float, float], None] | None,
 ) -> Iterator[str]:
-    """Yield a sentence for each fault of the records, or wrong given parameter, that explains
-    residuals.
+    """Yield sentences on faults of the records, or wrong given parameters, that explain residuals.
+
+    There are four cases:
+    - A fault of a column explains the residuals: one sentence on this fault.
+    - Otherwise with outliers: a sentence for each record and quantity with outliers.
+    - Otherwise a column error or given parameter explains the residuals: one sentence on it.
+    - Otherwise no sentence.
 
     errors: name of a column error -> its estimate by one Newton step from 0
     given: names of the parameters with given values
@@ -118,8 +123,9 @@ def faults_of(
 def outliers(search: Search, fit: Fit) -> Iterator[str]:
     """Yield a sentence for each record and quantity with outliers.
 
-    An outlier is a sample whose residual is far from the residuals before and after it. Quantities
-    whose motion the model contradicts are not searched.
+    An outlier is a sample whose residual is far from the mean of the residuals before and after it.
+    At most one sample in 50, or a single one, can be an outlier. Quantities whose motion the model
+    contradicts are not searched.
     """
     explained = ~unexplained(fit)
     for place in np.flatnonzero(explained):
@@ -146,7 +152,7 @@ class _Freed:
     """Fit with one additional unknown: a given parameter or an error of a column.
 
     value: estimate of the additional unknown
-    widened: ratio of its variance to its variance for white residuals
+    widened: ratio of the variance of this estimate to its variance for white residuals
     """
 
     search: Search
@@ -161,10 +167,11 @@ def sensor_fault(
     """Return a sentence on the column error or given parameter that explains the residuals best, or
     "".
 
-    A column error (bias, scale or delay) is considered if it is obvious, or if it shifts an
-    estimate by a third of its band. The sentence also names one alternative that explains the
-    residuals equally well. If another interpolation of the inputs fits better than a delay, the
-    sentence recommends it.
+    A column error is considered if its estimate exceeds `_OBVIOUS` standard deviations, or if it
+    exceeds `_SEEN` standard deviations and shifts a parameter by more than `_MATTERS` of its band.
+    The sentence names one alternative if it explains the residuals equally well. If the errors
+    include a delay and the other interpolation of the inputs fits better, the sentence recommends
+    this interpolation.
 
     errors: name of a column error -> its estimate by one Newton step from 0
     freed: given parameter -> fit in which it is an unknown, if the records contradict its value
@@ -204,8 +211,8 @@ def sensor_fault(
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with the other interpolation of the inputs (steps instead of linear, or vice
-    versa).
+    """Return the fit with the other interpolation of the inputs: steps for linear, linear for
+    steps.
 
     The original fit is returned if this search diverges or does not converge.
     """
@@ -227,8 +234,11 @@ def _with_value(search: Search, name: str, value: float) -> str:
 def _is_plausible(search: Search, name: str, value: float) -> bool:
     """Return whether a column error can be due to a sensor.
 
-    A bias must be less than the largest magnitude of the column. A scale error must be between -0.5
-    and 1. Greater errors indicate motion that the model lacks.
+    - bias: if it is less than the largest magnitude of the column
+    - scale error: if it is between -0.5 and 1
+    - delay: always
+
+    Greater errors indicate motion that the model lacks.
     """
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
@@ -247,7 +257,8 @@ def _clear(
     """Yield (name, fit) of each additional unknown whose estimate differs significantly from its
     value.
 
-    In all `tests` together, chance causes such a difference with probability `_CHANCE` at most.
+    The probability that chance causes such a difference in any of `tests` unknowns is at most
+    `_CHANCE`. Nothing is yielded if `fit` did not converge.
 
     names: unknowns to be added to the fit, one at a time
     tests: number of unknowns that are tested in total
@@ -277,10 +288,10 @@ class _Undone:
     """Correction of a faulty column.
 
     column: the faulty column
-    factor: factor on the column
+    factor: factor on the column, not applied if columns are exchanged
     is_about_first: whether the factor applies to the deviation from the first value of the column
     text: description of the fault, for the report
-    other: if not "", the column with which `column` is exchanged; the factor is then not applied
+    other: column with which `column` is exchanged, or "" for a correction by a factor
     """
 
     column: str
@@ -313,9 +324,9 @@ def fault_of_columns(
     """Return the wrong sign or unit of a column, or the exchange of two, that explains the records,
     or "".
 
-    Without the fault the records must be clearly more likely, or nearly as likely with
-    parameters closer to their initial values. Faults that explain the records
-    equally well are joined by "or".
+    A fault explains the records if its correction makes them clearly more likely, or nearly as
+    likely with parameters closer to their initial values. Faults that explain the records equally
+    well are joined by "or". A fit without signs of a faulty column returns "".
 
     fit: None if the simulation diverges
     errors: name of a column error -> its estimate by one Newton step from 0
@@ -348,8 +359,8 @@ def _likeliest(
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
     """Return the corrections with which the model fits best, the best first.
 
-    They are compared after a few Gauss-Newton steps on short windows of the records. Each
-    correction is returned with the search on the corrected records and its initial unknowns (p,).
+    Each correction has the search on the corrected records and its initial unknowns (p,). The
+    corrections are compared after a few Gauss-Newton steps on short windows of the records.
     """
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
@@ -378,11 +389,11 @@ def _tried(
     """Return (level, correction, search, unknowns in calm air) of each candidate, the least level
     first.
 
-    The level is L of a few Gauss-Newton steps on short windows, plus a penalty on the change of the
-    parameters. Candidates whose simulation diverges are omitted.
+    The level is L after a few Gauss-Newton steps on short windows, plus a penalty on the change of
+    the parameters. Candidates whose simulation diverges are omitted.
 
-    steps: number of Gauss-Newton steps
-    windows: largest number of windows
+    steps: largest number of Gauss-Newton steps
+    windows: approximate largest number of windows
     """
     tried = []
     for number, (undone, corrected) in enumerate(candidates, start=1):
@@ -400,8 +411,10 @@ def _tried(
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
     """Return whether a faulty column may have caused this fit.
 
-    Such a fit did not converge, contradicts the measured motion, has parameters far from their
-    initial values, or leaves a scale error too large for a sensor.
+    Any of these conditions is sufficient:
+    - The fit did not converge, or contradicts the measured motion.
+    - Parameters are far from their initial values.
+    - A scale error is significant and too large for a sensor.
 
     errors: name of a column error -> its estimate by one Newton step from 0
     """
@@ -417,7 +430,7 @@ def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> 
 def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
     """Return Σ max(|ln r| - usual, 0)² over the ratios r of parameters to their initial values.
 
-    If the sign of a parameter changes, its |ln r| is at least ln 100.
+    If r is negative, the term is at least (ln 100)². Parameters that are or were 0 are omitted.
     """
     total = 0.0
     # Turbulence and sensor noise come first in the unknowns.
@@ -445,8 +458,9 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 def _candidates(search: Search) -> Iterator[_Undone]:
     """Yield the corrections to be tried.
 
-    They are another sign or unit of a column that moves, another unit of the time, and the exchange
-    of two inputs or two measured quantities.
+    - another sign or unit of a column that moves
+    - another unit of the time
+    - the exchange of two inputs, or of two measured quantities
     """
     model = search.responses.model
     for factor, text in _UNITS[model.time_unit].items():

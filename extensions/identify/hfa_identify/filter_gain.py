@@ -115,10 +115,7 @@ def _steady(
 
 
 def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Φ and Q between two samples.
-
-    Third-order series for a short interval are doubled until the interval is reached.
-    """
+    """Return Φ and Q between two samples, from third-order series over short intervals."""
     norm = float(np.abs(A).sum(axis=2).max())
     doublings = _HALVINGS + max(0, math.ceil(math.log2(max(norm * interval, 1.0))))
     h = interval / 2.0**doublings
@@ -142,9 +139,10 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
 def _predicted_covariance(
     Phi: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> np.ndarray:
-    """Return the predicted covariance P after 2^12 samples from P = 0, computed by doubling.
+    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0, computed by
+    doubling.
 
-    It also exists for a model with a drifting unobservable state, which has no steady P.
+    The result is finite even for a model with a drifting unobservable state, which has no steady P.
     """
     A = Phi.transpose(0, 2, 1)
     G = C.transpose(0, 2, 1) @ (C / R[:, :, None])

@@ -87,7 +87,7 @@ class Normal:
 class Fit:
     """Parameters and initial states fitted to records, with the simulations.
 
-    theta: parameters, (p,).
+    theta: unknowns, (p,).
     starts: state at the first sample of each record, (n,) each.
     noise: noise variances of the measured quantities, (k,).
     residuals: (N, k) for each record, 0 for a missing sample.
@@ -170,8 +170,9 @@ class OutputError:
     guesses: guess of each record's initial state, (n,) each.
     by_motion: whether the variance of each quantity's motion replaces its noise variance. Far from
         the minimum, motion is then not treated as noise.
-    is_rough: whether integration steps may be long, and the sensitivities at the last step are not
-        needed.
+    is_rough: whether integration steps may be long. The sensitivities after the last Gauss-Newton
+        step
+        are then not computed.
     """
 
     def __init__(
@@ -210,8 +211,8 @@ class OutputError:
         """Return the fit with the least L that Gauss-Newton steps reach.
 
         theta: initial parameters, (p,)
-        starts: guess of each record's initial state, where the search begins, (n,) each
-        small: the search converges when a step is below this number of standard deviations
+        starts: initial state of each record at which the search begins, (n,) each
+        small: number of standard deviations below which a step counts as converged
         most_steps: largest number of steps
 
         Raises FloatingPointError if the first simulation diverges.
@@ -241,8 +242,8 @@ class OutputError:
         """Return the index of the first trial whose step does not raise L, and the fit after this
         step.
 
-        The trials increase the damping and shorten the step. The fit is None if every trial raises
-        L.
+        Each trial has a damping and a part of the step. The fit is None if every trial raises L or
+        fails.
 
         undamped: the step without damping
         first: index of the first trial
@@ -305,8 +306,9 @@ class OutputError:
     def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
         """Return the noise variances (k,).
 
-        They are the variances of the motion if `by_motion` is set, or functions of the unknowns in
-        turbulence. Otherwise they are estimated from the residuals.
+        - with `by_motion`: the variances of the motion
+        - in turbulence: functions of the unknowns
+        - otherwise: estimates from the residuals
         """
         if self._fixed is not None:
             return self._fixed
@@ -403,9 +405,7 @@ class OutputError:
         )
 
     def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
-        """Return the Fisher information (p, p) of a record with these sensitivities.
-
-        The initial state is unknown.
+        """Return the Fisher information (p, p) of a record with an unknown initial state.
 
         slopes: sensitivities to parameters and initial state, (N, k, p + n)
         noise: noise variances, (k,)
@@ -419,8 +419,9 @@ class OutputError:
         """Return the Gauss-Newton step of the parameters (p,) and of each record's initial state
         (n,).
 
-        A parameter at a bound keeps its value if the step points outward. So does a parameter that
-        the records do not determine within its bounds.
+        A parameter keeps its value in two cases:
+        - It is at a bound and the step points outward.
+        - The records do not determine it within its bounds.
 
         damping: Levenberg's factor on the diagonal of the normal equations
         """
@@ -475,7 +476,9 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
 
 
 def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve matrix x = right by least squares, after scaling the matrix to a unit diagonal."""
+    """Return the least-squares solution x of matrix x = right, with the matrix scaled to a unit
+    diagonal.
+    """
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size

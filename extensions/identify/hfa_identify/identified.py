@@ -56,10 +56,10 @@ class Estimate(Result):
 class FittedQuantity(Result):
     """Quality of the fit of one measured quantity.
 
-    fit: 1 - (variance of the residuals) / (variance of the quantity).
+    fit: 1 - (sum of squared residuals) / (sum of squared deviations from the mean of each record).
     noise: standard deviation of the residuals.
     white: fraction of the first 25 lags at which the autocorrelation of the residuals is within the
-        95 % band of white noise. It is about 0.95 for white residuals.
+        95 % band of white noise, averaged over the records. White residuals have about 0.95.
     theil: Theil's inequality coefficient for records that were not fitted, or None without such
         records.
     unit: unit of `noise`.
@@ -84,16 +84,20 @@ class Identified(Result, Reported):
     coloured: largest factor by which the correction widened a band.
     correlated: (name, name, coefficient) of each pair correlated by more than 0.9.
     undetermined: parameter that the records do not determine -> the motionless state or input that
-        it multiplies, "" if there is none.
+        it multiplies, "" if none exists.
     at_bounds: parameters with an estimate at a limit of the model.
     unexplained: quantities whose simulated motion contradicts the measured motion.
     column_errors: name of a bias, scale error or delay that is not free -> its estimate by one
         Newton step.
     faults: sentences on faults of the records that explain residuals.
-    other_minimum: name -> estimate at a second minimum that explains the records equally well.
+    other_minimum: name -> estimate at a second minimum that explains the records equally well,
+        empty
+        if none was found.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
-        if they agree.
-    turbulence: disturbed state -> standard deviation of its random change in 1 s.
+        if the parts agree.
+    turbulence: disturbed state -> standard deviation of its random change in 1 s, empty if
+        turbulence
+        was not estimated.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
     plan: maneuvers that would narrow the bands further, the best first.
@@ -179,7 +183,8 @@ class Identified(Result, Reported):
     def _not_determined(self) -> str:
         """Return the finding on parameters that the records do not determine.
 
-        It names the first of them, the motionless quantity, and the number of further parameters.
+        The finding names the first parameter, its motionless quantity, and the number of further
+        parameters.
         """
         name, still = next(iter(self.undetermined.items()))
         why = f" ({still} did not move)" if still else ""
@@ -204,7 +209,7 @@ class Identified(Result, Reported):
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 
-        PASS names errors of columns that are assumed to be 0 because parameters can compensate for
+        PASS also lists errors of columns that are assumed to be 0 because parameters can compensate
         them.
         """
         stated = self._stated
@@ -223,7 +228,7 @@ class Identified(Result, Reported):
     def _stated(self) -> list[str]:
         """The findings in the first line: the two most important, or one if the line is too long.
 
-        If the records have faults, only the faults are named, because they can cause the other
+        If the records have faults, only faults are listed, because they can cause the other
         findings.
         """
         findings = list(self.faults[:2]) or list(self.findings)[:2]

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 def identified_figure(
     identified: Identified, make: Callable[[float, float], Figure] = new_figure
 ) -> Figure:
-    """Return a figure with one row for each measured quantity; the records follow each other in
-    time.
+    """Return a figure with one row for each measured quantity and all records one after another.
 
     The left panel shows the measured samples and the fitted response. The right panel shows the
     residuals.

@@ -1,6 +1,4 @@
-"""Uniqueness of the estimates: search for a second minimum, and comparison of parts of the
-records.
-"""
+"""Uniqueness of the estimates: second minima, and comparison of parts of the records."""
 
 from __future__ import annotations
 
@@ -29,8 +27,8 @@ _CHANCE = 1e-4
 def other_minimum(search: Search, fit: Fit) -> Fit | None:
     """Return another minimum of L that explains the records as well as this fit, or None.
 
-    The searches begin far from the fit. The result is None if none of them finds another minimum,
-    or if the fit did not converge.
+    The result is None if the fit did not converge, or if no search far from the fit finds another
+    minimum.
     """
     if not fit.converged:
         return None
@@ -39,9 +37,7 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
 
 
 def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence[np.ndarray]]]:
-    """Yield (unknowns, initial states) far from the fit, from which a second minimum is
-    searched.
-    """
+    """Yield (unknowns, initial states) far from the fit, where searches for a second minimum begin."""
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
         # The second minimum must be distinct from the first, which one step from the fit finds.
@@ -68,9 +64,9 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
     """Return values of the unknowns (p,) near which a second minimum may lie, the most promising
     first.
 
-    Each differs from the fit in one parameter. The value of this parameter is one for which the
-    state derivatives along the simulation are similar. If there is no such value, the negative
-    estimate is used if L is lower there than at 0.
+    Each differs from the fit in one parameter. The parameter has a value for which the state
+    derivatives along the simulation are similar. If no such value exists, it has the negative of
+    its estimate, provided that L is lower there than at 0.
     """
     least = search.level(fit.theta, fit.starts)
     flown = [
@@ -106,8 +102,8 @@ def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float
     """Yield (multiple, ratio) for each local minimum of `different` other than the one at multiple
     1.
 
-    The ratio is the value at the minimum divided by the largest value between it and multiple 1.
-    Only minima with a ratio below `_FALL` are yielded.
+    The ratio is the value at the minimum divided by the largest value between this minimum and
+    multiple 1. Only minima with a ratio below `_FALL` are yielded.
 
     multiples: multiples of an estimate
     different: change of the state derivatives at each multiple
@@ -124,10 +120,11 @@ def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float
 def _searched(
     search: Search, fit: Fit, theta: np.ndarray, starts: Sequence[np.ndarray]
 ) -> Fit | None:
-    """Return the fit found from distant unknowns, or None.
+    """Return the fit found from distant unknowns, or None in these cases:
 
-    The result is None if the search diverges or does not converge, if the fit explains the records
-    less well, or if it agrees with the original fit.
+    - The search diverges or does not converge.
+    - The records are less likely with the fit found than with the original fit.
+    - Both fits agree.
     """
     try:
         other = search.whole(theta, starts)

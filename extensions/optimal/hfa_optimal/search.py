@@ -79,7 +79,7 @@ class Found(NamedTuple):
     """Best flight that was found and simulated.
 
     flown: simulated flight.
-    proposal: proposal that it follows.
+    proposal: proposal that the flight follows.
     seconds: horizon of the proposal, s.
     meshes: number of intervals -> proposed cost.
     guesses: name of a guess -> cost on its finest mesh.
@@ -95,7 +95,7 @@ class Found(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs on the last two meshes and from different
+        """Largest relative difference of the costs, either on the last two meshes or from different
         guesses.
         """
         return max(self.spread_of_meshes, self.spread_of_guesses)
@@ -114,11 +114,11 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BestFlights:
-    """Search for the best flights of a problem. It builds each nonlinear program once.
+    """Search for the best flights of a problem.
 
     problem: aircraft, trim, weights and limits.
     count: approximate number of initial conditions, which decides whether machine code is used.
-    transcriptions: number of intervals -> nonlinear program.
+    transcriptions: number of intervals -> nonlinear program, built once.
     """
 
     problem: FlightProblem
@@ -144,10 +144,11 @@ class BestFlights:
         """Return the best flight found from an initial condition.
 
         start: initial deviations z, (k,)
-        seconds: horizon, s; by default so long that the cost after it is negligible
+        seconds: horizon, s; by default long enough for a negligible cost after it
 
         Raises NoSolutionError, with the reason, if no flight was found or the simulation refutes
-        it. Raises BadInputError if a given horizon is too short.
+        it. Raises BadInputError if the initial condition is outside the limits or a given horizon
+        is too short.
         """
         self.problem.refuse_outside(start)
         horizon = self.horizon(start) if seconds is None else seconds
@@ -172,7 +173,7 @@ class BestFlights:
     def _unfinished(self, proposal: Proposal) -> str:
         """Return the reason why a proposal must not end at its horizon, or "" if it may.
 
-        The reason is a large remaining cost, or that the linear policy leaves the limits after the
+        The reason is a large remaining cost, or a linear policy that leaves the limits after the
         horizon.
         """
         share = proposal.tail / proposal.cost
@@ -185,8 +186,9 @@ class BestFlights:
         return ""
 
     def horizon(self, start: np.ndarray) -> float:
-        """Return the time after which the remaining cost of the linear loop is negligible, plus 20
-        %, s.
+        """Return 1.2 times the time after which the linear loop's remaining cost is negligible, s.
+
+        The result is at most 12 time constants of the slowest mode.
 
         start: initial deviations z, (k,)
         """
@@ -205,9 +207,7 @@ class BestFlights:
         return 1.2 * count * step
 
     def _refined(self, seconds: float, linear: Flown, proposals: Mapping[str, Proposal]) -> Found:
-        """Return the cheapest flight that the simulation confirms.
-
-        The cheapest distinct proposals are refined to twice as many intervals first.
+        """Return the cheapest flight that the simulation confirms, from proposals on finer meshes.
 
         seconds: horizon, s
         linear: flight of the linear optimum
@@ -237,14 +237,14 @@ class BestFlights:
     ) -> tuple[Flown, Proposal, dict[int, float]]:
         """Return the simulated flight, the proposal that it follows, and the costs on all meshes.
 
-        The mesh is refined until the costs on two meshes agree, and the cost of the flight with
-        them.
+        The mesh is refined until the costs on two meshes agree and the simulation confirms the
+        proposal.
 
         seconds: horizon, s
         meshes: number of intervals -> cost, for the meshes so far
         best: proposal on the last of these meshes
 
-        Raises NoSolutionError, with the reason, if they do not agree on the finest mesh.
+        Raises NoSolutionError, with the reason, if no proposal is confirmed.
         """
         agreed = None
         intervals = len(best.lengths)
@@ -275,8 +275,9 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Return a note on the inputs that a proposal switches repeatedly between their limits, or
-        "".
+        """Return a note on inputs that alternate `_ALTERNATES` times or more in a proposal, or "".
+
+        Each turn is from more than half of one limit to more than half of the opposite limit.
         """
         lowest, highest = self.problem.input_limits
         texts = []
@@ -294,10 +295,11 @@ class BestFlights:
     def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
         """Return the flight that follows a proposal, and the followed proposal.
 
-        If the flight leaves the limits, a proposal within narrower limits is followed instead.
+        If the flight leaves the limits, a feasible proposal within narrower limits is followed
+        instead.
 
         seconds: horizon, s
-        factor: factor by which the margin to the limits is then enlarged
+        factor: factor on the margin to the limits in the second proposal
         """
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         if flown.departure is None:
@@ -313,7 +315,8 @@ class BestFlights:
         """Return name of a guess -> proposal on the coarsest mesh, for the guesses that IPOPT
         solves.
 
-        If the first guesses lead to different optima, further guesses are tried.
+        Further guesses are tried if the first guesses lead to different optima or IPOPT fails for
+        one.
 
         start: initial deviations z, (k,)
         seconds: horizon, s
@@ -357,7 +360,8 @@ class BestFlights:
         """Return name of a guess -> proposal on the coarsest mesh, for the guesses that IPOPT
         solves.
 
-        A first proposal on a geometric mesh is solved again on a mesh that is adapted to it.
+        A first proposal on a geometric mesh is solved again on a mesh that is adapted to this
+        proposal.
 
         adapted: pairs (first proposal, result). Equal first proposals reuse a result. New pairs are
             appended.
@@ -381,7 +385,8 @@ class BestFlights:
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
         """Return the proposal on a mesh of `intervals` that is adapted to a given proposal.
 
-        If IPOPT does not solve it, a geometric mesh is used.
+        If the proposal on the adapted mesh is infeasible, a geometric mesh is used. The result may
+        be infeasible too.
 
         guess: proposal from which IPOPT begins
         margin: fraction by which the limits of the states are narrowed
@@ -396,9 +401,8 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the weights of unit changes of z and v for the adaptation of meshes.
-
-        They are the square roots of the diagonals of P and R.
+        """Return the square roots of the diagonals of P, (k,), and R, (m,): the weights for
+        `adapted_mesh`.
         """
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
@@ -413,7 +417,7 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """Return the linear loop without limits as a guess. Its inputs are clipped."""
+        """Return the linear loop without limits as a guess, with clipped inputs."""
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = exponentials(self._loop * times[:, None, None]) @ start
@@ -425,7 +429,8 @@ class BestFlights:
         """Return a guess in which z and v decay exponentially.
 
         rate: 1/s
-        v: initial deviations of the inputs, clipped to some nominal values, (m,); by default 0
+        v: initial deviations of the inputs, (m,), clipped to `_LARGEST_INPUT` nominal values; by
+            default 0
         """
         begin = np.zeros(len(self.problem.inputs)) if v is None else v
         most = _LARGEST_INPUT * self.problem.sizes[1]

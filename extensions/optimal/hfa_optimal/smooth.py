@@ -1,8 +1,8 @@
 """Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
 
-Within the width of a kink its two branches are blended. Elsewhere the copy equals the function. The
-width is a fraction of the spread of the kink's argument over given points. It is therefore
-independent of units.
+Near a kink its two branches are blended. Elsewhere the copy equals the function. The width of the
+blend is a fraction of the spread of the kink's argument over given points, so that the copy does
+not depend on units.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ _VARIES = 1e-9
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
     """Return a copy of the function in which each kink is smoothed.
 
-    The function itself is returned if no kink is near the points. Comparisons that select infinite
-    values, comparisons for equality, and steps (floor, ceil) are not smoothed.
+    The function itself is returned if no kink has a continuous argument that comes near 0 at the
+    points. Comparisons that select infinite values, comparisons for equality, and steps (floor,
+    ceil) are not smoothed.
 
     function: CasADi SX function of a column (n,) with one result
     points: arguments for which the function is used, (N, n)
@@ -44,8 +45,8 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 class _Kink:
     """Smoothing of a kink, which is where its argument is 0.
 
-    width: half-width, or 0 if the kink is not smoothed.
-    levels: the two values of an argument that has only two, else None.
+    width: half-width, or 0 if the kink has no blend.
+    levels: the two values of an argument that has only two values, else None.
     """
 
     width: float
@@ -74,6 +75,7 @@ class _Kink:
         """Return a smooth step and True, or `otherwise` and False if the kink is not smoothed.
 
         The step is 1 for a positive argument, 0 for a negative one, and a blend within the width.
+        For an argument with two levels of opposite signs it is linear between the levels.
 
         otherwise: result of the comparison
         """
@@ -88,9 +90,9 @@ class _Kink:
         return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
 
     def size(self, argument: ca.SX) -> ca.SX:
-        """Return the absolute value of the argument, smoothed.
+        """Return the absolute value of the argument, a polynomial within the width.
 
-        Within the width it is a polynomial with two continuous derivatives.
+        The first two derivatives are continuous.
         """
         sharp = ca.fabs(argument)
         if self.width == 0.0:
@@ -105,7 +107,7 @@ class _Kink:
 class _Replay:
     """Evaluation of a function's instructions on symbols, with smoothed kinks.
 
-    kinks: smoothing of each kink, in the order of the instructions. Without it no kink is smoothed.
+    kinks: smoothing of each kink, in the order of the instructions; None smooths no kink.
     arguments: arguments of the kinks found so far.
     work: work vector, index -> value.
     soft: indices in the work vector of smooth values between 0 and 1, which replace truth values.
@@ -178,8 +180,11 @@ class _Replay:
         """Return the value of a logical operation, and whether it is a smooth value between 0 and
         1.
 
-        With smooth operands, not a is 1 - a, a and b is a b, a or b is a + b - a b, and a selected
-        branch is multiplied by a.
+        With smooth operands a and b:
+        - not a is 1 - a
+        - a and b is a b
+        - a or b is a + b - a b
+        - a branch that a selects is multiplied by a
         """
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):

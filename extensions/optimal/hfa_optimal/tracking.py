@@ -1,4 +1,4 @@
-"""Policy that follows a proposed flight. Its feedback keeps errors from growing."""
+"""Policy that follows a proposed flight, with feedback."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ class TrackingPolicy(Policy):
 
     z* and v* are the proposal, interpolated linearly in each integration step.
 
-    held: one row per tick: begin of the tick, s; (z*, v*) at the ends of its steps; columns of K.
+    held: one row per tick, as `tracking_rows` returns them: begin of the tick, s, then (z*, v*) at
+        the
+        ends of its integration steps, then the columns of K.
     tick: duration of a tick, s.
     moved: indices of the inputs in v.
     count: number of all inputs.
@@ -57,7 +59,7 @@ class TrackingPolicy(Policy):
 
 
 def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np.ndarray:
-    """Return the rows of a `TrackingPolicy` for a proposal. The last row is the linear policy.
+    """Return the rows of a `TrackingPolicy` for a proposal, and a last row for the linear policy.
 
     tick: duration of a tick, s
     """
@@ -85,8 +87,7 @@ def held_size(problem: FlightProblem) -> int:
 def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     """Return the gains of the time-varying LQR along a proposal, (N, m, k).
 
-    The final cost is that of the linear model. The equations are linearized in the middle of each
-    interval.
+    The final cost is z'Pz. The equations are linearized in the middle of each interval.
     """
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))

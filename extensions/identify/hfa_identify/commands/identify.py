@@ -49,7 +49,7 @@ def _given(model: Model, name: str, text: str) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdentifyRequest(AircraftOptions, OutputOptions):
-    """Request of `hfa identify`: flight records and the parameters to be identified."""
+    """Arguments of `hfa identify`: flight records and the parameters to be identified."""
 
     records: tuple[Path, ...] = option(
         "flight records with columns time, inputs, measured states and outputs",

@@ -68,9 +68,7 @@ def spread_of(request: Any) -> ParameterSpread:
 
 
 def spread_of_set(known: Any) -> ParameterSpread:
-    """Return the identified parameters of a `ParameterSet` with the covariance of their
-    logarithms.
-    """
+    """Return the identified parameters of a `ParameterSet`, with the covariance of logarithms."""
     values = {name: getattr(known.values, name) for name in known.identified}
     return ParameterSpread(values, known.covariance, of_logarithms=True)
 

@@ -27,7 +27,7 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 
     subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
 
-    Raises BadInputError if the aircraft has no uncertain parameters, or if the game has no
+    Raises BadInputError if the covariance of the parameters is unknown, or if the game has no
     aircraft.
     """
     progress = ProgressLine("draws")
@@ -46,8 +46,8 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 def reported(report: Report, draws: Draws) -> Report:
     """Return the report with a table of the bands and a line that summarizes the draws.
 
-    The line follows the first line of the report. It comes first if the draws fail and the report
-    does not.
+    The line is the second line of the report, or the first if the draws fail and the report does
+    not. Bands of constant quantities are omitted.
     """
     rows = []
     for name, band in draws.bands.items():

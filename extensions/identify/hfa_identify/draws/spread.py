@@ -79,8 +79,8 @@ class Draws(Result):
 
     @property
     def first_line(self) -> str:
-        """Return the numbers of trimmed and stable aircraft in one line, with the gain's largest
-        cost if known.
+        """One line with the numbers of trimmed or stable aircraft and, with a gain, its largest
+        cost.
         """
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
@@ -103,7 +103,7 @@ class Draws(Result):
 class WithDraws(Result):
     """Field that `--draws N` adds to a result.
 
-    draws: result for aircraft with drawn parameters.
+    draws: result for aircraft with drawn parameters, or None without `--draws`.
     """
 
     draws: Draws | None = None
@@ -127,7 +127,7 @@ class DrawnAircraft:
     point: OperatingPoint
 
     def points(self, progress: Progress | None = None) -> list[OperatingPoint]:
-        """Return the trims of the drawn aircraft. Aircraft without a trim are omitted."""
+        """Return the trims of the drawn aircraft, without aircraft that have no trim."""
         found = []
         for model in told(self.models, progress):
             try:
@@ -151,7 +151,8 @@ class DrawnAircraft:
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
         """Return the bands of the modes, and of the largest real part of the eigenvalues.
 
-        If some aircraft lack a mode, its name includes the number of aircraft that have it.
+        If a mode does not exist for all aircraft, the names of its bands contain the number of
+        aircraft that have it. A mode whose name occurs twice in the given aircraft has no bands.
 
         linear: linear model of the given aircraft
         """
@@ -223,9 +224,7 @@ class DrawnAircraft:
         return replace(self._draws(len(drawn), bands), stable_alone=stable)
 
     def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
-        """Return the result for a number of trimmed aircraft, with `stable` and `stable_alone`
-        None.
-        """
+        """Return the result for a number of trimmed aircraft, without counts of stable aircraft."""
         return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
 
 
@@ -235,7 +234,7 @@ def _abscissa(A: np.ndarray) -> float:
 
 
 def band_of(value: float, values: Sequence[float], unit: str) -> Band:
-    """Return the band that contains 95 % of the drawn values, NaN without values.
+    """Return the band that contains 95 % of the drawn values, with ends NaN if there are no values.
 
     value: value of the given aircraft
     """
