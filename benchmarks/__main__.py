@@ -21,9 +21,9 @@ _RUNS = 3
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run the named jobs, or all jobs, and return the exit code: 1 if no run was finished, else 0.
+    """Run the named jobs, or all jobs, and return the exit code: 0, or 1 if no run was finished.
 
-    words: arguments of the command line; None reads them from `sys.argv`
+    words: arguments of the command line, None for those in `sys.argv`
     """
     choices = [*report.SUBJECTS, *report.jobs()]
     parser = argparse.ArgumentParser("benchmarks", description=__doc__)
@@ -55,9 +55,9 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(names: list[str], number: int, quick: bool) -> report.Results:
-    """Run these jobs once and return their figures, by job.
+    """Run these jobs once and return their rows, by job.
 
-    The growing jobs (subject "scale") are measured in the first run only.
+    The growing jobs (subject "scale") have no rows in later runs than the first.
 
     number: number of the run, from 1
     """

@@ -47,9 +47,8 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
     """Return the largest relative difference of two histories (N, states and weights).
 
     A state is relative to its largest magnitude in `other`, a weight to the largest magnitude of
-    all weights. The differences exceed rounding errors: the power 1 - eta in Eq. (46) has an
-    infinite slope where a residual is 0, so that a rounding error of 1e-16 becomes 1e-16 to the
-    power 1 - eta.
+    all weights. The power 1 - eta in Eq. (46) has an infinite slope where a residual is 0. A
+    rounding error of 1e-16 there becomes 1e-16 to the power 1 - eta.
     """
     largest = np.abs(other).max(axis=0)
     largest[6:] = largest[6:].max()
@@ -176,7 +175,7 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
 
 
 def _loop(quick: bool) -> list[Row]:
-    """Compare the project's loop with hand-written C. Without a C compiler, return no rows."""
+    """Return the row of the project's loop and hand-written C, or no row without a C compiler."""
     if c_compiler() is None:
         return []
     case = FlightCase()
@@ -202,8 +201,8 @@ def _loop(quick: bool) -> list[Row]:
 def critic_plan(members: int, duration: float) -> MonteCarlo:
     """Return a Monte Carlo run of the simulation of `FlightCase`, with uncertain parameters.
 
-    The critic has 25 weights and 50 samples. The aircraft has seven states. The limits are so wide
-    that every member is simulated to the end.
+    The critic has 25 weights and 50 samples. The aircraft has seven states. The limits on the
+    states are so wide that every member is simulated to the end.
 
     members: number of simulations
     duration: s
@@ -224,7 +223,8 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """Compare a Monte Carlo run on one process per core with its members simulated one by one.
+    """Return the row of a Monte Carlo run on several processes and its members simulated one by
+    one.
 
     The time includes the start of the processes, the compilation of the loop and the storage.
     """

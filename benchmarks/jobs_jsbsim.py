@@ -1,8 +1,8 @@
 """A sweep of trims of JSBSim's 737, and the environment of the c172p.
 
 The sweep is compared with python-control's `find_operating_point` on the same compiled equations.
-The environment is compared with frames simulated by JSBSim. There are no figures where the package
-jsbsim is not installed.
+The environment is compared with frames simulated by JSBSim. Without the package jsbsim there are no
+figures.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ _ROWS = 256
 
 
 def _sweeps(quick: bool) -> list[Row]:
-    """Time trims and linear models over airspeed and altitude, without a compiler and with
-    generated C.
+    """Return the rows of trims and linear models over airspeed and altitude.
+
+    One row is without a compiler, one with generated C. Without jsbsim there are no rows.
     """
     if importlib.util.find_spec("jsbsim") is None:
         return []
@@ -68,7 +69,10 @@ def _sweeps(quick: bool) -> list[Row]:
 
 
 def _environments(quick: bool) -> list[Row]:
-    """Time steps of one and of 256 environments of the c172p. A step has one frame or six."""
+    """Return the rows of one and of 256 environments of the c172p, with one frame or six in a step.
+
+    Without jsbsim there are no rows.
+    """
     if importlib.util.find_spec("jsbsim") is None:
         return []
     cases = ((1, 256, 3.0), (6, 256, 3.0), (1, 1, 1.0), (6, 1, 2.0))
@@ -76,7 +80,7 @@ def _environments(quick: bool) -> list[Row]:
 
 
 def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
-    """Time steps of `count` environments of the c172p with random actions.
+    """Return the row of steps of `count` environments of the c172p with random actions.
 
     frames: frames in a step, at JSBSim's 120 Hz
     target: required ratio of the times

@@ -48,11 +48,11 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """Time `hfa trim` and `hfa --help` in new processes, compared with the import of
+    """Return the rows of `hfa trim` and `hfa --help` in new processes and the import of
     python-control.
 
-    The modules of both are read as bytecode, which the uncounted first round writes. The limits are
-    the times of Python processes in which NumPy starts no threads, as in `hfa`.
+    The first round, which writes the bytecode of the modules, is not counted. The limits are the
+    times of Python processes in which NumPy starts no threads, as in `hfa`.
     """
     repeats = 1 if quick else 5
     environment = dict(os.environ)
@@ -81,9 +81,9 @@ def _start(quick: bool) -> list[Row]:
 
 
 def _games(quick: bool) -> list[Row]:
-    """Time certified game solutions of the HFA from 0 to 20 degrees of dihedral.
+    """Return the row of certified game solutions of the HFA from 0 to 20 degrees of dihedral.
 
-    They are compared with SciPy's solver, which computes no certificate.
+    The peer is SciPy's solver, which computes no certificate.
     """
     from scipy.linalg import block_diag, solve_continuous_are
 
@@ -115,9 +115,7 @@ def _games(quick: bool) -> list[Row]:
 
 
 def _one_game(quick: bool) -> list[Row]:
-    """Time certified solutions of random games, one by one. Each number of states has its
-    own row.
-    """
+    """Return a row for each number of states, with certified solutions of random games."""
     from benchmarks.jobs_scale import random_game
 
     rows = []
@@ -153,8 +151,8 @@ def scipy_value(game: Game) -> np.ndarray:
 def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]:
     """Return a function (t, x (6,), u (5,), params) -> x' (6,) of the published dynamics.
 
-    It is written in plain Python from the published equations, as a user of python-control would
-    write it. A test compares it with the project's model.
+    The function is plain Python, as a user of python-control would write it. A test compares it
+    with the project's model.
 
     altitude: ft; its air density is used at all times
     """
@@ -270,11 +268,13 @@ def evaluations(
 ) -> Limit:
     """Return the least time of a trim with its linear model at these points.
 
-    It contains one evaluation of the equations with their Jacobian, for a step of Newton's method,
-    and one of A and B.
+    The time is that of two evaluations: the equations with their Jacobian for a step of Newton's
+    method, and A and B.
 
     variables: names of the variables of the sweep
     values: values of the variables, (points, variables)
+    condition: trim condition, or None for the usual one
+    compile_code: whether the evaluations are machine code
     """
     condition = usual_condition(model) if condition is None else condition
     system = SharedSystem(model, condition.freed_for(variables), variables)
@@ -309,7 +309,7 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """Time one trim with its linear model, from Python, compared with python-control."""
+    """Return the row of one trim with its linear model, called from Python, and python-control."""
     flexible = aircraft()
     system = peer_system()
 
@@ -341,9 +341,9 @@ def _trim(quick: bool) -> list[Row]:
 
 
 def _angles(quick: bool) -> list[Row]:
-    """Time trims and linear models of the HFA at many dihedral angles.
+    """Return the rows of trims and linear models of the HFA at many dihedral angles.
 
-    The last row adds tracked modes.
+    The last row adds tracked modes. Without a C compiler the row of generated C is missing.
     """
     count, peer_count = _counts(quick)
     flexible = aircraft()
@@ -377,8 +377,7 @@ def _angles(quick: bool) -> list[Row]:
 
 
 def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
-    """Return the limit of trims and linear models plus the time of the eigenvectors of A at each
-    angle.
+    """Return the limit of trims and linear models plus the time of the eigenvectors of A.
 
     angles: dihedral angles, rad
     limit: limit of the trims and linear models
@@ -397,7 +396,8 @@ _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rud
 def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
     """Return the trim condition of the F-16, the varied variable, and its lowest and highest value.
 
-    The turn rate varies from 0 to 0.2 rad/s at 502 ft/s, or the speed from 300 to 700 ft/s.
+    If `turning`, the turn rate varies from 0 to 0.2 rad/s. Otherwise the speed varies from 300 to
+    700 ft/s.
     """
     model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
     usual = usual_condition(model)
@@ -479,7 +479,7 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
 
 def _f16(quick: bool) -> list[Row]:
-    """Time the F-16 in straight flight (5 unknowns) and in a turn (12)."""
+    """Return the rows of the F-16 in straight flight (5 unknowns) and in a turn (12 unknowns)."""
     return [row for turning in (False, True) for row in _f16_flights(turning, *_counts(quick))]
 
 

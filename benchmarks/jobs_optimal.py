@@ -1,8 +1,9 @@
 """The optimizer's proposal for the best flight of the GTM, compared with rockit.
 
-Both solve the same problem: equations, limits, cost, initial guess and number of intervals are
-equal. Both use Radau collocation of degree 2 and IPOPT with equal tolerance. Without rockit (`pip
-install rockit-meco`) there are no figures.
+The equations, cost, initial guess and number of intervals are equal. Both programs use Radau
+collocation of degree 2 and IPOPT with equal tolerance. The project narrows the limits of the states
+by a margin and has inputs that are linear in each interval. Without rockit
+(`pip install rockit-meco`) there are no figures.
 """
 
 from __future__ import annotations

@@ -23,7 +23,8 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """Time one proof of the GTM's region of attraction, from the command to its report.
+    """Return the row of one proof of the GTM's region of attraction, from the command to its
+    report.
 
     The limit is the time of the Cholesky factorizations of the interior-point method.
     """
@@ -41,8 +42,9 @@ def _gtm_region(quick: bool) -> list[Row]:
 
 
 def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
-    """Return a context manager that appends the size of each matrix that `cho_factor` factors to
-    `sizes`.
+    """Return a context manager that appends the size of each matrix factored by `cho_factor`.
+
+    sizes: list to which the sizes are appended
     """
     factor = scipy.linalg.cho_factor
 

@@ -54,8 +54,9 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 def _growth(job: str, quick: bool) -> list[Growth]:
-    """Measure a job at all its sizes, each in a new process. With `quick`, measure the first
-    two.
+    """Return the measurements of a job at all its sizes, each in a new process.
+
+    quick: whether only the first two sizes are measured
     """
     name, unit, sizes = _GROWING[job]
     measured = []
@@ -69,8 +70,8 @@ def _growth(job: str, quick: bool) -> list[Growth]:
 
 
 def _points(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that trims at `count` dihedral angles between 0 and 20 degrees and stores
-    the trims.
+    """Return a function that trims at `count` dihedral angles from 0 to 20 degrees and stores the
+    trims.
     """
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     plan = SweepPlan({"dihedral": steps}, hfa.aircraft())
@@ -78,18 +79,19 @@ def _points(count: int, folder: Path) -> Callable[[], object]:
 
 
 def _flights(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that simulates `count` flights in turbulence under the exact gain and
-    stores them.
+    """Return a function that simulates `count` flights in turbulence with the exact gain and stores
+    them.
     """
     plan = gain_plan(count, duration=0.1)
     return lambda: stream_members(plan, folder / "store.zarr")
 
 
 def gain_plan(members: int, duration: float) -> MonteCarlo:
-    """Return a Monte Carlo run of the nonlinear aircraft under the exact gain.
+    """Return a Monte Carlo run of the nonlinear aircraft with the exact gain.
 
-    The dihedral angle is 15 degrees. The step is 1e-3 s.
+    The dihedral angle is 15 degrees.
 
+    members: number of simulations
     duration: s
     """
     aircraft = hfa.aircraft()
@@ -108,7 +110,7 @@ def _states(count: int, folder: Path) -> Callable[[], object]:
 
 
 def random_game(states: int, seed: int = 0) -> hfa.Game:
-    """Return a random game with unstable plant, one input for every three states and two
+    """Return a random game with one input for every three states, at least one, and two
     disturbances.
     """
     rng = np.random.default_rng(seed)

@@ -1,6 +1,4 @@
-"""Timing of two functions in turn, and the report of all comparisons as tables, file and
-picture.
-"""
+"""Timing of two functions in turn, and the report of comparisons as tables, file and picture."""
 
 from __future__ import annotations
 
@@ -42,8 +40,11 @@ _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
 class Comparison(NamedTuple):
-    """Median times of the project and its peer for one unit of work, s, and median ratio peer /
-    ours.
+    """Times of the project and its peer.
+
+    ours: median time of the project for one unit of work, s
+    peer: median time of the peer for one unit of work, s
+    ratio: median ratio peer / ours
     """
 
     ours: float
@@ -71,7 +72,7 @@ def in_turn(
 ) -> Comparison:
     """Time two functions alternately and return their comparison, after one uncounted call of each.
 
-    The alternation lets a drift of the machine's speed affect both equally.
+    A drift of the machine's speed then affects both functions equally.
 
     units: units of work in one call of `ours`
     peer_units: units of work in one call of `peer`
@@ -89,7 +90,12 @@ def in_turn(
 
 
 class Size(NamedTuple):
-    """Time of a growing job at one size, s, and the peak memory of its process, MB."""
+    """Time and memory of a growing job at one size.
+
+    size: size of the job
+    seconds: time, s
+    memory: peak memory of the process, MB
+    """
 
     size: int
     seconds: float
@@ -99,7 +105,9 @@ class Size(NamedTuple):
 class Growth(NamedTuple):
     """A job measured at increasing sizes.
 
+    job: description of the job
     unit: unit of the sizes
+    sizes: measurements, the smallest size first
     """
 
     job: str
@@ -108,7 +116,7 @@ class Growth(NamedTuple):
 
     @property
     def slope(self) -> float:
-        """Return the exponent p of time ~ size^p, fitted to the larger half of the sizes."""
+        """Exponent p of time ~ size^p, fitted to the larger half of the sizes."""
         upper = self.sizes[-(len(self.sizes) // 2 + 1) :]
         logarithms = [(math.log(each.size), math.log(each.seconds)) for each in upper]
         return statistics.linear_regression(*zip(*logarithms, strict=True)).slope
@@ -128,7 +136,11 @@ class Limit(NamedTuple):
 class Row(NamedTuple):
     """One comparison.
 
+    job: description of the job
+    peer: description of the peer
+    timing: times of the project and the peer
     target: required ratio of the times, peer / ours
+    remark: additional text, for the file of results
     limit: least time of the job, or None if unknown
     """
 
@@ -141,10 +153,11 @@ class Row(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Return "yes" if the ratio reaches the target, "limit" if our time is near the limit, else
-        "NO".
+        """Verdict on the ratio of the times.
 
-        Near means at most `AT_LIMIT` times the limit.
+        - "yes": the ratio reaches the target.
+        - "limit": the project's time is at most `AT_LIMIT` times the limit.
+        - "NO": neither.
         """
         if self.timing.ratio >= self.target:
             return "yes"
@@ -184,7 +197,7 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
 
 
 def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
-    """Return the run with the median ratio, with the smallest and largest ratio of all runs, for
+    """Return the figures of the run with the median ratio, and the extreme ratios of all runs, for
     JSON.
 
     runs: the same row in each run
@@ -305,7 +318,8 @@ def machine() -> dict[str, str]:
 def store(runs: Sequence[Results]) -> dict[str, Any]:
     """Write results.json and return its content.
 
-    Stored figures of jobs without new figures are kept if they were measured on the same machine.
+    Stored figures of jobs without new figures are kept if they were measured on the same machine
+    with the same versions.
 
     runs: results of the same jobs in each run; growing jobs have results in the first run only
     """
@@ -324,7 +338,7 @@ def store(runs: Sequence[Results]) -> dict[str, Any]:
 def show(data: Mapping[str, Any]) -> None:
     """Write the tables into both documents.
 
-    The first document receives the comparisons that it already lists and those with a missed
+    The first document receives the comparisons that it already contains and those with a missed
     target. The second document receives the other comparisons and the growing jobs.
     """
     first, second = (page.read_text("utf-8") for page in PAGES)
@@ -340,7 +354,7 @@ def show(data: Mapping[str, Any]) -> None:
 
 
 def with_table(page: str, table: str) -> str:
-    """Return the page with its table of the same header replaced by this table."""
+    """Return the page with its table that has the same header replaced by this table."""
     heads = table.splitlines()[0]
     before, found, after = page.partition(heads)
     assert found, f"the page has no table {heads}"
@@ -356,10 +370,7 @@ def stored() -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Draw bars of the ratios, and curves of time and memory versus size, and return the path.
-
-    Ratios below 1 are orange. Targets and limits are marked.
-    """
+    """Draw bars of the ratios, and curves of time and memory versus size, and return the path."""
     bars = data["figures"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
     parts = picture.subfigures(2, 1, squeeze=False, height_ratios=[0.42 * len(bars) + 0.6, 3.2])

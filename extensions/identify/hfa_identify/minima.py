@@ -37,7 +37,7 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
 
 
 def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence[np.ndarray]]]:
-    """Yield (unknowns, initial states) far from the fit, where searches for a second minimum begin."""
+    """Yield (unknowns, initial states) far from the fit, for searches of another minimum."""
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
         # The second minimum must be distinct from the first, which one step from the fit finds.

@@ -46,9 +46,9 @@ class Manoeuvre(Result):
     amplitude: amplitude of the input.
     unit: unit of the amplitude.
     seconds: duration of the unit step of a doublet or 3-2-1-1, or of the complete multisine, s.
-    widest: parameter whose band is widest afterwards, relative to its value.
+    widest: parameter whose band is widest after the maneuver, relative to its value.
     before: present half-width of this band, percent of the parameter.
-    after: half-width with this maneuver in addition, percent of the parameter.
+    after: half-width of this band with the maneuver in addition, percent of the parameter.
     """
 
     kind: str
@@ -62,9 +62,10 @@ class Manoeuvre(Result):
 
 
 def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
-    """Return the best maneuvers, the one with the narrowest `after` first.
+    """Return the best maneuvers, at most `_MOST`, the one with the narrowest `after` first.
 
-    Sensors, sensor noise and sampling rate are those of the records. Initial states are unknown.
+    The sensors and their noise are those of the records. The sampling interval is that of the first
+    record. Initial states are unknown.
 
     model: the identified aircraft
     coloured: factor by which colored residuals widen the bands
@@ -93,7 +94,7 @@ def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[
 def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.ndarray:
     """Return the half-widths of the bands relative to the estimates, (p,).
 
-    Errors of columns have the value 0. A parameter without information has inf.
+    The result is 0 for an error of a column, and inf for a parameter without information.
     """
     variances = np.diag(inverse(information)).copy()
     variances[np.diag(information) <= 0.0] = np.inf
@@ -110,8 +111,8 @@ def _candidates(
 ) -> Iterator[tuple[str, str, float, float, np.ndarray]]:
     """Yield (kind, input, amplitude, duration, information) of each maneuver.
 
-    The amplitude is halved until no state leaves its limits. Maneuvers that exceed the limits at
-    every amplitude are omitted.
+    The amplitude is halved until no state leaves its limits. Maneuvers that exceed the limits or
+    diverge at every amplitude are omitted.
     """
     point = find_operating_point(model)
     start = np.array(point.states)

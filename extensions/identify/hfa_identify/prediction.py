@@ -1,10 +1,10 @@
 """One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
 
 White noise drives the speed and the flow angles, and rotates the air (`rotating_air.py`). Gusts are
-random walks, which approximate Dryden turbulence below its scale length. At each sample the states
-are corrected with a steady-state gain K (`filter_gain.py`), x + K (z - y). They advance to the next
-sample as in `response.py`. The first unknowns are the logarithms of the turbulence and of the
-sensor noise.
+random walks, which approximate Dryden turbulence below its scale length. At each sample a
+steady-state gain K corrects the states to x + K (z - y) (`filter_gain.py`). Between samples the
+states advance as in `response.py`. The first unknowns are the logarithms of the turbulence and of
+the sensor noise.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ _WIDEST = 9.0
 class Condition:
     """Flight condition at which the filter gain is computed, and initial values of the search.
 
-    state: (n,).
-    inputs: (m,).
+    state: states, (n,).
+    inputs: inputs, (m,).
     interval: time between samples, s.
     turbulence: disturbed state -> standard deviation of its random change in 1 s.
     noise: measured quantity -> standard deviation of its sensor noise.
@@ -104,7 +104,8 @@ class Prediction(Simulation):
 
     y: predicted quantities, (N, k). Each is predicted from all earlier samples and from the
         preceding quantities in the same sample.
-    innovations: measured minus predicted from earlier samples alone, (N, k), 0 for a missing
+    innovations: measured values minus predictions from earlier samples alone, (N, k), 0 for a
+        missing
         sample.
     present: 1 for a measured sample, 0 for a missing one, (N, k).
     """
@@ -116,8 +117,10 @@ class Prediction(Simulation):
 class Predictions(Responses):
     """Predictor from sample to sample with a steady-state filter gain.
 
-    free: names of free parameters and column errors. The unknowns are the turbulence, the sensor
-        noise, the lag of the air's rotation, and the free ones, in this order.
+    The unknowns are, in this order, the turbulence, the sensor noise, the lag of the air's rotation
+    if the air rotates, and the free parameters and column errors.
+
+    Raises BadInputError if the delay of a measured quantity is free.
     """
 
     # A controller reacts to gusts, so that the next sample of an input depends on the innovation.
@@ -161,7 +164,7 @@ class Predictions(Responses):
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether a column error can be an unknown: all can but delays of measured
+        """Return whether a column error can be an unknown, which excludes delays of measured
         quantities.
         """
         return error.kind != "delay" or error.column in self.model.inputs
@@ -194,7 +197,7 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the filter gain and its derivatives. The last result is cached.
+        """Return the filter gain and its derivatives.
 
         theta: unknowns, (p,)
         """
@@ -253,8 +256,8 @@ class Predictions(Responses):
         """Return a function that advances over successive sampling intervals.
 
         Its arguments are x, the inputs at the start and at the end of the integration steps, the
-        durations of the steps, θ, z, present and K. It returns x at the next sample, x at the start
-        of the steps, and z - y.
+        durations of the steps, θ, z, present and K. Its results are x at the next sample, x at the
+        start of the steps, and z - y.
 
         count: integration steps in each interval
         intervals: number of intervals
@@ -369,7 +372,7 @@ class Predictions(Responses):
 
 
 def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
-    """Return a table (sources, n): 1 for each state that a white noise drives, else 0.
+    """Return a table (sources, n) with 1 for each state that a white noise drives, else 0.
 
     A noise drives the state of its name, and the rotation of the air that follows this state.
     """

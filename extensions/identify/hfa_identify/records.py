@@ -58,7 +58,8 @@ class Record:
     def windows(self, seconds: float) -> list[Record]:
         """Divide the record into consecutive parts that share their end samples.
 
-        seconds: least duration of a part, s
+        seconds: duration of a part, s. A part has at least `FEWEST` samples, and the last may be
+            longer.
         """
         step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
         samples = max(FEWEST, round(seconds / step))
@@ -69,8 +70,8 @@ class Record:
     def thinned(self, together: int) -> Record:
         """Return a record with one sample for each group of `together` samples.
 
-        It contains the time and inputs at the start of the group, and the first value of each
-        sensor in it.
+        A sample has the time and inputs at the start of its group, and the first value of each
+        sensor in the group.
         """
         if together == 1:
             return self
@@ -124,7 +125,7 @@ def record_of(
     held: input without a column -> its constant value
     name: name of the record in messages
 
-    Raises BadInputError, which names the column and its fault.
+    Raises BadInputError for an unknown, missing or faulty column.
     """
     for column in columns:
         known = ("time", *model.inputs, *model.states, *model.outputs)
@@ -170,7 +171,7 @@ def read_record(
     held: input without a column -> its constant value
     table: TOML file that maps fields of a .ulg file to columns
 
-    Raises BadInputError, which names the file and its fault.
+    Raises BadInputError if the file cannot be read or is not a record of this model.
     """
     try:
         file = regular_file(path)
@@ -227,7 +228,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
 def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarray]:
     """Return column name -> values in the model's units, (N,), from a pandas table.
 
-    Names may include a unit as in a CSV file.
+    Column names may include a unit as in a CSV file.
 
     name: name of the record in messages
 
@@ -295,7 +296,7 @@ def _numbers(record: str, name: str, values: Any) -> np.ndarray:
 
 
 def _check_time(name: str, time: np.ndarray) -> None:
-    """Raise BadInputError unless the times are finite, increasing and numerous enough."""
+    """Raise BadInputError unless there are `FEWEST` times or more, all finite and increasing."""
     if len(time) < FEWEST:
         raise BadInputError(f"{name} has {len(time)} samples; give at least {FEWEST}")
     if not np.isfinite(time).all():
@@ -310,9 +311,7 @@ def _check_time(name: str, time: np.ndarray) -> None:
 
 
 def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray]) -> None:
-    """Raise BadInputError if a sample of an input is missing, because inputs must be known at all
-    times.
-    """
+    """Raise BadInputError if a sample of an input is missing."""
     for each, values in zip(names, inputs, strict=True):
         gaps = np.flatnonzero(~np.isfinite(values))
         if len(gaps):
@@ -373,9 +372,7 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
 
 
 def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of values so far beyond a signal's limits that their unit must be
-    wrong.
-    """
+    """Return a mask (N,) of values far beyond a signal's limits, which indicate a wrong unit."""
     half = 0.5 * (signal.max - signal.min)
     middle = 0.5 * (signal.max + signal.min)
     if not 0.0 < half < math.inf:

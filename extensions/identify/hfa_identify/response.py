@@ -2,8 +2,7 @@
 
 Between samples the inputs are linear in time or constant. The classical fourth-order Runge-Kutta
 method advances the states: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀) advance by
-S⁺ = Φ_x S + Φ_θ. CasADi differentiates the model. The chain rule yields Φ_x and Φ_θ. θ contains
-parameters of the model and errors of columns (`sensors.py`).
+S⁺ = Φ_x S + Φ_θ. θ contains parameters of the model and errors of columns (`sensors.py`).
 """
 
 from __future__ import annotations
@@ -81,7 +80,7 @@ class Response:
 class Responses:
     """Simulation of a model with free parameters.
 
-    model: the model; its parameters that are not free keep their values.
+    model: the model. Parameters that are not free keep their values.
     free: names of the unknowns θ, which are parameters and column errors.
     measured: names of the measured states and outputs.
     """
@@ -145,7 +144,7 @@ class Responses:
 
     @property
     def calm(self) -> Responses:
-        """Return the simulation in calm air, with the unknowns that do not describe turbulence."""
+        """The simulation in calm air, with the unknowns that do not describe turbulence."""
         return self
 
     @property
@@ -158,14 +157,14 @@ class Responses:
         return Responses(self.model, (*self.free, *names), self.measured)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether a column error can be an unknown, which is always the case here."""
+        """Return True, because every column error can be an unknown."""
         return True
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the variances of the residuals, (k,), and the derivatives of their logarithms, (k,
-        p).
+        """Return the variances of the residuals and the derivatives of their logarithms, or None.
 
-        The result is None if the variances are not functions of the unknowns.
+        The shapes are (k,) and (k, p). The result is None if the variances are not functions of the
+        unknowns.
         """
         return None
 
@@ -193,7 +192,7 @@ class Responses:
     def _true_inputs(
         self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
     ) -> list[ca.SX]:
-        """Return the true inputs as expressions, from the recorded ones and the unknown errors of
+        """Return the true inputs as expressions of the recorded inputs and the unknown errors of
         columns.
 
         Bias and scale error are corrected exactly, a delay to first order.
@@ -231,8 +230,7 @@ class Responses:
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the inputs of a record without their delays, and θ with these delays set to 0.
 
-        The inputs are (N, m). If a delay is an unknown, their time derivatives are appended, (N,
-        2m).
+        The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown.
         """
         if not self._late_inputs:
             return record.inputs, theta
@@ -249,8 +247,8 @@ class Responses:
     def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
         """Return the time derivatives of an input at these times, (N,).
 
-        They are differences over one sampling interval, which is centered at the time or ends
-        there.
+        A derivative is a difference over one sampling interval. The interval is centered at the
+        time, or ends there if the simulation must not use later samples.
 
         column: index of the input
         times: s, (N,)
@@ -278,9 +276,8 @@ class Responses:
     def _delay_slopes(
         self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
     ) -> None:
-        """Apply the delays to the sensitivities, which are changed in place.
-
-        The derivative with respect to each delay is set too.
+        """Apply the delays to the sensitivities in place, and set the derivatives with respect to
+        delays.
 
         y: quantities without delays, (N, k)
         slopes: sensitivities without delays, (N, k, p + n)
@@ -297,7 +294,7 @@ class Responses:
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
         """Raise BadInputError if the sampling interval is too long for a time in seconds.
 
-        It is compared with the time constant of the fastest mode at the initial state.
+        The limit is `_FAR_TOO_LONG` time constants of the fastest mode at the initial state.
         """
         longest = float(np.diff(record.time).max())
         fastest = self._fastest(record, start, theta)
@@ -319,7 +316,7 @@ class Responses:
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Return the number of samples, at least 1, in the longest permissible integration step.
+        """Return the number of samples in the longest permissible integration step, at least 1.
 
         The step depends on the fastest mode at the initial state.
         """
@@ -328,9 +325,8 @@ class Responses:
         return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue at the initial state, 1/s.
-
-        The result is 0 if the Jacobian is not finite.
+        """Return the largest magnitude of an eigenvalue at the initial state, 1/s, or 0 if it is
+        not finite.
         """
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest[None])
@@ -438,7 +434,7 @@ class Responses:
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
         """Return the derivatives of the states after a step, (steps, n, n + p).
 
-        They are derivatives with respect to the states before the step and to θ.
+        The derivatives are with respect to the states before the step and to θ.
 
         theta: unknowns, (p,)
         part: the steps
@@ -467,7 +463,7 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state derivatives x', (N, n), and their derivatives d x'/d(x, θ), (N, n, n +
+        """Return the state derivatives x', (N, n), and their derivatives dx'/d(x, θ), (N, n, n +
         p).
 
         states: (N, n)
@@ -513,8 +509,7 @@ class Responses:
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """Return the derivatives of the measured quantities with respect to states and θ, (N, k, n
-        + p).
+        """Return the derivatives of the measured quantities with respect to x and θ, (N, k, n + p).
 
         states: (N, n)
         inputs: (N, m)
@@ -550,7 +545,7 @@ def grid(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the inputs at the start and at the end of each integration step, and its duration.
 
-    The inputs are (steps, m) each. The durations are (steps,), s.
+    The shapes are (steps, m), (steps, m) and (steps,). Durations are in s.
 
     driven: inputs at the samples, (N, m)
     count: steps between two samples
@@ -571,8 +566,8 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 
     The first entry is S itself.
 
-    change: derivatives of the states after a step with respect to those before and to θ, (steps, n,
-        n + p)
+    change: derivatives of the states after a step with respect to the states before it and to θ,
+        (steps, n, n + p)
     S: sensitivities before the first step, (n, p + n)
     """
     n = change.shape[1]
@@ -585,9 +580,6 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
     """Return S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I), (N, n, p + n).
-
-    The steps are divided into blocks of equal length. All blocks advance together from (0, I). Then
-    each block is combined with S at the end of the preceding one.
 
     by_state: Φ_x, (steps, n, n)
     by_theta: Φ_θ, (steps, n, p)

@@ -39,7 +39,7 @@ class Rotation:
     state: name of the state z that is added to the model.
     of: flow angle whose noise also drives z, or "" if z has its own noise.
     sign: sign of z / τ in the rate relative to the air.
-    lag: time constant of z divided by exp(`LAG`), the lag that is common to all axes.
+    lag: τ / exp(`LAG`), where τ is the time constant of z. `LAG` is common to all axes.
     """
 
     state: str
@@ -59,8 +59,7 @@ ROTATIONS = {
 def rotations_of(model: Model) -> dict[str, Rotation]:
     """Return angular rate of the model -> rotation of the air.
 
-    Rotations are omitted if the model lacks the rate or flow angle, or if their unit is not the
-    radian.
+    A rotation is omitted if the model lacks the angular rate in rad/s or the flow angle in rad.
     """
     units = {name: signal.unit for name, signal in model.states.items()}
     return {
@@ -73,7 +72,7 @@ def rotations_of(model: Model) -> dict[str, Rotation]:
 def in_rotating_air(model: Model) -> Model:
     """Return the model with the states of the air's rotation and the parameter `LAG`.
 
-    A model without angular rates is returned unchanged.
+    A model for which `rotations_of` is empty is returned unchanged.
     """
     rotations = rotations_of(model)
     if not rotations:

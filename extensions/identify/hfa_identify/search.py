@@ -41,11 +41,11 @@ class Search:
         self._whole = OutputError(responses, self.records, self.bounds, self.guesses)
 
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
-        """Return the fit of the complete records. The search begins with a fit of short windows.
+        """Return the fit of the complete records.
 
-        Simulations of short windows do not diverge even if the initial parameters are far off. If
-        the fit of the complete records fails, the windows are fitted again with the variance of the
-        motion as noise variance.
+        The search begins with a fit of short windows, whose simulations do not diverge even if the
+        initial parameters are far off. If the fit of the complete records fails, the windows are
+        fitted again with the variance of the motion as noise variance.
 
         Raises FloatingPointError if the simulation diverges nevertheless.
         """
@@ -154,7 +154,7 @@ class Search:
     ) -> Fit:
         """Return the fit of the complete records, from given unknowns (p,) and initial states.
 
-        starts: initial state of each record, None for the guesses
+        starts: initial state of each record, (n,) each, or None for the guesses
         """
         begin = self.guesses if starts is None else starts
         return self._whole.fit(theta, begin, progress, most_steps=most_steps)

@@ -2,8 +2,8 @@
 
     recorded(t) = (1 + scale) true(t - delay) + bias
 
-Their names contain the column: `bias_alpha` is the bias of the column alpha. Inputs and measured
-quantities can have such errors.
+Inputs and measured quantities can have such errors. The name `bias_alpha` is the bias of the column
+alpha.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class SensorError:
         return f"{self.kind}_{self.column}"
 
     def signal(self, model: Model) -> Signal:
-        """Return the unit, nominal size and limits of the error. Its search begins at 0."""
+        """Return the unit, nominal size, limits and initial value 0 of the error."""
         if self.kind == "bias":
             declared = model.signals[self.column]
             return Signal(declared.unit, declared.nominal)

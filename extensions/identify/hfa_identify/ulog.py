@@ -41,9 +41,11 @@ _MICRO = 1e-6
 
 @dataclass(frozen=True)
 class LoggedColumn:
-    """Definition of a column by a field of a log: offset + scale field.
+    """Definition of a column as offset + scale field, for a field of a log.
 
+    name: name of the column
     message: name of the message
+    field: name of the field in the message
     instance: number of the message's instance
     """
 
@@ -61,9 +63,10 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     The times are those of the measured quantity with the most samples. Samples of other measured
     quantities are assigned to the nearest of these times. Inputs keep their last value.
 
-    table: TOML file that defines the columns
+    table: TOML file that defines the columns, or None, which is refused
 
-    Raises BadInputError if the log or the table is wrong, or if pyulog is missing.
+    Raises BadInputError if the table is missing, the log or the table is wrong, or pyulog is
+    missing.
     """
     if table is None:
         raise BadInputError(f"{path}: a log needs a table of its columns; add --columns FILE.toml")
@@ -88,7 +91,7 @@ def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedCo
 
     data: content of the table
 
-    Raises BadInputError, which names the column and its fault.
+    Raises BadInputError for an unknown key or column, and for a faulty definition.
     """
     for key in data:
         refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
@@ -203,7 +206,7 @@ def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarra
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Assign each sample to the nearest time. Other times have NaN, (N,).
+    """Return samples assigned to the nearest time, NaN for a time without a sample, (N,).
 
     time: (N,)
     stamps, values: times and values of the samples

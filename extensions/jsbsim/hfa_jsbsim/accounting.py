@@ -55,7 +55,8 @@ _NOT_READ = "as JSBSim ignores them too"
 def account(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes on omitted elements and on properties that are set or read unexpectedly.
 
-    Raises BadInputError, with file and line, for an unsupported element that affects the forces.
+    Raises BadInputError, with file and line, for an unsupported element, attribute or property that
+    affects the forces.
     """
     reached = equations.properties
     notes = _of_writers(equations)
@@ -135,9 +136,7 @@ _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "eng
 
 
 def _account_attributes(element: Element) -> None:
-    """Raise BadInputError for an attribute that JSBSim evaluates but this reader does not
-    support.
-    """
+    """Raise BadInputError for an attribute that JSBSim evaluates and that is not supported here."""
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
@@ -168,9 +167,7 @@ _MOST = 12
 
 
 def _refuse_readers(equations: Equations) -> None:
-    """Raise BadInputError if a force depends on a built-in JSBSim property that is not
-    supported.
-    """
+    """Raise BadInputError if a force depends on an unsupported built-in JSBSim property."""
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
@@ -182,9 +179,9 @@ def _refuse_readers(equations: Equations) -> None:
 def _of_writers(equations: Equations) -> list[Note]:
     """Return notes on built-in JSBSim properties that the files set.
 
-    They concern pilot commands that a component also sets, and settings that are ignored.
+    The notes concern pilot commands that a component also sets, and settings without effect.
 
-    Raises BadInputError if a file sets a built-in property whose value is not supported.
+    Raises BadInputError if a file sets a read-only property, or one that must not be set here.
     """
     properties = equations.properties
     notes = []

@@ -129,7 +129,7 @@ class Aerodynamics:
         """Return the force that acts at the reference point or at the center of gravity, body axes,
         lb.
 
-        In every frame except X, Y, Z, the first component is positive aft and the third is positive
+        In every frame except BODY, the first component is positive aft and the third is positive
         up.
         """
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
@@ -145,8 +145,8 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Return the lift, lb. In a simulation with JSBSim's frames it is the lift of the previous
-        frame.
+        """Return the lift, lb, or the lift of the previous frame in a simulation with JSBSim's
+        frames.
         """
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
@@ -157,8 +157,8 @@ class Aerodynamics:
         return (self._known_lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
-        """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes,
-        (3,) each.
+        """Return the force, lb, and the moment about the center of gravity, ft lb, body axes, (3,)
+        each.
         """
         force = self._force(at_center=False)
         sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
@@ -180,8 +180,8 @@ def _acts_at_center(function: Element) -> bool:
 def _frames(element: Element | None) -> tuple[str, str]:
     """Return the frame of the forces and the frame of the moments.
 
-    The forces can be in WIND, BODY, AXIAL or STABILITY axes, the moments in BODY, STABILITY or WIND
-    axes. Each frame is determined by the first axis that defines one.
+    Forces are in WIND, BODY, AXIAL or STABILITY axes, moments in BODY, STABILITY or WIND axes. The
+    first axis that defines a frame determines it.
 
     Raises BadInputError for an unknown frame.
     """

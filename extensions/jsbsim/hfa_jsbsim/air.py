@@ -1,6 +1,6 @@
-"""Air data: JSBSim's properties of atmosphere, airflow, velocity and attitude.
+"""JSBSim's properties of atmosphere, airflow, velocity and attitude.
 
-They are those of `FGStandardAtmosphere` and `FGAuxiliary`.
+They follow `FGStandardAtmosphere` and `FGAuxiliary`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _VISCOSITY = 2.269690e-08
 def pitot_pressure(mach: Any, pressure: Any) -> Any:
     """Return the total pressure in a pitot tube, in the unit of `pressure`.
 
-    The flow is isentropic below Mach 1. Rayleigh's formula applies above.
+    The flow is isentropic below Mach 1. Rayleigh's formula applies from Mach 1 on.
 
     pressure: static pressure
     """
@@ -99,6 +99,7 @@ class Motion:
     """Motion of the aircraft with derived quantities. In gusts the airflow differs from the states.
 
     speed, alpha, beta, air_velocity: airflow at the aircraft, ft/s and rad, body axes.
+    altitude: ft.
     velocity: velocity of the states, relative to the steady wind, body axes, ft/s.
     over_ground, ned: velocity relative to the ground, in body axes and in north, east, down, ft/s.
     rates: angular velocity, body axes, rad/s.
@@ -272,7 +273,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
 
 
 def _full_turn(angle: Any) -> Any:
-    """Return a negative angle plus 2π. Other angles are returned unchanged."""
+    """Return a negative angle plus 2π, and any other angle unchanged."""
     return ca.if_else(angle < 0.0, angle + 2.0 * math.pi, angle)
 
 

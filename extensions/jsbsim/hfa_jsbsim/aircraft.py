@@ -155,21 +155,19 @@ class Equations:
         self.notes += self.properties.notes
 
     def _planet_rates(self) -> Any:
-        """Return the angular velocity of the earth in body axes, rad/s, which is neglected here."""
+        """Return 0: the angular velocity of the earth in body axes, rad/s, is neglected here."""
         return 0.0
 
     def _throttles(self) -> list[str]:
-        """Return the names of the throttles: one for each engine if separate throttles are
-        selected, else one.
+        """Return the names of the throttles: one for each engine if throttles are separate, else
+        one.
         """
         if self.parts.choices.throttles and self.parts.engines:
             return [f"throttle{file.number}" for file in self.parts.engines]
         return ["throttle"]
 
     def _parameter_names(self) -> Iterator[str]:
-        """Yield the names of the parameters: levers, gravity, wind, tanks, point masses and
-        engines.
-        """
+        """Yield the names of the parameters."""
         yield from (*_LEVERS, "mixture", "advance", "gravity", *WINDS)
         yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
         yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
@@ -315,7 +313,7 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Use the position of a throttle as the input if the control system does not pass on its
+        """Use a throttle's position as the input if the control system does not pass on its
         command.
 
         A note reports this to the user.
@@ -359,11 +357,12 @@ class Equations:
     def _define_property(self, element: Element, overrides: bool) -> None:
         """Set the property of a <property> element.
 
-        A built-in JSBSim property is set if it can be written. Pilot commands keep their symbols.
-        The value of a parameter becomes its value at the start. Any other property is set unless it
-        has a value already and `overrides` is False.
+        - A writable built-in property is set if the element has a value, with two exceptions. Pilot
+          commands keep their symbols. A parameter keeps its symbol, and the value becomes its value
+          at the start, except for the levers mixture and advance.
+        - Another property is set if `overrides` is True or the property has no value yet.
 
-        Raises BadInputError for a read-only JSBSim property.
+        Raises BadInputError for a read-only built-in property.
         """
         value = element.as_number(element.attributes.get("value", "0"))
         rights = access(plain(element.text))
@@ -389,12 +388,14 @@ class Equations:
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
-        """Define the property named by a function or a table. It is computed when it is first read.
+        """Define the property named by a function or a table, to be computed when it is first read.
 
-        A property in `copyto` may not be read: BadInputError then asks for the function's name.
+        A property in `copyto` must not be read: BadInputError then asks for the function's name.
 
         number: index of the engine that contains the function, or None
         order: position in JSBSim's order of evaluation
+
+        Raises BadInputError if another function has this name.
         """
         name = "-".join(element.attributes["name"].split(" "))
         copy = element.attributes.get("copyto")
@@ -423,7 +424,7 @@ class Equations:
             self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
-        """Define the properties of an engine. Return a writer whose value is the engine's
+        """Define the properties of an engine, and return a writer whose value is the engine's
         `Effect`.
         """
         writer = jets.add_engine(file, around, computing(file, around))
@@ -447,7 +448,7 @@ class Equations:
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _effects(self) -> list[Effect]:
-        """Return the force, moment and thrust of each engine."""
+        """Return the effect of each engine."""
         return [
             self.properties.value_of(writer, file.full_name("thrust"), file.mount.where)
             for file, writer in zip(self.parts.engines, self._engines, strict=True)
@@ -497,7 +498,9 @@ class Equations:
     def _add_filters(self) -> None:
         """Add the filter states of the control system with their time derivatives.
 
-        A derivative may require further filter states, which are added too.
+        Filter states that a derivative requires are added too.
+
+        Raises BadInputError if the output of a filter cannot be computed.
         """
         done = 0
         while done < len(self.properties.filters):
@@ -515,8 +518,8 @@ class Equations:
         """Solve for the time derivatives of alpha and beta, on which forces may depend, and
         substitute them.
 
-        One Newton step is exact if the equations are linear in them. Otherwise three steps are
-        made, which suffices for quadratic equations.
+        One Newton step is exact for linear equations. Otherwise three steps are made, which
+        suffices for quadratic equations.
         """
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
@@ -536,10 +539,11 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Replace the wind parameters by the wind that the files set, if any.
+        """Replace the wind parameters by the sum of wind, gust and turbulence that the files set,
+        if any.
 
-        Raises BadInputError if this wind depends on the states, because these are relative to a
-        steady wind.
+        Raises BadInputError if this wind depends on the states, which are relative to a steady
+        wind.
         """
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             total = ca.SX(0.0)
@@ -561,8 +565,10 @@ class Equations:
     def _stop_clock(self) -> None:
         """Set the simulation time to 0.
 
-        Raises BadInputError if the time derivatives in steady flight depend on it. If they do so at
-        other states only, a note is added.
+        A note is added if the time derivatives depend on the simulation time, but not in steady
+        flight.
+
+        Raises BadInputError if they depend on the simulation time in steady flight.
         """
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):

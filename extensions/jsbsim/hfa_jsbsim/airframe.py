@@ -122,7 +122,7 @@ class PointMass:
     has_form: bool
 
     def inertia_at(self, weight: Any) -> Any:
-        """Return the inertia about its center for another weight, slug ft², (3, 3).
+        """Return the inertia about the point mass's center for another weight, slug ft², (3, 3).
 
         weight: lb
         """
@@ -205,7 +205,9 @@ def _tank(element: Element) -> Tank:
 def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
     """Return a function (contents, lb) -> three moments of inertia, slug ft².
 
-    It is that of `FGTank::CalculateInertias`.
+    The formulas are those of `FGTank::CalculateInertias`.
+
+    Raises BadInputError for a grain of an unsupported type or without volume.
     """
     radius = element.value_of("radius", 0.0, "IN") / 12.0
     factor = element.value_of("inertia_factor", 1.0)
@@ -283,7 +285,8 @@ def _column(values: Any) -> ca.SX:
 def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[PointMass]) -> Mass:
     """Return the mass for the tank contents and point masses in the file, in numbers.
 
-    Raises BadInputError if the weight or a moment of inertia is not positive and finite.
+    Raises BadInputError if the weight is not positive and finite, or if the inertia matrix is not
+    finite and positive definite.
     """
     empty = read_empty(element)
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]
@@ -309,8 +312,8 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
 def _inertia(element: Element) -> np.ndarray:
     """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3).
 
-    The off-diagonal elements xy and yz are the negatives of ixy and iyz, unless
-    negated_crossproduct_inertia is "false". The element xz has the opposite sign of that rule.
+    The elements xy and yz are -ixy and -iyz, and xz is ixz. If negated_crossproduct_inertia is
+    "false", these three elements have the opposite signs.
     """
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     xx, yy, zz, xy, xz, yz = (element.value_of(name, 0.0, "SLUG*FT2") for name in names)
@@ -325,8 +328,9 @@ def _inertia(element: Element) -> np.ndarray:
 
 
 def _point_mass(element: Element) -> PointMass:
-    """Return the point mass of an element. Its inertia is given by its <form>, or by ixx ...
-    iyz.
+    """Return the point mass of an element, with the inertia of its <form> or given by ixx ... iyz.
+
+    Raises BadInputError for an unknown shape.
     """
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")

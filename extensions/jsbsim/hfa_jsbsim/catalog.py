@@ -96,10 +96,10 @@ def _properties() -> dict[str, str]:
 
 
 def access(name: str) -> str:
-    """Return the access rights of a built-in JSBSim property, "R", "RW" or "W", or "" if it is not
-    built in.
+    """Return the access rights of a built-in JSBSim property, "R", "RW" or "W", or "" for other
+    names.
 
-    The number of an engine, tank or wheel in the name is ignored.
+    Numbers of engines, tanks and wheels in the name are ignored.
     """
     if of_component(name):
         return "RW"
@@ -107,9 +107,7 @@ def access(name: str) -> str:
 
 
 def of_component(name: str) -> bool:
-    """Return whether JSBSim creates a property of this name for a component of the control
-    system.
-    """
+    """Return whether JSBSim creates a property of this name for a control-system component."""
     return name.endswith(_OF_COMPONENTS)
 
 

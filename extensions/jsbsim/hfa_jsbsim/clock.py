@@ -25,6 +25,7 @@ def moves_with_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool
     """Return whether time derivatives in a typical steady flight change with the simulation time.
 
     rates: time derivatives, expressions of `time` and `symbols`
+    symbols: all other symbols in `rates`
     """
     function = ca.Function("rates", [time, ca.vertcat(*symbols)], [rates])
     usual = [_USUAL.get(symbol.name(), 0.0) for symbol in symbols]

@@ -13,16 +13,16 @@ from hfa_support.errors import shortened
 
 
 def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
-    """Return the value of a child element, which contains a number or the name of a property.
+    """Return the value of a child element, given as a number or as the name of a property.
 
-    default: value if there is no such child
+    default: value without such a child
     """
     child = element.find(name)
     return default if child is None else properties.value(child.text, child)
 
 
 def coefficients(component: Element, properties: Properties, count: int) -> list[Any]:
-    """Return the values of <c1>, <c2>, ..., which contain numbers or names of properties.
+    """Return the values of <c1>, <c2>, ..., given as numbers or as names of properties.
 
     count: number of coefficients
 
@@ -43,9 +43,7 @@ def input_of(component: Element, properties: Properties) -> Any:
 
 
 def _input(child: Element, properties: Properties) -> Any:
-    """Return the value of the property named by an <input>. Raises BadInputError if it is a
-    number.
-    """
+    """Return the value of the property named by an <input>. Raises BadInputError for a number."""
     if number_of(child.text) is not None:
         raise child.error(f"<input> is {shortened(child.text)}; give the name of a property")
     return properties.value(child.text, child)
@@ -71,7 +69,7 @@ def beyond(value: Any, width: Any) -> Any:
 
 
 def settling(component: Element, properties: Properties) -> Any:
-    """Return <c1> of a filter, 1/s. Raises BadInputError if it is not positive."""
+    """Return <c1> of a filter, 1/s. Raises BadInputError for a constant that is not positive."""
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
         raise component.error(

@@ -69,7 +69,10 @@ def _add_component(
 ) -> Writer:
     """Define the properties that a component sets, and return their writer.
 
-    They are named by the component, by its <output> and by the cases of a distributor.
+    The component's name, its <output> elements and the cases of a distributor name these
+    properties.
+
+    Raises BadInputError for an <output> with a sign.
     """
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
@@ -100,10 +103,10 @@ def _add_component(
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
-    """Remove the outputs of a channel whose property `execute` is 0, so that they keep their
-    initial values.
+    """Remove the outputs of a channel whose property `execute` is 0, so that initial values remain.
 
-    If `execute` is not constant, reading one of the outputs raises BadInputError.
+    Raises BadInputError if `execute` is never set. If it is not constant, reading one of the
+    outputs raises BadInputError.
     """
     name = channel.attributes["execute"]
     if not properties.is_known(name):
@@ -128,8 +131,9 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
 
 
 def _join_units(properties: Properties) -> None:
-    """Define surface positions in radians from those set in degrees and vice versa, with their
-    magnitude.
+    """Define surface positions in radians from degrees or vice versa, and their magnitude.
+
+    If a component sets both units, the later one in the order of evaluation is used.
     """
     for surface in SURFACES:
         in_rad = f"fcs/{surface}-pos-rad"
@@ -164,8 +168,9 @@ def join_surface(
 
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return the output of a component, within its limits. It is the steady-state output, except in
-    frames.
+    """Return the output of a component, within its limits.
+
+    The output is that of one frame in equations of a frame, else the steady-state output.
 
     Raises BadInputError if the component has no steady-state output.
     """
@@ -189,6 +194,8 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     """Return a value within the limits of <clipto>.
 
     As in JSBSim, the limits are ignored if one is missing or if they are exchanged.
+
+    Raises BadInputError for a cyclic <clipto>.
     """
     limits = component.find("clipto")
     if limits is None or limits.find("min") is None or limits.find("max") is None:
@@ -219,7 +226,7 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
     """Return the input scaled from <domain> to <range>.
 
-    If the domain is centered at zero, positive and negative inputs have separate slopes.
+    Positive and negative inputs have separate slopes about 0 unless <zero_centered> is 0 or false.
     """
     domain = component.find("domain")
     lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
@@ -253,8 +260,9 @@ def _deadband(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the input after lag, deadband and bias. Rate limits and hysteresis are omitted with a
-    note.
+    """Return the input after lag, deadband and bias.
+
+    Rate limits and hysteresis are omitted with a note.
     """
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
@@ -335,8 +343,11 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s + c2) / (c3 s + c4), which is c2 / c4 times the input in steady
-    state.
+    """Return the output of (c1 s + c2) / (c3 s + c4).
+
+    In steady state it is c2 / c4 times the input.
+
+    Raises BadInputError if c4 is 0, or if c3 is 0 and filters are states.
     """
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
@@ -356,6 +367,8 @@ def _second_order(component: Element, properties: Properties) -> Any:
     """Return the output of (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6).
 
     In steady state it is c3 / c6 times the input.
+
+    Raises BadInputError if c6 is 0, or if c4 is 0 and filters are states.
     """
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
@@ -375,7 +388,10 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _switch(component: Element, properties: Properties) -> Any:
-    """Return the value of the first <test> that is true, or the default."""
+    """Return the value of the first <test> that is true, else of <default>, else 0.
+
+    Raises BadInputError for a <test> or <default> without a value.
+    """
     default = component.find("default")
     value: Any = 0.0
     if default is not None:
@@ -439,11 +455,12 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return kp u + ki times the integral of u + kd pvdot (`FGPID`). For an integrator ki is c1.
+    """Return kp u + ki ∫ u dt + kd u' for the input u (`FGPID`), where ki of an integrator is c1.
 
-    The integral is 0 unless filters are states. The derivative of the input is 0 in steady state.
+    For a <pid> of type "standard" the result is kp (u + ki ∫ u dt + kd u'). The integral is 0
+    unless filters are states. u' is <pvdot>, or 0 without it.
 
-    Raises LoopError if the integral depends on the pilot's commands.
+    Raises LoopError as `_integral` does.
     """
     value = ca.SX(input_of(component, properties))
     integral = component.find("ki") if component.name == "pid" else component.need("c1")
@@ -468,11 +485,12 @@ def _integral(
 ) -> Any:
     """Return the integral of gain times value, constant while <trigger> is not 0.
 
-    It is 0 if filters are not states, or if <trigger> is always negative.
+    The integral is 0 if filters are not states, or if <trigger> is always negative.
 
     commands: symbols of the pilot's commands
 
-    Raises LoopError if filters are not states and the value depends on the pilot's commands.
+    Raises LoopError if filters are not states, the value depends on the pilot's commands, and
+    `properties.centered` is False.
     """
     try:
         trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
@@ -517,8 +535,8 @@ KINDS = (
 def surface_limits(writer: Writer | None) -> tuple[float, float]:
     """Return the lowest and highest output of the component that sets a surface.
 
-    They are given by <clipto>, <range> or detents. They are infinite if they are unknown or not
-    constant.
+    The limits are given by <clipto>, <range> or detents. Limits that are unknown or not constant
+    are infinite.
     """
     component = writer.component if writer else None
     if component is None:

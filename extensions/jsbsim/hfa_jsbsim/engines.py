@@ -1,5 +1,5 @@
-"""Engines and thrusters (`FGEngine`, `FGThruster`), with the turbine, rocket, turboprop and
-electric kinds.
+"""Engines and thrusters (`FGEngine`, `FGThruster`): turbines, rockets, turboprops, electric
+engines.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ class EngineFile:
     thruster: element of the thruster: propeller, direct or nozzle.
     location: location of the thruster, structural frame, inches.
     feeds: indices of the tanks that feed the engine.
-    dry_of: "fuel" or "oxidizer" if its tanks are empty in the file, else "".
+    dry_of: "fuel" or "oxidizer" if the tanks that feed the engine contain none in the file, else
+        "".
     """
 
     number: int
@@ -88,7 +89,7 @@ class EngineFile:
     def gear_ratio(self) -> float:
         """Revolutions of the engine per revolution of the propeller.
 
-        Raises BadInputError if the ratio is too small.
+        Raises BadInputError if the ratio is below `_SLOWEST_GEAR`.
         """
         ratio = self.thruster.value_of("gearratio", 1.0)
         if ratio < _SLOWEST_GEAR:
@@ -152,8 +153,8 @@ class Effect:
 def read_engine(
     number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
 ) -> EngineFile | Element:
-    """Return the engine of an <engine> element. If it is not supported, return the unsupported
-    element.
+    """Return the engine of an <engine> element, or the element of an unsupported engine or
+    thruster.
 
     opened: function that returns the root of the file that an element names
     """
@@ -213,9 +214,10 @@ class Surroundings:
 
 
 def running(file: EngineFile, around: Surroundings) -> ca.SX:
-    """Return whether the engine runs, as an expression that is 1 or 0.
+    """Return 1 if the engine runs, else 0, as an expression.
 
-    It runs if its parameter is positive and tanks feed it (`FGPropulsion::ConsumeFuel`).
+    An engine runs if its parameter is positive and tanks feed it (`FGPropulsion::ConsumeFuel`). An
+    electric engine needs no tank.
     """
     on = around.parameters[f"engine{file.number}"] > 0.0
     if file.kind == "electric_engine":
@@ -228,8 +230,7 @@ def running(file: EngineFile, around: Surroundings) -> ca.SX:
 
 
 def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
-    """Return whether at least one tank that feeds the engine is open and contains usable fuel or
-    oxidizer.
+    """Return whether an open tank that feeds the engine contains usable fuel or oxidizer.
 
     kind: "FUEL" or "OXIDIZER"
     """
@@ -290,7 +291,9 @@ def pushed(
 def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     """Return the effect of an engine without propeller.
 
-    thrust: lb; a nozzle reduces it by the ambient pressure, and a reverser changes its direction
+    A nozzle reduces the thrust by ambient pressure times area. A reverser changes its direction.
+
+    thrust: lb
     """
     properties = around.properties
     if file.thruster.name == "nozzle":
@@ -317,8 +320,8 @@ def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
 def spool_error(file: EngineFile, around: Surroundings) -> Any:
     """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
 
-    The steady-state speed depends on the throttle. If the turbine does not run, it is the
-    windmilling speed.
+    The steady-state speed is given by the throttle, or is the windmilling speed if the turbine does
+    not run.
     """
     low, high = file.shaft("n2")
     on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
@@ -327,7 +330,7 @@ def spool_error(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
-    """Return the windmilling speed of a turbine's shaft, %.
+    """Return the windmilling speed of a turbine's shaft, %, 0 if disable-windmill is set.
 
     name: "n1" or "n2"
     """
@@ -398,7 +401,7 @@ def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
 def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
     """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`).
 
-    It is at its limit until the target can be reached within one frame.
+    The acceleration is at a limit until the target can be reached within one frame.
 
     speed: present speed, %
     """
@@ -417,7 +420,7 @@ def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
 
 
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
-    """Return the thrust of a turbine, lb. It is 0 if the turbine does not run.
+    """Return the thrust of a turbine, lb, 0 if the turbine does not run.
 
     Raises BadInputError if the function IdleThrust or MilThrust is missing.
     """
@@ -517,7 +520,9 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
 def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     """Return the power of a turboprop, hp (`FGTurboProp::Run`).
 
-    The torque limit is smooth outside frames. Raises BadInputError if a table is missing.
+    Outside frames the torque limit is smooth.
+
+    Raises BadInputError if a table is missing.
     """
     engine = file.engine
     speed = lag_state(file, around)
@@ -548,7 +553,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
 
 
 def electric_power(file: EngineFile, around: Surroundings) -> Any:
-    """Return the power of an electric engine, hp. It is 0 if the engine does not run."""
+    """Return the power of an electric engine, hp, 0 if the engine does not run."""
     power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
     return ca.if_else(running(file, around), power, 0.0)
 
@@ -580,9 +585,7 @@ def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
 def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
     """Define the properties of an engine and return the writer whose value is its `Effect`.
 
-    The effect is computed when it is first needed.
-
-    compute: function without arguments that returns the `Effect`
+    compute: function without arguments that returns the `Effect`, called when it is first needed
     """
     properties = around.properties
     writer = Writer(compute, file.mount.where)

@@ -15,8 +15,9 @@ class EquationsOfMotion:
     """Equations (x, u, p, w) -> (rates by state, outputs by name), for numbers or expressions.
 
     still: function (x, u, p) -> (rates, outputs) as columns, without gusts.
-    gusty: function without arguments that builds (x, u, p, w) -> (rates, outputs). It is called
-        when gusts are first not 0.
+    gusty: function without arguments that builds (x, u, p, w) -> (rates, outputs), called when
+        gusts
+        are first not 0.
     jsbsim_steps: function (step, s) -> simulation of the model with JSBSim's frames
         (`frame.Frames`).
     """

@@ -1,6 +1,6 @@
-"""Simulation with JSBSim's frames: its order of computations and its integrators.
+"""Simulation with JSBSim's order of computations and its integrators.
 
-They follow `FGFDMExec::Run`, `FGPropagate`, `FGAccelerations`, `FGInertial` and `FGLocation`. A
+The source is `FGFDMExec::Run`, `FGPropagate`, `FGAccelerations`, `FGInertial` and `FGLocation`. A
 frame first moves the aircraft with the accelerations of the previous frame. Control system, mass,
 atmosphere, engines and forces follow in this order. Each uses the latest values.
 """
@@ -58,9 +58,7 @@ class Planet:
 
 
 class _FrameEquations(Equations):
-    """Forces, moments, mass and stored values at the end of a frame, in place of the rates of
-    `Equations`.
-    """
+    """Forces, moments, mass and stored values at the end of a frame, in place of rates."""
 
     def __init__(self, parts: Parts) -> None:
         self.planet_rates = ca.SX.sym("planet_rates", 3)
@@ -87,7 +85,7 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """Add the values that are stored for the next frame, with the stored values that these
+        """Add the values that are stored for the next frame, and the stored values that they
         require.
         """
         memories = self.properties.memories
@@ -99,7 +97,9 @@ class _FrameEquations(Equations):
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Do nothing: the time derivatives of alpha and beta are those of the previous frame."""
+        """Do nothing, because forces depend on the derivatives of alpha and beta in the previous
+        frame.
+        """
 
     def _stop_clock(self) -> None:
         """Set the simulation time to 0."""
@@ -107,10 +107,7 @@ class _FrameEquations(Equations):
 
 
 class Frames:
-    """Simulation of an aircraft with JSBSim's frames.
-
-    `begin` sets the initial state, and `advance` computes one frame.
-    """
+    """Simulation of an aircraft with JSBSim's frames."""
 
     def __init__(
         self,
@@ -157,7 +154,7 @@ class Frames:
         """Set the initial state, at a point on the equator.
 
         Engine lags and filters that are not states of the model settle first, for at most
-        `_LONGEST` s. If some still move after this time, a warning is issued.
+        `_LONGEST` s. A warning is issued if a change in the last frame exceeds `_SETTLED`.
 
         x, p, u: states, parameters and inputs of the model
         """
@@ -200,8 +197,9 @@ class Frames:
         return x.copy()
 
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
-        """Return JSBSim's variables of motion at a state over the equator, with zero accelerations,
-        (_SIZE,).
+        """Return JSBSim's variables of motion at a state over the equator, (_SIZE,).
+
+        All accelerations are 0.
 
         values: name -> value of each state
         wind: north, east and down, ft/s, (3,)
@@ -231,7 +229,7 @@ class Frames:
 
         z contains the variables of motion, the engine states and the stored values.
 
-        moving: whether the aircraft moves. If not, only z is returned.
+        moving: whether the aircraft moves. Otherwise the function returns z alone.
         """
         z = ca.SX.sym("z", _SIZE + len(self._engines) + len(self._memories))
         u = ca.SX.sym("u", len(self._inputs))

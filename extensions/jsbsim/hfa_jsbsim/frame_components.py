@@ -1,6 +1,6 @@
 """Dynamic components of the control system, computed once per frame as in JSBSim.
 
-They follow `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
+The source is `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ class _Past:
         return ca.if_else(has_begun > 0.0, value, begin)
 
     def input_of_filter(self, component: Element) -> ca.SX:
-        """Return the input of a filter. It is 0 in the first frame, because JSBSim reads it from
-        the second on.
+        """Return the input of a filter, 0 in the first frame, in which JSBSim does not read the
+        input.
         """
         return self.unless_first(input_of(component, self._properties), 0.0)
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
-    """Return the factor of both inputs and the factor of the last output of a lag, by Tustin's
-    method.
+    """Return the factor of both inputs and the factor of the last output of a lag (Tustin's
+    method).
 
     rate: corner frequency, 1/s
     step: s
@@ -121,8 +121,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the output of an actuator: lag, rate limits, deadband, hysteresis and bias, in this
-    order.
+    """Return the input after lag, rate limits, deadband, hysteresis and bias, in this order.
 
     Raises BadInputError for an actuator with a delay.
     """

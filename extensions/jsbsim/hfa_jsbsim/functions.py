@@ -34,7 +34,7 @@ def _integer(value: Any) -> Any:
 
 
 def _fraction(value: Any) -> Any:
-    """Return the fractional part of a value, 0 for infinity, as in C."""
+    """Return the fractional part of a value, or 0 for an infinite value, as in C."""
     return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
 
 
@@ -45,8 +45,9 @@ def _rounded(value: Any) -> Any:
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """Return the value at the rounded index, NaN for an index without a value, where JSBSim
-    stops.
+    """Return the value at the rounded index, NaN if the index is negative or has no value.
+
+    JSBSim stops for such an index.
     """
     chosen = ca.SX.nan()
     for number in range(len(values) - 1, -1, -1):
@@ -57,7 +58,7 @@ def _switch(index: Any, *values: Any) -> Any:
 def _interpolate1d(argument: Any, *pairs: Any) -> Any:
     """Return the linear interpolation between points, constant beyond the first and last point.
 
-    The interval is found by bisection, as in JSBSim, also if the x do not increase.
+    As in JSBSim, the interval is found by bisection even if the x do not increase.
 
     pairs: x1, y1, x2, y2, ...
     """
@@ -79,8 +80,7 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
 
 
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a logarithm function that is minus infinity for arguments that are not positive, as in
-    JSBSim.
+    """Return a logarithm that is minus infinity for arguments that are not positive, as in JSBSim.
 
     function: the logarithm
     """
@@ -227,7 +227,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
 
 
 def _is_minus_zero(value: Any) -> bool:
-    """Return whether a value is the number -0. Expressions do not keep its sign."""
+    """Return whether a value is the number -0, whose sign an expression does not keep."""
     return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
@@ -253,7 +253,7 @@ class Table:
     values: (n1, ..., nd), with the axes rows, columns and tables.
     breakpoints: breakpoints of each axis, d arrays.
     parts: one table for each breakpoint of the last axis, if these tables have different
-        breakpoints; else (). With parts, `values` is not used, and `breakpoints` contains the last
+        breakpoints, else (). With parts, `values` is not used, and `breakpoints` contains the last
         axis only.
     """
 
@@ -284,8 +284,8 @@ class Table:
 def read_table(element: Element) -> Table:
     """Return the content of a <table>, or of a <tableData> that contains others.
 
-    Raises BadInputError for missing data, fewer than two rows or columns, or breakpoints that do
-    not increase.
+    Raises BadInputError for missing or faulty data, fewer than two rows or columns, or breakpoints
+    that do not increase.
     """
     nested = list(element.all("tableData"))
     if not nested and element.name != "tableData":
@@ -303,11 +303,11 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Return one table with an additional axis, made of <tableData> elements.
+    """Return the table of several <tableData> elements, which adds an axis.
 
-    Their attribute breakPoint contains the breakpoints of this axis.
+    The attribute breakPoint of an element is its breakpoint on this axis.
 
-    Raises BadInputError if they have no columns or different numbers of axes.
+    Raises BadInputError if the elements have no columns or different numbers of axes.
     """
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
@@ -334,8 +334,9 @@ def _stacked(nested: list[Element]) -> Table:
 def _rows(data: Element) -> Table:
     """Return the table in the text of an element.
 
-    Each row is a pair (breakpoint, value). Alternatively, the first row contains the breakpoints of
-    the columns, and each further row a breakpoint and the values.
+    - If all rows have two numbers, each is a pair (breakpoint, value).
+    - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
+      breakpoint and the values.
 
     Raises BadInputError for text that is not a table of finite numbers.
     """

@@ -18,7 +18,7 @@ class Note(NamedTuple):
     """Note about an element of a file.
 
     statement: the statement
-    subject: part of the file that it concerns, "" for the whole file
+    subject: part of the file that the statement concerns, "" for the whole file
     where: file and line
     rank: FORCE, MOTION or IDLE, from the most to the least important
     """
@@ -42,9 +42,7 @@ def grouped(notes: Iterable[Note]) -> list[str]:
 
 
 def _line(statement: str, notes: list[Note]) -> str:
-    """Return a statement followed by its subjects, files and lines. Only `_MOST` per file are
-    listed.
-    """
+    """Return a statement followed by its subjects, files and lines, at most `_MOST` per file."""
     by_file: dict[str, list[str]] = {}
     for note in dict.fromkeys(notes):
         file, _, line = note.where.rpartition(":")

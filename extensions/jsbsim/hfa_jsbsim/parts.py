@@ -95,7 +95,7 @@ class Parts:
                 raise engine.error(refusal(engine))
 
     def section(self, name: str) -> Element | None:
-        """Return the first section of this name, or None if there is none."""
+        """Return the first section of this name, or None."""
         return next((part for part in self.sections if part.name == name), None)
 
     def systems(self) -> list[Element]:

@@ -47,8 +47,10 @@ def piston_power(
 ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
     """Return (power, properties, rates) of a piston engine.
 
-    The power is in hp. Properties are values by name. Rates contain the time derivative of the
-    manifold pressure, inHg/s, if that is a state.
+    - power: hp
+    - properties: last part of the name -> value
+    - rates: {manifold pressure state: time derivative, inHg/s}, empty if the pressure is not a
+      state
     """
     engine = file.engine
     air = around.motion.air
@@ -96,7 +98,7 @@ def piston_power(
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
-    """Return a number from the engine's file, or the value to which a system sets this property.
+    """Return a number from the engine's file, or the value to which a system sets it.
 
     default: value if the file does not contain the number
     """
@@ -126,7 +128,8 @@ class _Breathing:
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
         """Return the ratio of the pressure behind the throttle to the ram pressure.
 
-        It also increases beyond full throttle, so that a trim search has a descent direction there.
+        The ratio also increases beyond full throttle, so that a trim search has a descent direction
+        there.
 
         throttle: 0 to 1
         piston_speed: mean speed of the pistons, ft/s
@@ -139,7 +142,7 @@ class _Breathing:
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
     """Return the brake specific fuel consumption, lb/(hp h).
 
-    It is set by a system, contained in the file, or consistent with the rated power.
+    The value of a system takes precedence over the file, and the file over the rated power.
     """
     name = file.full_name("bsfc-lbs_hphr")
     own_value = _own_consumption(file.engine, breathing)
@@ -147,9 +150,7 @@ def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) 
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
-    """Return the fuel consumption in the file, lb/(hp h), or the one consistent with the rated
-    power.
-    """
+    """Return the fuel consumption in the file, or from the rated power, lb/(hp h)."""
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
@@ -182,7 +183,8 @@ def _boosted(
 ) -> Any:
     """Return the manifold pressure behind the supercharger, Pa.
 
-    The gear of the supercharger depends on the ambient pressure, or on the boost lever.
+    An engine without supercharger returns `throttled`. The gear of the supercharger depends on the
+    ambient pressure, or on the boost lever if boostmanual is 1.
 
     throttled: pressure behind the throttle, Pa
     ambient: ambient pressure, Pa
@@ -222,10 +224,12 @@ def _boosted(
 
 
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Return the data of each gear of the supercharger, [] without one.
+    """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear of the
+    supercharger.
 
-    They are multiplier, rated speed (rpm), rated pressure (Pa), and the ambient pressure (Pa) below
-    which the next gear is used. Gears from the first invalid one on have no effect.
+    The speed is in rpm and the pressures are in Pa. Below the switch pressure of the air the next
+    gear is used. Gears from the first invalid one on have the multiplier 1. The list is empty
+    without a supercharger.
     """
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[tuple[float, float, float, float]] = []

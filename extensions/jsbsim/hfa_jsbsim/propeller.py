@@ -24,7 +24,7 @@ _FEATHERING = 1.0 / 300.0
 
 
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
-    """Return the thrust, torque and moments of a propeller.
+    """Return the effect of a propeller.
 
     C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T ρ n² D⁴, and
     the absorbed power is C_P ρ n³ D⁵. An engine at rest absorbs no power (`FGPiston::Calculate`).
@@ -84,7 +84,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 
 
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle, deg, and {state: time derivative} if a governor changes it, else {}.
+    """Return the blade angle, deg, and {state: time derivative} of a governed angle, else {}.
 
     The governor turns the blades at rpm - (wanted rpm), in deg/s. The limits of the angle are
     reached within one frame and are equilibria.
@@ -151,7 +151,7 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches. The P-factor displaces it with the flow
+    """Return the point where the thrust acts, inches, which the P-factor displaces with the flow
     angle.
 
     location: location of the propeller, inches

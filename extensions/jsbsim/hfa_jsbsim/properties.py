@@ -1,4 +1,4 @@
-"""JSBSim's properties by name. Their values are expressions that are computed when first read."""
+"""JSBSim's properties by name, whose values are expressions that are computed when first read."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class FilterState:
 
     symbol: the state
     component: element of the component
-    writer: writer of its time derivative, or None until that is known
+    writer: writer of the state's time derivative, or None before `set_rate`
     """
 
     symbol: ca.SX
@@ -109,13 +109,14 @@ class Memory:
 class Properties:
     """All properties of an aircraft.
 
-    unset: property that is read but never set -> file and line where it is first read. Its value is
-        0, as in JSBSim.
+    unset: property that is read but never set -> file and line where it is first read. As in JSBSim
+        its
+        value is 0.
     notes: notes for the user.
     interpolate: interpolation of tables.
     centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
     has_filter_states: whether dynamic components have states.
-    step: duration of JSBSim's frame, s, if values are those of a frame; else 0.
+    step: duration of JSBSim's frame, s, or 0 if values are not those of a frame.
     memories: name -> value that is stored for the next frame.
     travels: (component, target) of each <kinematic> that takes time to move.
     filters: states of dynamic components.
@@ -148,13 +149,11 @@ class Properties:
         self._initial[plain(name)] = value
 
     def compute(self, name: str, writer: Writer) -> None:
-        """Add a writer of a property. Its value is computed when it is first read."""
+        """Add a writer of a property, whose value is computed when the property is first read."""
         self._writers.setdefault(plain(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
-        """Remove a writer. Properties without another writer have their initial value, or
-        else 0.
-        """
+        """Remove a writer. Properties without another writer have their initial value, else 0."""
         for name, writers in list(self._writers.items()):
             if writer in writers:
                 writers.remove(writer)
@@ -179,7 +178,8 @@ class Properties:
     def set_rate(self, symbol: ca.SX, compute: Callable[[], Any]) -> None:
         """Set the function that computes the time derivative of a state.
 
-        It is evaluated at the position of the current component in the order of evaluation.
+        The function is evaluated at the position of the current component in the order of
+        evaluation.
         """
         state = next(each for each in self.filters if each.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
@@ -196,9 +196,7 @@ class Properties:
         return self.memories[name].symbol
 
     def before(self, name: str) -> Any:
-        """Return a property at the end of the previous frame. Outside frames, return its present
-        value.
-        """
+        """Return a property at the end of the previous frame, or now outside frames."""
         key = plain(name)
         if not self.step:
             return self.read(key, "")
@@ -211,7 +209,7 @@ class Properties:
         """Return a command as JSBSim copies it to the position, before the control system is
         evaluated.
 
-        In frames, a command that a component sets is that of the previous frame.
+        In frames, a command that a component sets has the value of the previous frame.
         """
         writer = self.writer(name)
         if self.step and writer is not None and writer.component is not None:
@@ -222,7 +220,7 @@ class Properties:
         """Record that the dynamics of a component are omitted, for a note.
 
         what: description of the omitted part
-        is_never: whether it is omitted even if dynamic components have states
+        is_never: whether the part is omitted even if dynamic components have states
         """
         key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
         self.left_out.setdefault(key, (component, what, is_never))
@@ -232,7 +230,7 @@ class Properties:
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
-        """Return the last writer of a property, or None if there is none."""
+        """Return the last writer of a property, or None."""
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 
@@ -249,8 +247,8 @@ class Properties:
         name: name of the property, which may begin with a minus sign
         where: file and line, for messages
 
-        Raises LoopError if the value depends on itself, and BadInputError for text that is not a
-        name.
+        Raises LoopError if the value depends on itself or on all forces, and BadInputError for text
+        that is not a name.
         """
         if name.startswith("-"):
             if name.startswith("--"):
@@ -292,13 +290,15 @@ class Properties:
         return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
-        """Return the value of a writer. It is computed once.
+        """Return the value of a writer, which is computed once.
+
+        With `centered`, a value that depends on itself is 0.
 
         name: name of the property, for messages
         where: file and line, for messages
 
-        Raises LoopError if the value depends on itself through a component, and BadInputError if it
-        does so through functions alone.
+        Raises LoopError if the value depends on itself through a component. Raises BadInputError if
+        it depends on itself through functions alone, or if functions are nested too deeply.
         """
         if writer in self._running:
             if self.centered:
@@ -325,7 +325,7 @@ class Properties:
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:
-        """Return the value to which the files set a property, or the default.
+        """Return the value of a property, or the default if the files do not set it.
 
         The default is also returned, with a note, if the value depends on itself.
         """
@@ -362,7 +362,8 @@ class Properties:
 
         element: element that contains the text, for messages
 
-        Raises BadInputError if the text is empty, has several lines or is not a finite number.
+        Raises BadInputError if the text is empty, has several lines or is an infinite number or
+        NaN.
         """
         if len(element.lines) > 1 and element.name != "test":
             raise element.error(f"<{element.name}> contains several lines; give a number or a name")
@@ -404,9 +405,7 @@ def _identifier(component: Element, taken: list[ca.SX]) -> str:
 
 
 def lower_dashes(name: str) -> str:
-    """Return a component's name as JSBSim writes it in properties: pitch-trim-sum for "Pitch Trim
-    Sum".
-    """
+    """Return a component's name in JSBSim's properties: pitch-trim-sum for "Pitch Trim Sum"."""
     return "-".join(name.lower().split(" "))
 
 

@@ -17,7 +17,7 @@ from hfa_support.errors import shortened
 
 
 class Reactions:
-    """External forces and moments of an aircraft. Their magnitudes are functions or properties."""
+    """External forces and moments of an aircraft."""
 
     def __init__(self, section: Element | None, properties: Properties) -> None:
         self._properties = properties
@@ -117,7 +117,7 @@ def _magnitude(element: Element) -> str:
 
 
 def _direction(element: Element) -> np.ndarray | None:
-    """Return <direction> as a unit vector (3,), or None if there is no <direction>."""
+    """Return <direction> as a unit vector (3,), or None without <direction>."""
     child = element.find("direction")
     if child is None:
         return None

@@ -91,7 +91,8 @@ def read_model(text: str, partial: bool = False) -> Model:
 
     partial: whether to omit unsupported motors, rotors and gas cells. Otherwise they are refused.
 
-    Raises BadInputError, with file and line, for an element that is not supported.
+    Raises BadInputError for an unknown aircraft or option, and, with file and line, for an element
+    that is not supported.
     """
     name, _, chosen = text.partition("?")
     path, folders = _find(name)
@@ -112,7 +113,7 @@ _CHOICES = {
 
 def _choices(text: str, partial: bool) -> Choices:
     """Return the options in the text after a question mark. Raises BadInputError for an unknown
-    option.
+    one.
     """
     made = {"partial": partial}
     for word in text.split("&") if text else []:
@@ -166,8 +167,8 @@ def data_folder() -> Path | None:
     """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`, or
     None.
 
-    It is $JSBSIM_ROOT, or the folder of the installed package jsbsim, which is not imported. The
-    result is None if there is neither.
+    The folder is $JSBSIM_ROOT, else that of the installed package jsbsim, which is not imported.
+    The result is None without both.
 
     Raises BadInputError if $JSBSIM_ROOT contains no folder `aircraft`.
     """
@@ -242,9 +243,7 @@ class _Declaration:
         )
 
     def _own_aliases(self) -> dict[str, str]:
-        """Return JSBSim's property name -> name of the parameter, for tanks, point masses
-        and wind.
-        """
+        """Return JSBSim's property name -> parameter, for tanks, point masses and wind."""
         names = {}
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
@@ -296,8 +295,7 @@ class _Declaration:
         return signals
 
     def _behind(self, name: str) -> str:
-        """Return a note on each <kinematic> that takes time to follow an input, or "" if there is
-        none.
+        """Return a note on each <kinematic> that takes time to follow an input, or "".
 
         name: name of the input
         """
@@ -314,8 +312,9 @@ class _Declaration:
         return f"{what}; --method jsbsim includes the travel time"
 
     def _left_out(self, throttle: str) -> str:
-        """Return a note on engines that follow a throttle without lag, or "" if their lags are
-        states.
+        """Return a note on engines that follow a throttle without their lag, or "".
+
+        throttle: name of the input
         """
         number = throttle.removeprefix("throttle")
         lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
@@ -329,9 +328,7 @@ class _Declaration:
         )
 
     def _parameters(self) -> dict[str, Signal]:
-        """Return name -> signal for each parameter: levers, wind, tanks, point masses, engines and
-        gravity.
-        """
+        """Return name -> signal for each parameter."""
         starts = {"mixture": 1.0, "advance": 1.0}
         signals = {name: Signal(start=starts.get(name, 0.0)) for name in self.parameters}
         for name in WINDS:
@@ -385,8 +382,8 @@ class _Declaration:
     def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
         """Return initial values of propeller speeds and blade angles of engines that do not run.
 
-        Such an engine is off or without fuel. The initial speed is its windmilling speed, or 0. The
-        result is empty for arrays of more than one speed.
+        An engine does not run if it is off or without fuel. The initial speed is the windmilling
+        speed, or 0. The result is empty for arrays of more than one speed.
 
         values: name -> initial or imposed value
         """
@@ -408,8 +405,8 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest speed at which a propeller is in equilibrium, rpm, or 0 if there is
-        none.
+        """Return the highest speed at which a propeller is in equilibrium, rpm, or 0 without
+        equilibrium.
 
         values: name -> value; other variables have their declared initial values
         """
@@ -436,9 +433,7 @@ class _Declaration:
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
-        """Return the equations of motion, with and without gusts, and the simulation with JSBSim's
-        frames.
-        """
+        """Return the equations of motion, with and without gusts, and in JSBSim's frames."""
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
@@ -495,8 +490,8 @@ class _Declaration:
     def _trim(self) -> dict[str, float]:
         """Return the default trim condition, straight level flight, as name -> imposed value.
 
-        If there is no throttle or no fuel, the flight path angle is free. Without both aileron and
-        rudder, the sideslip is free.
+        - The flight path angle is free if there is no throttle or no engine has fuel.
+        - The sideslip is free unless both aileron and rudder are inputs.
         """
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
         throttles = [name for name in self.inputs if name.startswith("throttle")]
@@ -526,8 +521,7 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return a function that computes the initial values of a trim search from the imposed
-        values.
+        """Return the function imposed values -> initial values of a trim search.
 
         The angle of attack follows from the lift coefficient of level flight. Propellers begin at a
         typical advance ratio.
@@ -591,7 +585,8 @@ def _lag(file: EngineFile) -> Signal:
 def _rpm(file: EngineFile, is_alone: bool) -> Signal:
     """Return the signal of a propeller's speed.
 
-    is_alone: whether it is the only engine. Otherwise its lowest speed is 0, because it may be off.
+    is_alone: whether the aircraft has no other engine. Otherwise the lowest speed is 0, because the
+        engine may be off.
     """
     prop = file.thruster
     ratio = file.gear_ratio

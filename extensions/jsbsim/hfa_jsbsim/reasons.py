@@ -22,7 +22,7 @@ _SOME = 1e-6
 
 
 def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: Solve) -> str:
-    """Return one line with the reasons why there is no trim, or "" if none is found.
+    """Return one line with the reasons why no trim exists, or "" if no reason is found.
 
     The reasons are found by trims with other free variables.
 

@@ -16,7 +16,8 @@ from hfa_rigid.atmosphere import air_at
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
     """Return the true airspeed, ft/s, and the air density, slug/ft³.
 
-    The speed is given by speed (ft/s), mach or kcas in `imposed`. Without any of them it is None.
+    The airspeed is given by the first of speed (ft/s), mach and kcas in `imposed`, and None without
+    them.
 
     imposed: name -> number, or array of a common length
     altitude: ft
@@ -39,8 +40,8 @@ def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, A
 def _functions() -> dict[str, ca.Function]:
     """Return two CasADi functions of (calibrated airspeed in kt, altitude in ft).
 
-    "subsonic" returns the Mach number if it is below 1, the speed of sound, ft/s, and the density,
-    slug/ft³. "mach" returns the Mach number, also above 1.
+    - "subsonic": Mach number if it is below 1, speed of sound, ft/s, and density, slug/ft³
+    - "mach": Mach number, also above 1
     """
     speed = ca.SX.sym("speed")
     altitude = ca.SX.sym("altitude")

@@ -1,6 +1,4 @@
-"""Surfaces as inputs, if the control system has no steady-state relation to the pilot's
-commands.
-"""
+"""Surfaces as inputs where no steady-state relation to the pilot's commands exists."""
 
 from __future__ import annotations
 
@@ -45,10 +43,10 @@ def names_read_by(element: Element) -> list[str]:
 def cut_surfaces(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
 ) -> list[Note]:
-    """Make a surface an input if its command acts through an integrator or a closed loop.
+    """Make surfaces inputs whose commands act through an integrator or a closed loop, and return
+    notes.
 
-    Other properties that depend on such a command have their values for centered controls. Returns
-    notes for the user.
+    Other properties that depend on such a command have their values for centered controls.
 
     names: properties on which the aerodynamic forces depend
     inputs: inputs by name. A surface replaces the command of the same name.
@@ -125,9 +123,7 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
 
 
 def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
-    """Replace each throttle position that does not depend on the throttle command by the input.
-
-    Returns notes for the user.
+    """Replace throttle positions that do not depend on the throttle by the input, and return notes.
 
     engines: indices of the engines
     throttle: symbol of the input

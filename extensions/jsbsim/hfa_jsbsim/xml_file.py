@@ -1,6 +1,4 @@
-"""XML files of an aircraft: elements with line numbers, conversion of units, and search for
-files.
-"""
+"""XML files of an aircraft: elements with line numbers, units, and search for files."""
 
 from __future__ import annotations
 
@@ -24,7 +22,10 @@ _LONGEST_ENTITY = 100
 
 
 class Attributes(dict[str, str]):
-    """Attributes of an element, name -> text. `taken` contains the names that were read."""
+    """Attributes of an element, name -> text.
+
+    taken: names that were read
+    """
 
     def __init__(self, *values: Any) -> None:
         super().__init__(*values)
@@ -52,7 +53,7 @@ class Element:
     attributes: name -> text.
     children: child elements, in order.
     lines: (line number, text) of each line of text that is not empty.
-    file, line: position of its start tag.
+    file, line: position of the start tag.
     parent: enclosing element, or None for the root.
     taken: whether the element was read (`accounting.py`).
     """
@@ -85,7 +86,7 @@ class Element:
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
-        """Return the first child of this name, marked as read, or None if there is none."""
+        """Return the first child of this name, marked as read, or None."""
         return next(self.all(name), None)
 
     def all(self, name: str) -> Iterator[Element]:
@@ -98,7 +99,7 @@ class Element:
         return self
 
     def need(self, name: str) -> Element:
-        """Return the first child of this name. Raises BadInputError if there is none."""
+        """Return the first child of this name. Raises BadInputError without such a child."""
         child = self.find(name)
         if child is None:
             raise self.error(f"<{self.name}> has no <{name}>; add it")
@@ -107,7 +108,7 @@ class Element:
     def number(self, unit: str = "") -> float:
         """Return the number in the element.
 
-        unit: unit of the result. The number is converted to it if the element has a unit.
+        unit: unit to which the number is converted if the element has a unit
 
         Raises BadInputError if the text is not one finite number, or if the unit cannot be
         converted.
@@ -141,13 +142,13 @@ class Element:
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:
-        """Return the number in the first child of this name, or the default if there is none."""
+        """Return the number in the first child of this name, or the default without one."""
         child = self.find(name)
         return default if child is None else child.number(unit)
 
     def vector(self, unit: str) -> np.ndarray:
         """Return the numbers in the children x, y, z or roll, pitch, yaw, (3,), 0 for a missing
-        child.
+        one.
 
         unit: unit of the result
         """
@@ -203,11 +204,12 @@ def number_of(text: str) -> float | None:
 
 
 def parsed(text: bytes, file: str) -> Element:
-    """Return the root element of an XML text. Entities are neither expanded nor fetched.
+    """Return the root element of an XML text. External entities are not fetched.
 
     file: name of the file in messages
 
-    Raises BadInputError if the text is not XML or declares an entity other than a short text.
+    Raises BadInputError if the text is not XML, declares an entity other than a short text, is
+    nested too deeply, or has an unsupported encoding.
     """
     parser = xml.parsers.expat.ParserCreate()
     parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
@@ -276,7 +278,7 @@ class Folders:
 
     aircraft: folder of the aircraft.
     shared: folders that contain the folders engine and systems, in the order of the search.
-    data: folder of JSBSim's data, or None. Messages name its files relative to it.
+    data: folder of JSBSim's data, or None. Messages contain paths relative to this folder.
     """
 
     def __init__(self, aircraft: Path, shared: tuple[Path, ...], data: Path | None = None) -> None:
@@ -292,10 +294,7 @@ class Folders:
 
     @property
     def digest(self) -> str:
-        """SHA-256 digest of the files that were read.
-
-        It is computed from their digests, in the order of their names.
-        """
+        """SHA-256 digest over the digests of the files that were read, sorted by path."""
         hashes = (digest for _, (_, digest) in sorted(self._files.items()))
         return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
@@ -329,8 +328,9 @@ class Folders:
     def merged(self, element: Element) -> Element:
         """Return an element extended by the content of the file that it names (`FGModel::Upload`).
 
-        The content of the file precedes its own children. Raises BadInputError if the file contains
-        another kind of element.
+        The content of the file precedes the children of the element.
+
+        Raises BadInputError if the file contains another kind of element.
         """
         document = self.opened(element)
         if document is element:
@@ -345,8 +345,8 @@ class Folders:
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
-        """Return the path of the file that an element names. It is searched in the same folders as
-        in JSBSim.
+        """Return the path of the file that an element names, found in the same folders as in
+        JSBSim.
 
         name: name in the element
 
