@@ -33,8 +33,8 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
     """Return the description of an entry.
 
     The description is the line "name: ..." in the docstring of the entry's class or of a base
-    class. Without this line it is the docstring of the property. Raises KeyError if both are
-    missing.
+    class. Without this line, the docstring of the property is the description. Raises KeyError if
+    both are missing.
 
     kind: class of the result
     path: names of the fields that lead to the entry, such as ("leaf", "name")

@@ -310,10 +310,9 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
 
 
 def with_hat(game: Game, of_abs: bool) -> Verdict:
-    """Return the verdict on the exact V plus a narrow hat.
+    """Return the verdict on the exact V plus a narrow hat between the samples.
 
-    The hat is three times as large as the largest V in the box and 1/250 of the box wide. It lies
-    between the samples.
+    The hat is three times as large as the largest V in the box and 1/250 of the box wide.
 
     of_abs: whether the hat is written with |t| instead of max(t, -t)
     """

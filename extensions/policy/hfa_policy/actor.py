@@ -30,8 +30,7 @@ class Actor:
     function: observations (k,) -> actions (m,).
     chain: description of the layers.
     squash: True if the output passes through tanh and is mapped to the box; False if it is clipped
-        to
-        the box.
+        to the box.
     clip_mean: largest absolute value before tanh.
     stored: settings in a Stable-Baselines3 zip, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None.
@@ -53,8 +52,7 @@ def read_actor(
     """Read the actor that the table [policy] of a deployment file names.
 
     entries: table [policy]; "activation", "layout", "squash" and "network" if the file does not
-        store
-        them
+        store them
     folder: folder of relative file names
     observations, actions: number of observations and of actions in the deployment file
     history: number of samples of the observations

@@ -43,8 +43,7 @@ def assess(
     points: operating points, or values of the scheduling variable in the units of the model;
         default: the model's default trim
     samples: number of initial conditions at each trim; each is flown with and without the
-        disturbance
-        pulse
+        disturbance pulse
     seed: seed of the initial conditions
     progress: callback for the progress of the flights
     vary: parameter, or input that no action moves -> lowest and highest value; the policy is also

@@ -97,9 +97,10 @@ class AssessedPoint(Result):
     def own_mode(self) -> OwnMode | None:
         """Slow mode of the aircraft that the policy does not control, or None.
 
-        If slow modes are out of reach of the policy, the result is the one with the fastest growth.
-        Otherwise it is the slowest mode of the loop, if the policy hardly changes this mode,
-        nothing is saturated, and the policy does not hold or a flight does not converge.
+        - Slow modes are out of reach: the one of these modes with the fastest growth.
+        - No slow mode is out of reach: the slowest mode of the loop, if the policy hardly changes
+          this mode, nothing is saturated, and the policy does not hold or a flight does not
+          converge.
         """
         reach = self.place.reach
         if reach is None:
@@ -425,7 +426,7 @@ def _nearer(
 def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
     """Return the findings at an equilibrium, one sentence each.
 
-    They concern saturation, clipped observations, modes out of reach and kinks.
+    The findings concern saturation, clipped observations, modes out of reach and kinks.
     """
     findings = []
     if equilibrium.clips:

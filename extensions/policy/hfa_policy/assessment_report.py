@@ -165,10 +165,10 @@ class Assessment(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """Verdict and first finding, followed by the second finding if the line then has at most
-        100 columns.
+        """Verdict and first finding, and the second finding if the line then has at most 100
+        columns.
 
-        If the second finding is too long, its part before a bracket is added, if that fits.
+        If the second finding does not fit, its part before a bracket is added if this part fits.
         """
         is_linear = LINEAR in self.deployed.model.extras.notes
         subject = " on the linear plant" if is_linear else ""
@@ -318,8 +318,8 @@ class Assessment(Result, Reported):
     def _where(self, points: list[AssessedPoint]) -> str:
         """Return trims as text, such as "from 38 to 60 m/s" or "at 45 m/s".
 
-        Without a scheduling variable, the text is "at the trim". A range is given only if it
-        contains no other trim of the assessment.
+        Without a scheduling variable, the text is "at the trim". A range is given only if no other
+        trim lies inside.
         """
         values = [value for point in points for value in scheduled_value(point.point).values()]
         if not values:
@@ -439,9 +439,7 @@ class Assessment(Result, Reported):
         return f"the steady-state error costs {rate:.2g} per second" if rate > 0.0 else ""
 
     def _bounded_costs(self) -> str:
-        """Return a phrase on the costs of flights above the proved lower bound at the first trim,
-        or "".
-        """
+        """Return a phrase on costs above the proved lower bound at the first trim, or ""."""
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
 
@@ -500,9 +498,7 @@ class Assessment(Result, Reported):
         ]
 
     def _off_slope(self) -> list[str]:
-        """Return a list with a sentence on the largest nonlinearity, or [] if it is below
-        `_LINEAR`.
-        """
+        """Return a list with a sentence on the largest nonlinearity, or [] below `_LINEAR`."""
         points = [point for point in self.points if point.nonlinearity is not None]
         parts = [point.nonlinearity.part for point in points if point.nonlinearity is not None]
         if max(parts, default=0.0) < _LINEAR:

@@ -29,8 +29,7 @@ class Bracket(Result):
     best: cost of the best flight found, or None.
     policy: cost of the policy's flight, or None if it does not end at the trim.
     beyond: True if lower_bound is the level of the certified set, because the initial condition is
-        not
-        inside this set.
+        not inside this set.
     """
 
     start: Mapping[str, float]

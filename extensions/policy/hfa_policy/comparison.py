@@ -90,10 +90,9 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 
 
 def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
-    """Return the counts of three kinds of flights as text, or "-" each without flights.
+    """Return the numbers of flights that converge, leave the envelope, and converge after a pulse.
 
-    They are the flights that converge, the flights that leave the envelope, and the flights that
-    converge after a disturbance pulse.
+    The numbers are text, or "-" without flights.
     """
     plain = [point.flights for point in points if point.flights is not None]
     disturbed = [point.disturbed for point in points if point.disturbed is not None]

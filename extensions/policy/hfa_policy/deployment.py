@@ -121,7 +121,7 @@ class Deployment(Reported):
             self._check_timing()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the tables without the files that were read. An unpickled copy rereads them."""
+        """Return the tables without the files that were read, which an unpickled copy rereads."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod
@@ -163,9 +163,8 @@ class Deployment(Reported):
         """Return a default deployment of a model, for training.
 
         All linear states are observed, as deviations from the trim divided by the nominal values.
-        All
-        inputs are actions: a in [-1, 1] moves an input by up to half its range, or by its nominal
-            value if a limit is not finite.
+        All inputs are actions. An action a in [-1, 1] moves an input by up to half its range, or by
+        its nominal value if a limit is not finite.
 
         dt: sample time, s
         """

@@ -24,8 +24,8 @@ def drawn_policy(
     """Return the stability and the linear cost of the sampled loop on `request.draws` random
     aircraft.
 
-    An aircraft counts as trimmed if the policy has an equilibrium at every trim. It counts as
-    stable if its sampled loop is also stable at every trim.
+    An aircraft counts as trimmed if the policy has an equilibrium at every trim. An aircraft counts
+    as stable if the sampled loop is also stable at every trim.
 
     assessed: results on the original aircraft, at each trim
     """

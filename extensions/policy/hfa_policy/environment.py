@@ -40,8 +40,7 @@ def environment(
 
     model: the aircraft
     deployment: observations, actions, timing and cost, or the path of a deployment file; a policy
-        is
-        not required; default: `Deployment.usual(model, dt)`
+        is not required; default: `Deployment.usual(model, dt)`
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model, or one point; default: the model's default
         trim

@@ -216,7 +216,7 @@ class SampledFlight:
     def window(self, flights: int, seconds: float) -> Window:
         """Return the function that advances rows by a window.
 
-        It uses machine code if flights * seconds / dt is at least `COMPILE_FROM`.
+        The function is machine code if flights * seconds / dt is at least `COMPILE_FROM`.
 
         flights: number of flights
         seconds: duration of a flight, s
@@ -231,7 +231,7 @@ class SampledFlight:
     def forget_extremes(self, rows: np.ndarray) -> None:
         """Reset the lowest and highest values of rows in place.
 
-        For X they become the present X. For U they become inf and -inf.
+        The values of X become the present X. The lowest U becomes inf, and the highest U -inf.
         """
         X, _, low_X, high_X, low_U, high_U, *_ = self.slices
         rows[:, low_X] = rows[:, X]

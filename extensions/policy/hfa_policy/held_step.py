@@ -41,7 +41,7 @@ def step_of_integration(
 
     X' = f(X, U, p, w) + d with (d, w) = push.
 
-    linear: states whose rates d is added to
+    linear: states to whose rates d is added
     winds: disturbances w
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.

@@ -22,8 +22,7 @@ class Nonlinearity(NamedTuple):
     u_e is the input at the equilibrium.
 
     part: largest deviation found, relative to the largest |K z| in the box; a lower bound on the
-        true
-        maximum.
+        true maximum.
     state: linear state -> z at the largest deviation.
     """
 

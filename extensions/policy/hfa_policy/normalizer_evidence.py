@@ -174,8 +174,8 @@ def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
 
     At equal checkpoints, the normalizer has counted one observation per environment more than the
     policy. A second call of `learn` restarts the policy's count. The result is therefore False if
-    the normalized last observations agree with those of the policy. It is also False if the counts
-    or the last observations are unknown.
+    the normalized last observations agree with those of the policy. The result is also False if the
+    counts or the last observations are unknown.
     """
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False

@@ -146,12 +146,12 @@ def mistakes_of_observations(
 ) -> Iterator[Mistake]:
     """Yield the mistakes of observations that the record of the training proves.
 
-    Each contradicted observation yields one of these:
-    - An unclear mistake, if it may be exchanged with another observation.
-    - A wrong scale, if its scale contradicts the record.
-    - Nothing, if the other kind of values (absolute or deviations) contradicts the record too.
-    - An unclear mistake, if another scale would also explain the record.
-    - Absolute values in place of deviations, or the reverse.
+    For an observation that contradicts the record, the first of these conditions decides:
+    - The observation may be exchanged with another observation: an unclear mistake.
+    - The scale contradicts the record: a wrong scale.
+    - The other kind of values (absolute or deviations) does not fit the record: nothing.
+    - Another scale would also explain the record: an unclear mistake.
+    - Otherwise: absolute values in place of deviations, or the reverse.
     """
     seen = _seen(stored, normalizer)
     if seen is None:
@@ -241,7 +241,7 @@ def _seen(
     """Return mean and standard deviation of the training's observations, (k,) each, or None if
     unknown.
 
-    The third value is True if they are statistics of many observations.
+    The third value is True for statistics of many observations.
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0

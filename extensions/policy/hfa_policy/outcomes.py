@@ -65,9 +65,11 @@ _OTHERS = 3
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
     """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
-    The half-width is the nominal value. For a state that is neither an angle nor an angular rate,
-    and whose trim value is at least half its nominal value, it is 10 % of the nominal value. It is
-    at most half the distance to a limit.
+    - Angles and angular rates: the nominal value.
+    - Other states with a trim value of at least half the nominal value: 10 % of the nominal value.
+    - Other states: the nominal value.
+
+    A half-width is at most half the distance to a limit.
     """
     widths = []
     for name in model.linear:
@@ -92,8 +94,7 @@ class Place:
     reach: modes within reach of the policy, or None without an equilibrium.
     seconds: duration of a flight, s.
     swing: half a period of the slowest lightly damped oscillation about the equilibrium, s; 0
-        without
-        such an oscillation, or if a linear state does not count.
+        without such an oscillation, or if a linear state does not count.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
         None without an equilibrium.
     lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
@@ -268,7 +269,7 @@ class FlownRows:
         self.status[back] = _RETURNED
 
     def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
-        """Simulate unfinished flights for one window, and mark those that end in it.
+        """Simulate unfinished flights for one window, and mark the flights that end.
 
         flying: indices of the unfinished flights
         number: number of earlier windows
@@ -490,7 +491,7 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """Return the limit cycle of the flight that begins at a row, or None if it has no limit cycle.
+    """Return the limit cycle of the flight that begins at a row, or None without a limit cycle.
 
     seconds: duration of the flight
     """

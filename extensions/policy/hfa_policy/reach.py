@@ -180,7 +180,7 @@ def seconds_to_converge(radius: float, dt: float) -> float:
     """Return the duration of flights about an equilibrium, s.
 
     The duration is four time constants of the slowest mode of the sampled loop, within [`HORIZON`,
-    `LONGEST`]. It is `HORIZON` if the loop is not stable.
+    `LONGEST`]. For a loop that is not stable, the duration is `HORIZON`.
 
     radius: spectral radius of the sampled loop
     dt: sample time, s

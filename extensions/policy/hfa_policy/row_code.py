@@ -107,7 +107,7 @@ _WRITE = """for (int j = 0; j < {size}; j++)
 class RowCode:
     """Compiled function that is evaluated for each row of its arguments.
 
-    Several threads may call it in parallel.
+    Several threads may call the function in parallel.
     """
 
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:

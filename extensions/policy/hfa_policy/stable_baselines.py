@@ -1,11 +1,11 @@
 """Reader of Stable-Baselines3 zip files (PPO, A2C, SAC and TD3).
 
-The conventions are those of Stable-Baselines3 2.x:
+Conventions of Stable-Baselines3 2.x:
 
 - PPO and A2C clip the mean to the Box. SAC, TD3 and PPO with `squash_output` apply tanh and map
   [-1, 1] to the Box.
-- The activation is in `policy_kwargs`. By default it is tanh for PPO and A2C, and relu for SAC
-  and TD3.
+- The activation is in `policy_kwargs`. The default is tanh for PPO and A2C, and relu for SAC and
+  TD3.
 - With gSDE, the mean of SAC is clipped to ±clip_mean (2) before tanh.
 """
 

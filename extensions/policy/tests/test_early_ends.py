@@ -24,7 +24,7 @@ STARTS = 100
 def test_flights_that_end_early_are_classified_right(name, late):
     """Flights that end early, continued to their full duration, stay within the limits.
 
-    They end in the ball about the equilibrium exactly if they counted as converged.
+    Exactly the flights that counted as converged end in the ball about the equilibrium.
     """
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})

@@ -78,9 +78,7 @@ def test_an_environment_needs_no_deployment() -> None:
 
 
 def test_the_usual_deployment_takes_a_sample_time() -> None:
-    """A sample time is refused together with a deployment. Without one, it determines the episode
-    length.
-    """
+    """A sample time is refused together with a deployment, and accepted without a deployment."""
     model = aircraft("ppo_gtm")
     for make in (environment, vector_environment):
         with pytest.raises(BadInputError, match=r"timing\.dt"):

@@ -52,7 +52,7 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
-    """A missing normalizer is the only mistake. It is proved for A2C and likely for TD3."""
+    """A missing normalizer is the only mistake, proved for A2C and likely for TD3."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 

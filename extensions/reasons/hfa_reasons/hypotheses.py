@@ -79,7 +79,7 @@ class View(NamedTuple):
         """Return the error of each informative entry under a hypothesis, (entries,), in comparable
         units.
 
-        - Another game: the critic's matrix is compared with that of the game.
+        - Another game: the critic's matrix is compared with the matrix of the game.
         - Other mistakes: the matrix with the mistake reversed is compared with the exact one.
 
         Entries that are small in both matrices are omitted.

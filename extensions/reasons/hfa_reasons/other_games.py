@@ -89,7 +89,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
     - The LQR, if `game` has a finite delta.
     - The games named in `nearby`.
     - Games with another delta, scheduling value, scale of Q or R, or discount.
-    - Games in discrete time, with A and B as those of a step, or sampled.
+    - Games in discrete time, with A and B of a step, or sampled.
     """
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)

@@ -61,8 +61,7 @@ class RowJob(NamedTuple):
     template: `xarray.Dataset` of the arrays (`array_of_rows`), with names and units on the other
         axes. Its attributes contain everything that determines the results.
     function: (*arguments) -> arrays by name, including those of the template. Workers must be able
-        to
-        import the function.
+        to import the function.
     arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
     """
 
@@ -137,12 +136,13 @@ def fill_store(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Compute each row that is missing in the store at `path`, and return it as `xarray.Dataset`.
+    """Compute each row that is missing in the store at `path`, and return the store.
+
+    The result is an `xarray.Dataset`.
 
     workers: as in `open_workers`; the results do not depend on it
     resume: True to continue an interrupted job and recompute damaged chunks; False if the store
-        does
-        not exist
+        does not exist
     provenance: provenance of a new store, as JSON data
     progress: called with (chunks done, total chunks), first at the start
 

@@ -45,15 +45,14 @@ def from_network(
     A network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
 
     game: the game that the critic should solve
-    source: a file that `network_in` reads, a CasADi Function of the state, or a
-        torch.nn.Sequential of linear layers and activations
+    source: a file that `network_in` reads, a CasADi Function of the state, or a torch.nn.Sequential
+        of linear layers and activations
     network: the parts of a file and their kinds, such as "value", "V=value" or
         "V=value,policy=actor"; without a kind, the number of outputs decides
     activation: activation between the layers of a state dict
     scale: (n,), factors on the states at the inputs of the network, none of them 0
     features: functions on which a single layer acts, so that the critic is a polynomial; default:
-        the
-        quadratic basis
+        the quadratic basis
 
     Raises a BadInputError of one line for a wrong argument or file.
 
@@ -228,7 +227,7 @@ def _parts(network: str) -> dict[str, str]:
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:
     """Return whether an output is read as the policy u although V would also have this size.
 
-    This is the case for a single output without a kind, on a plant with one input.
+    True for a single output without a kind, on a plant with one input.
 
     name: kind or name of the output
     size: number of entries of the output

@@ -106,12 +106,10 @@ def network_in(
     path: .onnx file, or file of a state dict
     states: number of states of the plant
     activation: activation between the layers of a state dict, one of `ACTIVATIONS`. An activation
-        of
-        the output follows after a comma.
+        of the output follows after a comma.
     parts: kind -> requested part of the file. For a state dict, a part is a list of words in the
-        names
-        of its tensors, joined by +. For an ONNX graph, it is an output. "policy" with the part ""
-        selects all tensors that do not belong to a critic.
+        names of its tensors, joined by +. For an ONNX graph, a part is an output. "policy" with the
+        part "" selects all tensors that do not belong to a critic.
     features: size of the basis. A single layer with this number of inputs acts on the basis.
     inputs: number of inputs of the plant, which follow the states in a Q
 

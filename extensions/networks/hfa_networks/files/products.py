@@ -85,7 +85,7 @@ class Products:
     def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
         """Return a function for `entries`, and the positions of its arguments among the symbols.
 
-        The arguments are x and those of the first `count` symbols on which `entries` depends.
+        The arguments are x and each of the first `count` symbols on which `entries` depends.
         """
         places = [0]
         for place in range(1, count):

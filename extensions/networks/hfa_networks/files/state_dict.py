@@ -235,7 +235,7 @@ def _is_spread(name: str) -> bool:
 def _has_word(name: str, part: str) -> bool:
     """Return whether the name of a tensor contains one of the words of "word+word".
 
-    A number must be the beginning of the name, where it is the position in a tuple.
+    A word that is a number must be at the beginning of the name.
     """
     for word in part.split("+"):
         is_first = f".{name}.".startswith(f".{word}.")
@@ -280,8 +280,7 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
 def _normalizer_of(
     found: Mapping[str, Normalizer], layers: Tensors, of_critic: bool
 ) -> Normalizer | None:
-    """Return the normalizer of a network's inputs, or None if the file contains no normalizer for
-    them.
+    """Return the normalizer of a network's inputs, or None if the file does not contain one.
 
     A critic without its own normalizer has the normalizer of the file. Raises BadInputError if
     several normalizers fit, or if a normalizer scales a critic's value.

@@ -66,9 +66,9 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
 def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
     """Return the tensors with floats in double precision, and the precision of the file.
 
-    The precision is "float32" if any tensor has it, otherwise "float64". Raises BadInputError if
-    the tensors have too many entries in total, if an entry is not finite, or if a type is neither
-    integer, bool nor a float of at least 32 bits.
+    The precision is "float32" if a tensor has this precision, otherwise "float64". Raises
+    BadInputError if the tensors have too many entries in total, if an entry is not finite, or if a
+    type is neither integer, bool nor a float of at least 32 bits.
     """
     for name, array in tensors.items():
         is_float = array.dtype.kind == "f"

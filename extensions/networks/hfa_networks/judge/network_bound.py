@@ -37,7 +37,7 @@ class Proof(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Proved part of the box in words: "in the box", or such as "on 0.96 times the box".
+        """Proved part of the box in words, such as "in the box" or "on 0.96 times the box".
 
         The factor is rounded down.
         """
@@ -57,8 +57,8 @@ def prove(
     """Prove |errors(z)| <= limit for |z_i| <= b_i by branch and bound, for at most `seconds` s.
 
     The proof also ends at a state whose error exceeds the limit. The result contains the fraction
-    of the box that is proved. It is None if `errors` contains operations for which no bound is
-    implemented.
+    of the box that is proved. The result is None if `errors` contains operations for which no bound
+    is implemented.
 
     what: description of the errors, for `Proof.what`
     b: half-widths of the box, (n,)

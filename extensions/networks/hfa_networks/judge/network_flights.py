@@ -61,8 +61,7 @@ class Flown(NamedTuple):
         0.
     reach_nonlinear: `reach` on the nonlinear plant, or None without such a plant.
     reach_nonlinear_exact: `reach` of the exact policy on the nonlinear plant, or None without such
-        a
-        plant.
+        a plant.
     """
 
     flights: int = 0
@@ -440,8 +439,8 @@ def flown_losses(
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
     The loop is under the worst disturbance of the exact solution. The cost after the end of a
-    simulation is that of the linear loop. All costs are inf if a simulation does not converge, or
-    if the linear loop is unstable.
+    simulation is computed for the linear loop. All costs are inf if a simulation does not converge,
+    or if the linear loop is unstable.
     """
     remaining = axis.remaining_cost(critic.K)
     if remaining is None:

@@ -174,8 +174,7 @@ def _searched_and_proved(
     None. Only graphs of scalars (SX) are proved.
 
     - No error above the limit is found: the limit is proved for all errors.
-    - Only other errors than that of the policy exceed the limit: the limit is proved for the
-      policy.
+    - An error above the limit is found, but not of the policy: the limit is proved for the policy.
     - The error of the policy exceeds the limit: `_MARGIN` times this error is proved for the
       policy.
 
@@ -238,8 +237,8 @@ def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tu
     """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
     The errors are computed at `STARTS` states, and at `also`. Each error is maximized by L-BFGS-B
-    from the worst state and from `also`. For a network that is not wide, it is also maximized from
-    the `CLIMBS` worst corners and from the `CLIMBS` worst other states.
+    from the worst state and from `also`. For a network that is not wide, further maximizations
+    begin at the `CLIMBS` worst corners and at the `CLIMBS` worst other states.
 
     also: further initial state of the search, (n,), or None
     """

@@ -69,7 +69,7 @@ def _need(name: str, text: str) -> float:
 def _half_width(model: Model, name: str, text: str) -> float:
     """Return the half-width of the initial-condition box in a linear state.
 
-    Raises BadInputError unless it is positive.
+    Raises BadInputError unless the half-width is positive.
     """
     width = linear_state(model, name, text)
     if width <= 0.0:
