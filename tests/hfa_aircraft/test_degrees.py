@@ -1,4 +1,4 @@
-"""Warning about equations that compute the sine of a signal in degrees."""
+"""Warning about equations that compute the sine, cosine or tangent of a signal in degrees."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def pendulum(torque: Any) -> Model:
 def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
     """A trigonometric function of an angle in degrees causes a warning that names the function.
 
-    The warning is also among those of a trim.
+    The trim has the same warning.
     """
     model = pendulum(torque)
     (note,) = notes_on_degrees(model)

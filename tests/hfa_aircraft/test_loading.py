@@ -42,9 +42,7 @@ def write_aircraft(path: Path, in_equations: str = "pass", at_the_end: str = "")
 def test_a_file_that_ends_the_program_is_refused(
     ending: str, named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An aircraft file that calls sys.exit() is refused with a message, and no output file is
-    written.
-    """
+    """An aircraft file that calls sys.exit() is refused, and no output file is written."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     write_aircraft(tmp_path / f"{named.split(':')[0].removesuffix('.py')}.py", at_the_end=ending)
@@ -72,7 +70,7 @@ def test_equations_that_end_the_program_are_refused(
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO on this system")
 def test_a_fifo_is_no_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A FIFO is refused as an aircraft file. The command does not wait for its content."""
+    """A FIFO is refused as an aircraft file without waiting for its content."""
     monkeypatch.chdir(tmp_path)
     for name in ("pipe.py", "pipe.xml"):
         os.mkfifo(name)

@@ -1,4 +1,4 @@
-"""Hash of a model: it covers local modules that the file imports, and data that the model reads."""
+"""Hash of a model, which covers local modules that the file imports, and data that the model reads."""
 
 from __future__ import annotations
 

@@ -92,9 +92,9 @@ class Car(NamedTuple):
 
 
 def test_states_keep_the_class_of_their_declaration() -> None:
-    """States keep the class in which they are declared, in the equations and in results.
+    """States keep the class in which they are declared, with its properties.
 
-    Its properties are therefore available.
+    This holds in the equations and in results.
     """
     model = cart(
         states=Car(Signal("m"), Signal("m/s", start=2.0)),

@@ -1,4 +1,4 @@
-"""Models converted to SI units: trims, linear models, games and reports agree after conversion."""
+"""Models converted to SI units agree with the original models after conversion."""
 
 from __future__ import annotations
 
@@ -33,10 +33,7 @@ def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 def test_the_same_trim_linear_model_and_game(model: Model) -> None:
-    """Trim, A and P of a model in SI units agree with the converted ones in English units.
-
-    The smallest delta is equal.
-    """
+    """Trim, A, P and smallest delta of a model in SI units agree with those in English units."""
     converted = in_si(model)
     point = find_operating_point(model, usual_condition(model).at(ANGLE))
     point_in_si = find_operating_point(converted, usual_condition(converted).at(ANGLE))
@@ -57,7 +54,7 @@ def test_the_same_trim_linear_model_and_game(model: Model) -> None:
 
 
 def test_a_trim_report_in_si_has_newtons() -> None:
-    """The trim report of a model in SI units contains loads and performance in SI units."""
+    """The loads and the performance in a trim report are converted to SI units."""
     model = MODELS[0]
     converted = in_si(model)
     data, data_in_si = (
@@ -101,9 +98,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
 
 
 def test_names_that_sound_like_data_are_signals() -> None:
-    """Units are read from the declaration, even if a signal is named like other data, such as
-    "noise".
-    """
+    """Signals are converted to SI even if they are named like other data, such as "noise"."""
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(
         "cart",

@@ -23,7 +23,7 @@ _UNITS = {
 def _rates(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the rates of a light jet with textbook derivatives, and no outputs.
 
-    Except for those of the speed equation, the derivatives increase with speed.
+    The derivatives outside the speed equation increase with speed.
     """
     k = x.V / 500.0
     rates = {

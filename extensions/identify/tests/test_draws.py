@@ -38,9 +38,9 @@ def written(deviation=0.02, name="found.toml"):
 
 
 def answer(capsys, *words):
-    """Run a command with --json. Return its exit code and the entry `draws`.
+    """Return the exit code of a command with --json, and the entry `draws` of its output.
 
-    The JSON is checked against the published format.
+    The output must agree with the published format.
     """
     code = main([*words, "--json"])
     data = json.loads(capsys.readouterr().out)
@@ -57,8 +57,9 @@ def test_drawn_values_have_the_covariance():
 
 
 def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
-    """The spread of the trimmed elevator agrees with the parameters' covariance and the trim's
-    slopes.
+    """The 95 % band of the trimmed elevator agrees within 15 % with a linear prediction.
+
+    The prediction uses the parameters' covariance and the slopes of the trim.
     """
     code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "300")
     assert code == 0
@@ -91,10 +92,7 @@ def test_modes_spread_and_held_parameters_stay(folder, capsys):
 
 
 def test_unstable_aircraft_show_in_the_modes():
-    """Of three drawn aircraft one is statically unstable, and two have a short period.
-
-    The report counts both.
-    """
+    """With one of three drawn aircraft unstable, two are stable and two have a short period."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     unstable = model.with_parameters(Cm_alpha=0.3)
@@ -110,7 +108,8 @@ def test_unstable_aircraft_show_in_the_modes():
 def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
     """`hfa solve` and `hfa verify` report the same worst cost of a gain on drawn aircraft.
 
-    With wider bands the worst cost is more than ten times as large.
+    With wider bands the worst cost is more than ten times as large. The second line of the report
+    contains the number of stable loops.
     """
     narrow, wide = written(), written(0.2, "wide.toml")
     code, draws = answer(capsys, "solve", "--aircraft", narrow, "--draws", "10", "-o", "K.npz")
@@ -131,8 +130,8 @@ def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
 
 
 def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
-    """A gain of the wrong sign stabilizes no drawn aircraft. This is printed, and the exit code is
-    1.
+    """For a gain of the wrong sign, the exit code is 1 and 0 of 10 drawn aircraft are reported as
+    stable.
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
@@ -146,7 +145,7 @@ def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
 
 
 def test_aircraft_without_a_trim_count():
-    """A drawn aircraft without lift has no trim. It is counted, and the result fails."""
+    """A drawn aircraft without lift is not counted as trimmed, and the result is not ok."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     dead = model.with_parameters(CL_alpha=0.0, CL_0=0.0)
@@ -156,7 +155,7 @@ def test_aircraft_without_a_trim_count():
 
 
 def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
-    """`hfa assess` reports the spectral radius of a sampled gain on drawn aircraft."""
+    """`hfa assess` reports the band of the spectral radius of a sampled gain on drawn aircraft."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     weak = hfa.game(linear, np.ones(8), 1e4 * np.ones(4), delta=np.inf)
@@ -217,7 +216,7 @@ def test_a_wrong_band_is_refused(entries, message, folder, capsys):
 
 
 def test_aircraft_without_a_game_solution_count():
-    """A drawn aircraft is counted if its game has no solution with the given delta."""
+    """A drawn aircraft whose game has no solution with the given delta is counted as unsolved."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     game = hfa.game(hfa.linearize(model, point), np.ones(8), np.ones(4), delta=np.inf)
@@ -243,7 +242,8 @@ def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
 def test_drawn_aircraft_are_flown(folder, capsys):
     """`hfa fly --draws` simulates drawn aircraft from the trim of the aircraft in the file.
 
-    The exit code is 1 if a member leaves its limits, as with very wide bands.
+    The largest pitch error agrees with flights of `hfa.fly`. With very wide bands the exit code is
+    1.
     """
     words = ("fly", "--law", "none", "--draws", "3", "--json", "--duration")
     assert main([*words, "2", "--aircraft", written()]) == 0
@@ -275,8 +275,8 @@ def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
     """Unstable linear loops of drawn aircraft fail, although their flights of 0.1 s stay within
     limits.
 
-    This applies to a gain and to a network with the same slope. With a delay the linear loop is not
-    reported.
+    This is tested with a gain and with a network of the same slope. With a delay the linear loop is
+    not reported.
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))

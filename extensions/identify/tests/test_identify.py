@@ -98,7 +98,7 @@ def test_the_true_parameters_lie_within_the_bands():
     covariance.
 
     (θ - true)' C⁻¹ (θ - true) has a chi-square distribution with 7 degrees of freedom. It exceeds
-    24.3 once in 1000 cases.
+    24.3 once in 1000 cases. Each band is narrower than 30 % of its estimate.
     """
     result = found()
     assert result.ok
@@ -186,7 +186,8 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
 def test_slow_noise_beside_white_noise_is_seen():
     """Slow noise is detected in its sum with stronger white noise.
 
-    The autocorrelation at positive lags is 0.2 0.98^lag. Its sum over all lags is 20.6.
+    The true autocorrelation at positive lags is 0.2 0.98^lag, whose sum over all lags is 20.6. The
+    estimated sum is from 10 to 40.
     """
     generator = np.random.default_rng(0)
     slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)
@@ -268,7 +269,7 @@ def flown_in_steps(moves, seconds):
 def test_windows_are_fitted_again_after_divergence():
     """The search converges with 12 lateral coefficients 70 % off.
 
-    The first fit of short windows treats the roll rate as noise, and a second one is needed.
+    The first fit of short windows treats the roll rate as noise, so that a second fit is needed.
     """
     model = AIRCRAFT
     free = [name for name in model.parameters if name.startswith(("CY", "Cl_", "Cn_"))]
@@ -328,8 +329,8 @@ def late(values, samples=2):
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
-    """A planted fault of a column is reported, although free parameters can partly compensate for
-    it.
+    """A planted fault of a column is reported, although free parameters can partly compensate the
+    fault.
     """
     wrong = record(seed=11)
     wrong[column] = fault(wrong[column])
@@ -339,9 +340,7 @@ def test_a_planted_fault_is_named(column, fault, named):
 
 
 def test_bias_of_an_input_is_named_where_trim_is_given():
-    """A bias of the elevator and another value of Cm_0 explain the record equally well. Both are
-    reported.
-    """
+    """A bias of the elevator and another value of Cm_0 are reported as equally good explanations."""
     wrong = record(seed=11)
     wrong["elevator"] = wrong["elevator"] + math.radians(1.0)
     free = [name for name in FREE if name != "Cm_0"]
@@ -375,10 +374,7 @@ def test_exchanged_columns_are_named():
 
 @pytest.mark.slow
 def test_a_unit_that_a_parameter_absorbs_is_named():
-    """A thrust in lbf is reported, although a free drag coefficient compensates for it.
-
-    The scale error that remains is too large for a sensor.
-    """
+    """A thrust in lbf is reported, although a free drag coefficient compensates the unit."""
     moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
     columns = flown_in_steps(moves, 10)
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
@@ -387,9 +383,9 @@ def test_a_unit_that_a_parameter_absorbs_is_named():
 
 
 def test_delays_below_the_noise_have_bands():
-    """A delay of the speed by two samples, 0.08 s, is within its wide band.
+    """A delay of the speed by two samples, 0.08 s, is within twice its wide band.
 
-    The delay of the pitch rate has a band ten times narrower.
+    The half-width is between 0.03 and 0.12 s. For the delay of the pitch rate it is below 0.005 s.
     """
     wrong = record(seed=1)
     wrong["speed"] = late(wrong["speed"])
@@ -403,7 +399,7 @@ def test_delays_below_the_noise_have_bands():
 def test_biases_that_nothing_tells_are_stated():
     """A bias of alpha that CL_0 and Cm_0 can compensate has a wide band.
 
-    The report lists it, and states that the parameters' bands assume it to be 0.
+    The report contains this bias, and states that the parameters' bands assume it to be 0.
     """
     wrong = record(seed=1)
     wrong["alpha"] = wrong["alpha"] + math.radians(1.0)
@@ -419,10 +415,9 @@ def test_biases_that_nothing_tells_are_stated():
 
 
 def lag(rates, start):
-    """Return a model of one state x with x' = rates(u, k, x), and the response of x' = u - x to a
-    pulse.
+    """Return a model of one state x with x' = rates(u, k, x), and a record of x' = u - x.
 
-    The pulse lasts 2 s.
+    The input of the record is a pulse of 2 s.
 
     start: value of the parameter k at the start of a search
     """
@@ -443,10 +438,10 @@ def lag(rates, start):
 
 
 def test_signs_that_explain_alike_are_both_named():
-    """The wrong sign of the input of a linear model is reported together with a wrong sign of the
-    state.
+    """For a linear model with a wrong sign of the input, wrong signs of input and state are
+    reported.
 
-    The record cannot distinguish them.
+    The record cannot distinguish the two faults.
     """
     model, columns = lag(lambda u, k, x: u - k * x, 1.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
@@ -460,7 +455,7 @@ SECOND = "FAIL: a second estimate explains the record equally well: k = {:.4g} (
 
 
 def test_a_second_minimum_is_named():
-    """With x' = u - k² x, a second minimum at -k is reported. The search begins at k = 3.5."""
+    """With x' = u - k² x and a search that begins at k = 3.5, a second minimum at -k is reported."""
     model, columns = lag(lambda u, k, x: u - k**2 * x, 3.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     result = identify(model, columns | {"x": columns["x"] + 0.01 * noise}, ["k"], inputs="steps")
@@ -514,8 +509,8 @@ def test_a_record_without_motion_is_named(coloured, moved):
 
 
 def test_noise_slower_than_the_manoeuvre_fails():
-    """Noise with a time constant of about a second fails, because the bands cannot be corrected for
-    it.
+    """Noise with a time constant of about a second is reported, because it is beyond the
+    correction.
     """
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(2000)
@@ -526,7 +521,8 @@ def test_noise_slower_than_the_manoeuvre_fails():
 
 
 def test_errors_of_sensors_are_estimated():
-    """Planted biases, scale errors and delays are within the bands of their estimates.
+    """Planted biases, scale errors and delays are estimated within 1.3 times the width of their
+    bands.
 
     The report prints the bias of an angle in degrees.
     """
@@ -561,7 +557,7 @@ def test_steps_of_inputs_are_told_from_slopes():
 
 
 def test_records_that_disagree_are_named():
-    """Records of two aircraft whose Cm_q differs by 50 % disagree, which is reported."""
+    """Records of two aircraft whose Cm_q differs by 50 % are reported to disagree on Cm_q."""
     other = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
     result = identify(begun(1.2), [record(1), record(2, model=other)], FREE)
     assert not result.ok
@@ -569,8 +565,9 @@ def test_records_that_disagree_are_named():
 
 
 def test_drawn_aircraft_trim():
-    """The spread of the drawn aircraft agrees with the covariance, and the first of them can be
-    trimmed.
+    """The spread of Cm_alpha of drawn aircraft agrees with the covariance within 15 %.
+
+    The first drawn aircraft is trimmed.
     """
     result = found()
     drawn = result.draws(200, seed=1)
@@ -633,8 +630,9 @@ def test_wrong_names_are_refused():
 
 
 def written(path, columns, units):
-    """Write a CSV file. Columns in `units` are converted from radians to degrees, with the unit in
-    the head.
+    """Write columns to a CSV file.
+
+    units: column -> unit in degrees, written in the head; its values are converted from radians
     """
     heads = [f"{name} [{units[name]}]" if name in units else name for name in columns]
     table = np.column_stack(
@@ -647,7 +645,7 @@ def written(path, columns, units):
 def test_the_command_writes_an_aircraft(folder, capsys):
     """The command reads a CSV file in degrees and writes an aircraft file that can be trimmed.
 
-    Its estimates are those of the Python function.
+    The estimate of Cm_q is that of the Python function.
     """
     written(
         "flight.csv",
@@ -674,9 +672,7 @@ def test_a_wrong_unit_is_refused(folder, capsys):
 
 
 def test_a_file_of_a_flight_is_a_record(folder):
-    """A file written by `hfa fly` is accepted as a record. Its last column, the provenance, is
-    ignored.
-    """
+    """The last column of a file written by `hfa fly`, the provenance, is ignored in a record."""
     model = hfa.load_model(UAV)
     written("flight.csv", record(model=AIRCRAFT), {})
     head, first, *rows = Path("flight.csv").read_text().splitlines()

@@ -1,6 +1,4 @@
-"""Filter error method: parameters identified from records of a linear short period in
-turbulence.
-"""
+"""Filter error method, tested with records of a linear short period in turbulence."""
 
 from functools import cache
 
@@ -44,7 +42,7 @@ def model(factor=1.0):
 def record(samples=300, seed=0, lag=100.0):
     """Return the columns of a simulated short period in turbulence, with sensor noise.
 
-    White noise drives alpha. It also rotates the air through a first-order lag.
+    White noise drives alpha, and rotates the air through a first-order lag.
 
     lag: time constant of the air's rotation, s
     """
@@ -75,8 +73,7 @@ def record(samples=300, seed=0, lag=100.0):
 
 
 def test_slopes_of_the_likelihood_are_exact():
-    """The right-hand side of the normal equations agrees with finite differences of the likelihood
-    L.
+    """The right-hand side of the normal equations agrees with finite differences of L.
 
     The unknowns are turbulence with its rotation, noise, parameters, a bias and the initial state.
     Some samples are missing, and there are several integration steps between samples.

@@ -71,7 +71,7 @@ def flown(path="flight.ulg", table=TABLE):
 
 
 def test_columns_of_a_log(folder):
-    """The columns have the times of the angular rates. The servo position is held.
+    """The columns have the times of the angular rates, and the servo position is held.
 
     Each attitude sample is assigned to the nearest time.
     """
@@ -155,7 +155,7 @@ def test_another_file_is_no_log(folder):
 
 
 def test_columns_without_a_log_are_refused(folder, capsys):
-    """The option --columns is refused for a CSV file, because only logs need it."""
+    """The option --columns is refused for a CSV file."""
     Path("flight.csv").write_text("time,alpha\n")
     Path("columns.toml").write_text("")
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]

@@ -63,9 +63,7 @@ QUICK = (
 
 @needs_jsbsim
 def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
-    """Each unusual construct agrees with JSBSim, is reported in a note, or is refused, as
-    listed.
-    """
+    """Each unusual construct agrees with JSBSim, is reported in a note, or is refused, as listed."""
     verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
     assert verdicts == {
         "plain": "agrees",
@@ -130,9 +128,7 @@ def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
 
 
 def read_without_its_construct(folder):
-    """Return the plain jet, in place of the jet in the folder. It simulates a reader with a
-    fault.
-    """
+    """Return the plain jet instead of the jet in the folder, as a reader with a fault would."""
     from hfa_jsbsim.reader import read_model
 
     path = folder / "aircraft" / "other" / "other.xml"

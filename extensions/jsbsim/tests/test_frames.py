@@ -38,9 +38,9 @@ def test_other_frames_are_those_of_jsbsim(name):
 
 
 def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
-    """An actuator with hysteresis agrees with JSBSim, with and without a filter before it.
+    """Speed and pitch rate agree with JSBSim for an actuator with hysteresis, also behind a filter.
 
-    Its equilibrium depends on the first frames, in which filters begin at 0 and actuators at their
+    The equilibrium depends on the first frames, in which filters begin at 0 and actuators at their
     input.
     """
     state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
@@ -99,8 +99,9 @@ def test_command_flies_frames(capsys):
 
 
 def test_other_aircraft_are_refused(capsys):
-    """--method jsbsim is refused for the HFA and with --actuators. --step is refused for other
-    methods.
+    """--method jsbsim is refused for the HFA and with --actuators.
+
+    --step is refused without --method jsbsim.
     """
     assert main(["fly", "--method", "jsbsim"]) == 2
     assert "use --method runge-kutta" in capsys.readouterr().err

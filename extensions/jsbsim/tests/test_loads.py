@@ -31,8 +31,9 @@ LIGHT = {"kcas": 90.0, "altitude": 3000.0}
 
 
 def residual(name, held, parameters, free=()):
-    """Return the largest acceleration in JSBSim at the model's trim, the model's weight, and
-    JSBSim's.
+    """Return the largest acceleration in JSBSim at the model's trim, and both weights.
+
+    The weights are the model's and JSBSim's, lb.
 
     held: imposed values
     parameters: values of parameters, such as tank contents
@@ -89,8 +90,9 @@ def residual(name, held, parameters, free=()):
     ],
 )
 def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
-    """At the model's trims with loads, wind and failed engines, JSBSim has accelerations below
-    1e-9.
+    """At trims with loads, wind and failed engines, JSBSim has accelerations below 1e-9.
+
+    The weights agree.
     """
     acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
     assert acceleration < 1e-9
@@ -113,9 +115,10 @@ def test_an_engine_runs_or_is_out():
 
 
 def test_steady_wind_carries_path_and_gust_changes_flow(tmp_path):
-    """A downward wind changes the climb rate but not the moments.
+    """A downward wind changes the climb rate but not the pitch acceleration.
 
-    An updraft changes the angle of attack, and a gust from the side causes a yawing moment.
+    An updraft acts on the pitch acceleration as the corresponding angle of attack does, within 5 %.
+    A gust from the side causes a yaw acceleration.
     """
     model = load_model(written(tmp_path, glider()))
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
@@ -139,9 +142,9 @@ WASHOUT = (
 
 
 def test_a_washout_is_state_where_that_is_asked(tmp_path):
-    """A washout filter has a state with the option filters=states.
+    """With the option filters=states a washout filter has a state with the expected derivatives.
 
-    Without the option a note reports that its output is 0.
+    Without the option a note reports that the output of the filter is 0.
     """
     control = CONTROL.replace(" </channel>", f"{WASHOUT} </channel>")
     damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
@@ -194,9 +197,7 @@ DAMPERS = {
     "kind", ["washout", *(pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS)]
 )
 def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
-    """With filter states, a simulation with a yaw damper is ten times closer to JSBSim than
-    without.
-    """
+    """With filter states, the yaw rate with a damper is ten times closer to JSBSim than without."""
     text = DAMPERS[kind].format("velocities/r-rad_sec", "<output>fcs/probe</output>")
     axis = coefficient(slope(-0.3, "fcs/probe"), slope(0.1, "aero/beta-rad"), length="bw-ft")
     slots = {
@@ -217,10 +218,7 @@ def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
 
 
 def flown(model, state):
-    """Return the states after one second with closed throttle, by name.
-
-    The simulation uses the classical Runge-Kutta method.
-    """
+    """Return the states after one second with closed throttle, by name."""
     x = np.array([state.get(name, 0.0) for name in model.states])
     u = [0.0] * len(model.inputs)
 

@@ -85,10 +85,10 @@ def ours_at(model, point, answer):
 
 
 def misses(name, count):
-    """Return the largest relative differences from JSBSim at random points, (4,).
+    """Return the largest differences from JSBSim at random points, (4,).
 
-    They are those of translational acceleration, angular acceleration and thrust, and the largest
-    acceleration of a propeller, which is in equilibrium in JSBSim.
+    They are the relative differences of translational acceleration, angular acceleration and
+    thrust, and the largest relative acceleration of a propeller, which is 0 in JSBSim.
     """
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, count)
@@ -130,7 +130,10 @@ def misses(name, count):
     "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
 )
 def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
-    """Accelerations and thrust of a jet, propeller aircraft and a glider agree with JSBSim."""
+    """Accelerations and thrust of a jet, propeller aircraft and a glider agree with JSBSim.
+
+    At JSBSim's propeller speeds, the propellers of the model are in equilibrium.
+    """
     linear, rotation, thrust, turning = misses(name, 2)
     assert linear < 1e-12
     assert rotation < 1e-12
@@ -151,7 +154,9 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
 def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
-    """If a surface is the input, the pitch acceleration agrees at JSBSim's surface position."""
+    """If the elevator is a surface input, the pitch acceleration agrees at JSBSim's surface
+    position.
+    """
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:
@@ -163,7 +168,7 @@ def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
 
 
 def test_reading_an_aircraft_loads_no_scipy():
-    """Reading an aircraft does not import SciPy, which would double the time of a trim."""
+    """Reading an aircraft does not import SciPy."""
     code = (
         "import sys; from hfa_jsbsim.reader import read_model; read_model('jsbsim:737');"
         " print('scipy' in sys.modules)"

@@ -1,4 +1,4 @@
-"""Trims of JSBSim's aircraft, and the reasons reported if there is no trim."""
+"""Trims of JSBSim's aircraft, and the reasons reported if no trim exists."""
 
 import importlib.util
 import re
@@ -31,7 +31,7 @@ def condition_of(model, **held):
 def test_jet_propeller_aircraft_glider_fly_at_calibrated_speed(name, kcas, altitude):
     """A jet, a propeller aircraft and a glider are trimmed at the imposed calibrated airspeed.
 
-    The flight path is level if the aircraft has a throttle.
+    The flight path is level with a throttle, and descends without one.
     """
     model = load_model(f"jsbsim:{name}")
     point = find_operating_point(model, condition_of(model, kcas=kcas, altitude=altitude))
@@ -72,9 +72,9 @@ def test_the_speed_of_the_propeller_is_a_mode():
 
 @needs_jsbsim
 def test_governed_propeller_may_rest_at_limit_of_blades():
-    """At low speed a governed propeller is trimmed at the limit of its blade angle.
+    """At low speed a governed propeller is trimmed at the lowest blade angle and below 2400 rpm.
 
-    It then turns more slowly than the governor demands.
+    At high speed it turns at 2400 rpm.
     """
     model = load_model("jsbsim:c182")
     fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))

@@ -47,7 +47,10 @@ def statement(certificate: Path) -> CostStatement:
 def test_a_bound_is_proved_and_checked(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A certificate is verified. The first line names data that only the certificate contains."""
+    """A certificate is verified by `hfa prove` and by `hfa prove cost`.
+
+    The first line names the weights if only the certificate contains them.
+    """
     assert main(["prove", *AIRCRAFT, "--check", str(certificate)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
     assert first.endswith("flights of pendulum, of the weights in the certificate")
@@ -89,9 +92,9 @@ def test_a_run_goes_on_from_its_certificate(
 
 
 def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:
-    """`hfa prove cost` refuses an aircraft whose derivatives depend on a state that the cost omits.
+    """`hfa prove cost` refuses the HFA, whose derivatives depend on the altitude.
 
-    Here this state is the altitude.
+    The cost omits the altitude.
     """
     assert main(["prove", "cost", "--dihedral", "10"]) == 2
     assert "depend on altitude, which the cost does not include" in capsys.readouterr().err
@@ -138,7 +141,7 @@ def test_a_table_shows_the_bracket_of_each_start(
 def test_an_initial_condition_beyond_level_is_named(statement: CostStatement) -> None:
     """If W exceeds its level at the initial condition, the bound is the level.
 
-    The first line reports that the condition is beyond the level.
+    The sentence on the bounds reports initial conditions beyond the level.
     """
     small = replace(statement, pieces=statement.pieces[:1])
     near, far = (bracket_of(small, z, {}, 1e3) for z in (np.full(2, 1e-3), np.full(2, 9.0)))
@@ -172,8 +175,9 @@ def test_a_bound_of_other_weights_is_refused(
 
 
 def card_of(folder: Path, weight: float) -> str:
-    """Write a deployment file of u = -1.98 angle - 0.98 rate, trained for R = weight; return its
-    path.
+    """Return the path of a new deployment file of u = -1.98 angle - 0.98 rate.
+
+    weight: R of the cost in the file
     """
     cost = f"[cost]\nQ = {{angle = 1.0, rate = 1.0}}\nR = {{torque = {weight}}}\n"
     return str(pendulum_card(folder, f"[timing]\ndt = 0.01\n{cost}"))
@@ -184,7 +188,8 @@ def test_flights_of_a_deployed_policy_are_bracketed(
 ) -> None:
     """From each initial condition, the lower bound is below the costs of best flight and policy.
 
-    The best flight costs at most 1 % more than the policy.
+    The best flight costs less than 1.01 times the policy. The printed table has a row for each
+    initial condition.
     """
     content = json.loads(certificate.read_text())["statement"]
     words = ["assess", card_of(tmp_path, content["R"][0][0]), *AIRCRAFT, "--samples", "0"]

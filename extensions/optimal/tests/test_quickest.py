@@ -35,7 +35,7 @@ def moved() -> QuickestFlight:
 
 
 def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
-    """The quickest time over the distance d of a double integrator is 2 sqrt(d / u_max), within 0.5
+    """The quickest time of a double integrator over the distance d is 2 sqrt(d / u_max), within 0.5
     %.
     """
     least = 2.0 * np.sqrt(8.0 / 2.0)
@@ -45,9 +45,7 @@ def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
 
 
 def test_a_speed_limit_in_closed_form() -> None:
-    """With a speed limit v, the quickest time over the distance d is d / v + v / u, within
-    0.5 %.
-    """
+    """With a speed limit v, the quickest time over the distance d is d / v + v / u, within 0.5 %."""
     model = cart()
     point = hfa.find_operating_point(model)
     best = hfa.quickest_flight(model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)})

@@ -35,9 +35,9 @@ def copies(expression: ca.SX, x: ca.SX) -> tuple[np.ndarray, np.ndarray, ca.Func
     ],
 )
 def test_a_copy_differs_near_the_kink_alone(kinked):
-    """A smooth copy differs from the function only near the kink, and its slope is continuous.
+    """A smooth copy differs from the function only near the kink, by less than 4 half-widths.
 
-    The difference is at most the change of slope times the half-width.
+    The slope of the copy is continuous.
     """
     x = ca.SX.sym("x")
     sharp, smooth, copy = copies(kinked(x), x)
@@ -51,7 +51,7 @@ def test_a_copy_differs_near_the_kink_alone(kinked):
 
 
 def test_a_condition_on_a_truth_value_is_smooth():
-    """A condition on the result 0 or 1 of a comparison is smoothed, such as JSBSim's ifthen."""
+    """A condition on the result 0 or 1 of a comparison is smoothed, as in JSBSim's ifthen."""
     x = ca.SX.sym("x")
     truth = ca.if_else(x < 0.0, 1.0, 0.0)
     sharp, smooth, _ = copies(ca.if_else(ca.fabs(truth) >= 1e-9, 1.0, 2.0 + x), x)
@@ -63,7 +63,7 @@ def test_a_condition_on_a_truth_value_is_smooth():
 def test_what_cannot_be_smooth_stays():
     """Infinite branches and constant arguments are not changed.
 
-    A function whose kink is far from the points is returned itself.
+    If the kink is far from the points, the function itself is returned.
     """
     x = ca.SX.sym("x")
     choice = ca.if_else(x > 0.0, x, ca.inf) + ca.fmax(x - x, 0.0) + ca.fabs(x)
@@ -76,8 +76,11 @@ def test_what_cannot_be_smooth_stays():
 
 @pytest.mark.slow
 def test_an_aircraft_with_tables_flies_its_true_equations():
-    """For an aircraft with tables, the simulation with its exact equations has the proposed
+    """For an aircraft with tables, the simulation with its exact equations has nearly the proposed
     cost.
+
+    The difference is at most 0.5 %. The smoothed rates differ from the exact rates by less than 5
+    %.
     """
     pytest.importorskip("jsbsim")
     model = hfa.load_model("jsbsim:737")

@@ -43,10 +43,7 @@ _INPUTS = ("thrust", "elevator")
 
 
 def longitudinal(aircraft: Model) -> Model:
-    """Return the longitudinal motion of a rigid aircraft at constant altitude, as a model.
-
-    Its simulation takes a fraction of the time of the full model's.
-    """
+    """Return the longitudinal motion of a rigid aircraft at constant altitude, as a model."""
     states, inputs = list(aircraft.states), list(aircraft.inputs)
     held = {name: aircraft.trim.get(name, 0.0) for name in (*states, *inputs)}
 

@@ -19,7 +19,7 @@ CONTROL = f'<flight_control name="stick">\n{SURFACES}</flight_control>'
 def force(axis: str, *terms: str, length: str = "") -> str:
     """Return an <axis> whose value is dynamic pressure times area times the sum of the terms.
 
-    length: property of a length, which multiplies a moment
+    length: property of a length by which the value is multiplied, for a moment
     """
     return f'<axis name="{axis}"> {coefficient(*terms, length=length)} </axis>'
 
