@@ -23,8 +23,8 @@ _NOT_COVERED = "disturbances"
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
     """Return the report of a proved bound.
 
-    For each piece it lists the share of the initial conditions at which the bound is below the
-    level.
+    The report lists for each piece the share of the initial conditions at which the piece's bound
+    is below its level.
 
     starts: (N, n), initial conditions, deviations from the trim
     """

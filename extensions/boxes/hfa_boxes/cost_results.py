@@ -24,7 +24,7 @@ class BoundPiece(Result):
     M: (n, n).
     coefficients: coefficients of the monomials of W.
     powers: (terms, n), powers of each monomial.
-    boxes: number of boxes that prove the piece.
+    boxes: number of boxes that the proof of the piece evaluated.
     """
 
     c: float
@@ -39,7 +39,7 @@ class LowerBound(ProvedResult):
     """Proved lower bound of the cost of every flight to the equilibrium.
 
     statement: the proved statement.
-    boxes: number of boxes that prove each piece.
+    boxes: number of boxes that the proof of each piece evaluated.
     """
 
     json_keys = "proved states state_units trim parameters equilibrium limits Q R pieces"

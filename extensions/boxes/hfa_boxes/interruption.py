@@ -1,4 +1,4 @@
-"""Handling of Ctrl-C during long searches: the search stops and its result so far is reported."""
+"""Interruption of long searches by Ctrl-C, which keeps the result found so far."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from hfa_support.progress import Progress
 def interruption() -> Iterator[threading.Event]:
     """Yield an event that is set when Ctrl-C is pressed.
 
-    The handler is installed only in the main thread. A second Ctrl-C has its usual effect. The
-    event replaces an exception, because CasADi discards exceptions that are raised during IPOPT.
+    A second Ctrl-C has its usual effect. The event is never set outside the main thread, or if
+    SIGINT is ignored. An exception cannot replace the event, because CasADi discards exceptions
+    that are raised during IPOPT.
     """
     asked = threading.Event()
     before = signal.getsignal(signal.SIGINT)

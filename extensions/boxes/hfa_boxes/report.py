@@ -37,7 +37,7 @@ def found_report(
     """Return the report of a proved region and of the obstacle to a larger one.
 
     policy: description of the policy
-    flight: outcome of a flight from the state with V' >= 0, or None
+    flight: clause on the outcome of a flight from the obstacle, or None
     not_covered: effects that the proof neglects, for the title
     reason: why boxes were chosen; "" if the user chose them
     """

@@ -20,7 +20,7 @@ class BoxSet(ProvedResult):
     """Set proved on boxes.
 
     statement: the proved statement.
-    boxes: number of boxes on which V' < 0 is proved.
+    boxes: number of boxes that the proof evaluated.
     """
 
     json_keys = (
@@ -106,8 +106,9 @@ class FoundBoxes(BoxSet):
     """Set that a search has found and proved.
 
     origin: origin of V.
-    decrease_fails_at: state -> deviation at the point of lowest V where V' >= 0 was found, or None
-        if no such point was found.
+    decrease_fails_at: state -> deviation at the first obstacle that was found as the level of V
+        grows,
+        if V' >= 0 there; None if a limit is the first obstacle or no obstacle was found.
     stopped: why no larger level is proved.
     """
 

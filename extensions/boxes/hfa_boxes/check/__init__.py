@@ -1,4 +1,4 @@
 """Checkers of certificates proved on boxes.
 
-They repeat the proof and trust no result of the search.
+The checkers repeat the proof and trust no result of the search.
 """

@@ -1,14 +1,13 @@
-"""Checker of a region of attraction: it reads the statement and repeats the subdivision into boxes.
+"""Checker of a region of attraction, by subdivision into boxes.
 
 Theorem. Let z be the deviation from the equilibrium, y = M z, and S = {V <= rho} within the cube
 |y_i| <= 1. Suppose that S meets no face of the cube, that V' < 0 in S except at the equilibrium,
 and that all limits hold in S. Then every trajectory that begins in S exists for all time, stays in
-S and converges to the equilibrium (LaSalle). Near the equilibrium V' < 0 is proved from an enclosed
-Jacobian, elsewhere on boxes that cover the cube. Where the equations switch, trajectories are
-Filippov solutions.
+S and converges to the equilibrium (LaSalle). Where the equations switch, trajectories are Filippov
+solutions.
 
-The search is not trusted. The checker uses only its multipliers of the extents and the number of
-boxes after which the checker stops.
+Of the search, the checker uses the multipliers of the extents and the number of boxes after which
+the checker stops.
 
     loop.py       equilibrium, V', the hole     cover.py    branch and bound
     piece.py      V and its set                 statement.py  the claim
@@ -40,9 +39,9 @@ _MOST_BOXES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class BoxWitness:
-    """Evidence for a region. It is not part of the claim.
+    """Evidence for a region, not part of the claim.
 
-    multipliers: (n, 2), factors of rho - V in the proofs of the lowest and highest z
+    multipliers: (n, 2), nonnegative factors of rho - V in the proofs of the lowest and highest z
     boxes: number of boxes after which the checker stops
     """
 
@@ -54,8 +53,8 @@ class BoxWitness:
 class VerifiedBoxes:
     """A region of attraction that the checker has proved.
 
-    statement: the proved statement; the checker has interpreted every field of it
-    boxes: number of boxes on which V' < 0 is proved
+    statement: the proved statement
+    boxes: number of boxes that the proof evaluated
     written: version, command and date in the file, not verified
     """
 
@@ -67,9 +66,7 @@ class VerifiedBoxes:
 def check_region(
     statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
 ) -> int:
-    """Return the number of boxes that prove the statement.
-
-    progress: called with the number of boxes
+    """Prove the statement and return the number of boxes that the proof evaluated.
 
     Raises Rejected if the statement is not proved.
     """
@@ -90,10 +87,8 @@ def check_certificate(
 ) -> VerifiedBoxes:
     """Return the region of attraction that a certificate proves.
 
-    path: the certificate
     policy: the user's policy, state deviations -> input deviations; None if the certificate stores
         the coefficients of the policy
-    progress: called with the number of boxes
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model or
@@ -115,7 +110,8 @@ def read_content(
     model: the user's aircraft, if the certificate concerns one
     policy: the user's policy, or None if the certificate stores its coefficients
 
-    Raises Malformed, which names the invalid entry.
+    Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
+    another model or policy.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)

@@ -39,6 +39,7 @@ _SMALLEST_HOLE = 24
 class Guess(NamedTuple):
     """Estimates of the minimizing inputs on boxes, v = value + slopes s.
 
+    s: position in the box, |s_i| <= 1
     value: (boxes, m)
     slopes: (boxes, m, n)
     """
@@ -63,14 +64,15 @@ class CostInequality(OnPiece):
 
     @property
     def at_once(self) -> int:
-        """Number of boxes that are evaluated in one batch."""
+        """Largest number of boxes in one batch."""
         return self._values.at_once
 
     @cached_property
     def ends(self) -> np.ndarray:
         """Lowest and highest input deviations v, (m, 2), rounded outward.
 
-        Raises Rejected if an input at the equilibrium is outside its limits.
+        Raises Rejected if the enclosure of an input at the equilibrium is not within the input's
+        limits.
         """
         names = tuple(self.plant.inputs)
         at = self.equilibrium.x[self.n :, None]
@@ -138,10 +140,11 @@ class CostInequality(OnPiece):
         return RowFunction(ca.Function("centre", [z, v], [ca.densify(each) for each in outputs]))
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return inputs (N, m) that nearly minimize g at z (N, n), and their Jacobians (N, m, n) in
-        z.
+        """Return inputs (N, m) that nearly minimize g at z (N, n), and their Jacobians in z, (N, m,
+        n).
 
-        The derivatives of a saturated input are 0. No proof depends on these inputs.
+        The derivatives of a saturated input are 0. Inputs and derivatives that are not finite are
+        replaced by 0. No proof depends on these inputs.
         """
         count = len(z)
         n, m = self.n, self.m
@@ -175,14 +178,16 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Raise Rejected unless the equilibrium is within the state limits."""
+        """Raise Rejected unless the equilibrium states, in doubles, are within the state limits."""
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
         if not np.all((low <= at) & (at <= high)):
             raise Rejected("the equilibrium is outside the state limits")
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask (N,) of the boxes that have no point in the envelope."""
+        """Return the mask (N,) of the boxes that are proved to have no point within the state
+        limits.
+        """
         N, off = self.inverse
         centres = boxes.centres @ N.T
         reach = (
@@ -196,10 +201,9 @@ class CostInequality(OnPiece):
         return np.asarray(beyond.any(axis=1))
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return the index of the edge to halve for each undecided box, and -1 for decided boxes,
-        (N,).
+        """Return for each box the index of the edge to halve, or -1 if the box is decided, (N,).
 
-        Raises RefutedError where g < 0 or the set meets a face of the cube.
+        Raises RefutedError at a point of the set where g < 0, or that is on a face of the cube.
         """
         edges = np.full(len(boxes.centres), -1)
         near = np.flatnonzero(~super().is_outside(boxes))
@@ -410,13 +414,13 @@ def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray
 
 
 def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return x with H x = right in the free entries, and x = 0 in the others.
+    """Return x (N, m, k) with H x = right in the rows and columns of the free entries.
 
     H: (N, m, m)
-    right: (N, m, k)
+    right: (N, m, k), 0 in the entries that are not free
     free: (N, m), mask
 
-    A singular H is replaced by the identity.
+    The other entries of x are 0. If the equations of the free entries are singular, x = right.
     """
     m = H.shape[1]
     both = free[:, :, None] & free[:, None, :]

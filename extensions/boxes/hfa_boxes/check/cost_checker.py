@@ -1,8 +1,7 @@
-"""Checker of a lower bound of the cost: it reads the statement and repeats the subdivision into
-boxes.
+"""Checker of a lower bound of the cost, by subdivision into boxes.
 
-`cost.py` states the theorem. The search is not trusted. The checker uses only its choice of the
-unknown states and inputs at the equilibrium, and the number of boxes after which the checker stops.
+`cost.py` states the theorem. Of the search, the checker uses the choice of the unknown states and
+inputs at the equilibrium, and the number of boxes after which the checker stops.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ _MOST_BOXES = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class CostWitness:
-    """Evidence for a lower bound. It is not part of the claim.
+    """Evidence for a lower bound, not part of the claim.
 
-    solved: names of the unknown states and inputs at the equilibrium; the others have their trim
-        values
+    solved: names of the unknown states and inputs at the equilibrium; the others have the values of
+        the statement
     boxes: number of boxes of each piece after which the checker stops
     """
 
@@ -46,9 +45,9 @@ class CostWitness:
 class VerifiedCost:
     """A lower bound of the cost that the checker has proved.
 
-    statement: the proved statement; the checker has interpreted every field of it
+    statement: the proved statement
     witness: the evidence in the file
-    boxes: number of boxes that prove each piece
+    boxes: number of boxes that the proof of each piece evaluated
     written: version, command and date in the file, not verified
     """
 
@@ -71,9 +70,10 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
-    """Return the number of boxes that prove each piece.
+    """Prove the statement and return the number of boxes that the proof of each piece evaluated.
 
-    Raises Rejected if the statement is not proved.
+    Raises Rejected if the statement is not proved, or if the witness does not name as many unknowns
+    as there are states.
     """
     plant = statement.plant
     names = (*plant.states, *plant.inputs)
@@ -100,8 +100,6 @@ def check_cost_certificate(
 ) -> VerifiedCost:
     """Return the lower bound that a certificate proves.
 
-    path: the certificate
-    progress: called with the number of boxes
     model: the user's aircraft, or None if the certificate concerns a built-in model
     agrees: called with the statement before the proof; raises if it differs from the user's data
 
@@ -124,7 +122,8 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
     content: the entries of the file
     model: the user's aircraft, if the certificate concerns one
 
-    Raises Malformed, which names the invalid entry.
+    Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
+    another model.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)

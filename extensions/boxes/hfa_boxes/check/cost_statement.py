@@ -26,8 +26,9 @@ class CostStatement:
     ∫ z'Qz + v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
 
     plant: the model; its state limits are the envelope
-    equilibrium: moving state or input -> value; it differs from the trim by at most `SAME_TRIM`
-        nominal values
+    equilibrium: moving state or input -> value; the proved equilibrium is within `SAME_TRIM`
+        nominal
+        values of these values and of the trim
     Q: (n, n), symmetric, positive semidefinite
     R: (m, m), symmetric, positive semidefinite
     pieces: polynomials W with levels, each proved separately
@@ -75,13 +76,13 @@ class CostStatement:
 
     @property
     def level(self) -> float:
-        """Largest level c of the pieces. No bound of the statement exceeds it."""
+        """Largest level c of the pieces, and upper limit of `bound`."""
         return max(piece.c for piece in self.pieces)
 
     def bound(self, z: np.ndarray) -> np.ndarray:
         """Return the lower bounds (N,) of the cost from deviations z (N, n) from the trim.
 
-        They are computed in doubles without outward rounding.
+        The bounds are computed in doubles without outward rounding.
         """
         plant = self.plant
         offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])

@@ -25,8 +25,10 @@ _TOLD = 4
 
 
 class Boxes(NamedTuple):
-    """Boxes with centers (N, n) and half-widths 2^-depths; depths (N, n) count the halvings of each
-    edge.
+    """Boxes with half-widths 2^-depths.
+
+    centres: centers, (N, n)
+    depths: number of halvings of each edge, (N, n)
     """
 
     centres: np.ndarray
@@ -79,7 +81,7 @@ class OpenBoxError(Rejected):
 
 
 class RefutedError(OpenBoxError):
-    """Raised if a function, computed in doubles, is not positive at a point of the set."""
+    """Raised if a function, computed in doubles, is negative at a point of the set."""
 
 
 class SmallestBoxError(OpenBoxError):
@@ -95,14 +97,13 @@ class Question(Protocol):
 
     @property
     def at_once(self) -> int:
-        """Number of boxes that are evaluated in one batch."""
+        """Largest number of boxes in one batch."""
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask (N,) of the boxes that contain no point of the set."""
+        """Return the mask (N,) of the boxes that are proved to contain no point of the set."""
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return the index of the edge to halve for each undecided box, and -1 for decided boxes,
-        (N,).
+        """Return for each box the index of the edge to halve, or -1 if the box is decided, (N,).
 
         Raises RefutedError at a point where the property does not hold.
         """
@@ -115,7 +116,7 @@ def refute(
 
     The error stores the point with the lowest value.
 
-    centres: (N, n), the points
+    centres: points, (N, n)
     values: (N,)
     within: points (N, n) -> mask (N,) of the points in the set
     """
@@ -127,13 +128,15 @@ def refute(
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
-    """Prove a property on a set and return the number of boxes.
+    """Prove a property on a set and return the number of boxes that were evaluated.
+
+    Boxes outside the set are not counted.
 
     most: number of boxes after which the proof stops
-    progress: called with the decided share of the volume and the number of boxes
 
-    Raises RefutedError at a point where the property fails. Raises OpenBoxError, with the center of
-    an undecided box, if `most` boxes do not suffice or the box is too small to be halved.
+    Raises RefutedError at a point where the property fails.
+    Raises SmallestBoxError if an undecided box is too small to be halved.
+    Raises OpenBoxError if a box is undecided after `most` boxes.
     """
     n = question.n
     waiting = cube(n)

@@ -24,7 +24,10 @@ _DOUBLINGS = 30
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Enclosure of an equilibrium: x (n,) ± radius (n,) contains exactly one."""
+    """Enclosure of an equilibrium.
+
+    The interval x (n,) ± radius (n,) contains exactly one equilibrium.
+    """
 
     x: np.ndarray
     radius: np.ndarray
@@ -35,13 +38,13 @@ def zero_near(
 ) -> Equilibrium:
     """Return an enclosure of the zero of a program F that Newton's method finds from x.
 
-    x: (k,), the inputs of the program
-    nominal: (k,), nominal values of the inputs
+    x: inputs of the program, (k,)
+    nominal: nominal values of the inputs, (k,)
     solved: indices of the unknown inputs, as many as the program has outputs; the other inputs are
         constant
 
-    Raises Rejected unless |C F(x)| + |1 - C F'| r < r is proved for a radius r, with C near the
-    inverse of F' (Krawczyk 1969).
+    Raises Rejected unless |C F(x)| + |1 - C F'| r < r is proved at the zero x for a radius r, with
+    C near the inverse of F' (Krawczyk 1969).
     """
     point = np.array(x, dtype=float)
     columns = list(solved)

@@ -36,7 +36,7 @@ class Loop(Plant):
     policy: ca.Function
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return the rates of the moving states at x (n,), and the limited outputs."""
+        """Return the rates of the moving states at x (n,), and the outputs that have limits."""
         return self.rates_at(x, self.commands(x))
 
     def commands(self, x: ca.SX) -> ca.SX:
@@ -70,7 +70,7 @@ class Loop(Plant):
 def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
     """Return an enclosure of the loop's equilibrium near x (n,).
 
-    Raises Rejected if none is proved.
+    Raises Rejected if no equilibrium is proved.
     """
     n = len(loop.states)
     return zero_near(loop.closed, x, loop.nominal[:n], range(n))
@@ -92,7 +92,7 @@ class Decrease(OnPiece):
 
     @property
     def at_once(self) -> int:
-        """Number of boxes that are evaluated in one batch."""
+        """Largest number of boxes in one batch."""
         return self._functions.at_once
 
     def check_limits(self) -> None:
@@ -108,8 +108,7 @@ class Decrease(OnPiece):
                 raise Rejected(f"{name} may leave its limits in the set")
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return the index of the edge to halve for each unproved box, and -1 for proved boxes,
-        (N,).
+        """Return for each box the index of the edge to halve, or -1 if the box is proved, (N,).
 
         Raises RefutedError at a point where a function is negative.
         """
@@ -157,10 +156,12 @@ class Decrease(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """Exponent k: W' < 0 is proved where 0 < |y_i| <= 2^-k.
+        """Smallest exponent k with W' < 0 proved for 0 < max |y_i| <= 2^-k.
 
         The gradient of W is G y and the rates are J z, with G and J within their enclosures. Hence
-        W' = y'(S + S') y / 2 with S = G'M J M⁻¹. Raises Rejected if no k is found.
+        W' = y'(S + S') y / 2 with S = G'M J M⁻¹.
+
+        Raises Rejected if no k is found.
         """
         n = self.n
         slopes = self.program([self.piece.W.expressions(self.symbols.y)[1], self._rates[0]])

@@ -1,8 +1,7 @@
 """Polynomial W about an equilibrium, and the set where W is at most c.
 
 With z the deviations of the states from the equilibrium and y = M z, the set is {W(y) <= c} within
-the cube |y_i| <= 1. The set does not meet the faces of the cube: W > c on every box that meets a
-face.
+the cube |y_i| <= 1. Each proof requires W > c on every box that meets a face of the cube.
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
 
 
 class Piece(NamedTuple):
-    """The set {W(y) <= c} with y = M z.
+    """The set of deviations z with W(y) <= c and |y_i| < 1, y = M z.
 
     M: (n, n)
     W: polynomial in y without terms of degree 0 and 1; products of coefficients and powers are
@@ -119,8 +118,9 @@ class Piece(NamedTuple):
         return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """Return min(W, c) at deviations z (N, n) within the cube, and c outside the cube, (N,), in
-        doubles.
+        """Return the lower bound of the cost at deviations z (N, n), in doubles, (N,).
+
+        The bound is min(W, c) if |y_i| < 1 for all i, and c elsewhere.
         """
         y = z @ self.M.T
         inside = np.all(np.abs(y) < 1.0, axis=1)
@@ -164,10 +164,11 @@ class OnPiece(Question):
         """Raise Rejected if a limit that is checked without boxes is exceeded."""
 
     def proved(self, most: int, progress: Progress | None = None) -> int:
-        """Return the number of boxes that prove the property. Raises Rejected if it is not proved.
+        """Prove the property and return the number of boxes that were evaluated.
 
         most: number of boxes after which the proof stops
-        progress: called with the decided share of the volume and the number of boxes
+
+        Raises Rejected if the property is not proved.
         """
         self.plant.check_held()
         self.check_limits()
@@ -189,8 +190,7 @@ class OnPiece(Question):
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
     def within(self, places: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the points y (N, n) that are in the set and within the state
-        limits.
+        """Return the mask (N,) of the points y (N, n) with W <= c and states within their limits.
 
         The test is done in doubles.
         """
@@ -207,10 +207,11 @@ class OnPiece(Question):
     def decisive_edges(self, boxes: Boxes, lowered_by: np.ndarray) -> np.ndarray:
         """Return the index of the edge to halve for each box, (N,).
 
-        In general it is the edge that reduces the lower bound of the function most. For a box that
-        meets a face of the cube, it is the edge that reduces the lower bound of W most. For a box
-        about the equilibrium, it is the longest edge. An edge that was halved much more often than
-        another is excluded.
+        - Box about the equilibrium: the longest edge.
+        - Box that meets a face of the cube: the edge that reduces the lower bound of W most.
+        - Other boxes: the edge that reduces the lower bound of the function most.
+
+        Edges with more than `_FLATTEST` halvings above the least halved edge are excluded.
 
         lowered_by: (N, n), reduction of the lower bound of the function that each edge causes
         """

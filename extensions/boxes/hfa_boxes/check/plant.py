@@ -64,8 +64,9 @@ class Plant:
         return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
 
     def ends(self, names: Sequence[str]) -> np.ndarray:
-        """Return the lowest and highest values of signals, (len(names), 2); a missing limit is
-        infinite.
+        """Return the lowest and highest values of signals, (len(names), 2).
+
+        A missing limit is infinite.
         """
         pairs = [self.limits.get(name, (-np.inf, np.inf)) for name in names]
         return np.array(pairs, dtype=float).reshape(-1, 2)
@@ -96,11 +97,13 @@ class Plant:
 
 
 def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
-    """Return the plant stored in a certificate. Raises Malformed for the first wrong entry.
+    """Return the plant stored in a certificate.
 
     entries: reader of the certificate's entry `statement`
     content: the same entry as data
     own: the user's model, if the statement concerns one
+
+    Raises Malformed for the first wrong entry.
     """
     model = model_of(content.get("dynamics"), content.get("source"), own)
     for name, fact in facts(model).items():
@@ -164,8 +167,8 @@ def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[floa
 
 
 def check_limits_of_model(plant: Plant) -> None:
-    """Raise Malformed if a stated limit is wider than the model's, or an input limit differs from
-    it.
+    """Raise Malformed if a stated limit is wider than the model's or an input limit differs from
+    the model's.
     """
     states = {**plant.trim, **plant.held}
     own = model_limits(plant.model, states, plant.parameters)
@@ -215,7 +218,9 @@ def model_limits(
 
 
 def facts(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, signals and units."""
+    """Return entries that identify a model: name, source, moving states, and units of the moving
+        states and inputs.
+    """
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],
@@ -226,5 +231,5 @@ def facts(model: Model) -> dict[str, Any]:
 
 
 def pair_of(limits: tuple[float, float]) -> list[float | None]:
-    """Return the limits as stored in a file; an infinite limit becomes None."""
+    """Return the limits as stored in a file, with None for an infinite limit."""
     return [end if np.isfinite(end) else None for end in limits]

@@ -112,7 +112,7 @@ def prove(
 ) -> int:
     """Prove a region that is as large as possible, print a report and return the exit code.
 
-    If -o is given, the certificate is written to it, and again for each larger region.
+    If -o is given, the certificate of each larger region is written to that file.
     """
     loop = loop_of(linear, policy)
     stated = policy.gain or digest_of(loop.policy)

@@ -25,7 +25,10 @@ ROUNDING = 1e-15
 
 
 def exp(t: np.ndarray) -> np.ndarray:
-    """Return e^t with a relative error of at most `EXP_ERROR`; nan for |t| > 40."""
+    """Return e^t with a relative error of at most `EXP_ERROR`.
+
+    The result is nan for |t| > 40.
+    """
     r = t / 64.0
     value = np.ones_like(r)
     for k in range(16, 0, -1):
@@ -43,7 +46,10 @@ def tanh(t: np.ndarray) -> np.ndarray:
 
 
 def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return sin t and cos t with absolute errors of at most `SIN_ERROR`; nan for |t| > 16."""
+    """Return sin t and cos t with absolute errors of at most `SIN_ERROR`.
+
+    The results are nan for |t| > 16.
+    """
     r = t / 8.0
     square = r * r
     sine = np.ones_like(r)
@@ -59,10 +65,11 @@ def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return an approximation y of log t and a bound of its error; nan unless t > 0.
+    """Return an approximation y of log t and a bound of its error.
 
-    The error follows from e^y: log t = y + log(1 + e) with e = t e^-y - 1, and
-    |log(1 + e)| <= |e| / (1 - |e|).
+    Both are nan unless t > 0. The bound is also nan for |y| > 40.
+
+    log t = y + log(1 + e) with e = t e^-y - 1, and |log(1 + e)| <= |e| / (1 - |e|).
     """
     y = np.log(np.where(t > 0.0, t, np.nan))
     e = np.abs(t * exp(-y) - 1.0) + 2.0 * EXP_ERROR
@@ -72,8 +79,7 @@ def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def atan(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return an approximation y of atan t and a bound of its error.
 
-    The error follows from tan(atan t - y) = (t cos y - sin y) / (cos y + t sin y) and |atan e| <=
-    |e|.
+    tan(atan t - y) = (t cos y - sin y) / (cos y + t sin y), and |atan e| <= |e|.
     """
     y = np.arctan(t)
     sine, cosine = sin_cos(y)

@@ -46,7 +46,12 @@ class Slopes(NamedTuple):
 
 
 class Enclosed(NamedTuple):
-    """Enclosures of one kind of node: by a parabola, by a line, or both, and of its slopes."""
+    """Enclosures of a kind of node over a range.
+
+    curve: enclosure by a parabola, or None
+    line: enclosure by a line, or None
+    slopes: lowest and highest value -> lowest and highest slope
+    """
 
     curve: Callable[[Ranges], Parabola] | None
     line: Callable[[Ranges], Parabola] | None

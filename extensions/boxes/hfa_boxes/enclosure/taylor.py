@@ -111,7 +111,7 @@ class Sharpened(NamedTuple):
     """Lower bounds of one output on each box.
 
     lowest: (boxes,)
-    lowered_by: (boxes, n), the amount by which each s_i reduces the bound, approximately
+    lowered_by: (boxes, n), approximate amount by which each s_i reduces the bound
     """
 
     lowest: np.ndarray
@@ -173,7 +173,11 @@ class TaylorProgram:
         return self.traced(linear, radius).outputs
 
     def traced(self, linear: np.ndarray, radius: np.ndarray) -> Traced:
-        """Return models of the outputs as `of` does, and models of all nodes."""
+        """Return models of the inputs, of all nodes and of the outputs.
+
+        linear: (inputs, 1 + n, boxes), coefficients c
+        radius: (inputs, boxes)
+        """
         with np.errstate(all="ignore"):
             return self._traced(linear, radius)
 
@@ -201,14 +205,14 @@ class TaylorProgram:
         return self._function(group.kind, arguments[0])
 
     def sharpened(self, traced: Traced, which: np.ndarray, boxes: np.ndarray) -> Sharpened:
-        """Return lower bounds of one output on each box, at least as high as those of `lowest`.
+        """Return lower bounds of one output on each box.
 
         which: (N,), index of the output for each box
         boxes: (N,), indices of boxes
 
         The error of an output is the sum over all nodes of the node's own error times its weight.
         The weight is the sum, over all paths from the node to the output, of the signed products of
-        factors.
+        factors. The bounds are at least as high as the bounds by `lowest`.
         """
         n = self.n
         with np.errstate(all="ignore"):

@@ -74,7 +74,7 @@ class CostBound:
 
     statement: the proved statement
     witness: evidence for the checker
-    boxes: number of boxes that prove each piece
+    boxes: number of boxes that the proof of each piece evaluated
     seconds: processor time of the fit and of the proof of each piece
     stopped: why a further level is not proved, or "" if every level that was tried is proved
     """
@@ -137,11 +137,13 @@ class CostSearch:
         self._save = save
 
     def found(self, earlier: VerifiedCost | None = None) -> CostBound:
-        """Return the proved bound. Raises NoSolutionError if no piece is proved.
+        """Return the proved bound.
 
         earlier: bound of an earlier run, to which pieces are added
 
         After an interruption or the time limit, the pieces proved so far are returned.
+
+        Raises NoSolutionError if no piece is proved.
         """
         proved: list[_Proved] = []
         if earlier is not None:

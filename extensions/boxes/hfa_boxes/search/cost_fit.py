@@ -157,8 +157,10 @@ class Fit:
     def fitted(self) -> Polynomial:
         """Return the polynomial of the last linear program.
 
-        Each program adds the rows that samples violated in the previous one. Raises OpenBoxError if
-        a program has no solution.
+        At most `_TURNS` programs are solved. Each program adds the rows that samples violated in
+        the previous one.
+
+        Raises OpenBoxError if a program has no solution.
         """
         if not self._rows:
             z = self._ball(_FIRST)

@@ -1,6 +1,6 @@
 """Simulated flights whose costs are upper bounds of the least cost.
 
-No proof depends on them.
+No proof depends on the flights.
 """
 
 from __future__ import annotations
@@ -70,10 +70,9 @@ class Inputs:
     ) -> np.ndarray:
         """Return the inputs (N, m) that minimize p · f(z, v) + v'R v within their limits.
 
-        They are computed by Newton's method from the guess, or from 0.
-
         z: (N, n), deviations
         p: (N, n), gradients of the cost
+        guess: (N, m), initial inputs of Newton's method, or None for 0
         steps: largest number of Newton steps
         """
         v = np.zeros((len(z), self.m)) if guess is None else guess
@@ -103,7 +102,8 @@ def flown_costs(
 ) -> np.ndarray:
     """Return the costs (N,) of flights from z (N, n), integrated by the Runge-Kutta method.
 
-    The cost is inf for a flight that leaves the envelope or does not converge.
+    The cost after the end of the simulation is z'P z. The cost is inf for a flight that leaves the
+    envelope, or whose z'P z at the end exceeds `_CONVERGED` times its initial value.
 
     inputs: minimizing inputs for a cost gradient
     weights: Q, R and P of the linear quadratic problem

@@ -1,4 +1,4 @@
-"""Evaluation of a program at many points in doubles. No proof depends on it."""
+"""Evaluation of a program at many points in doubles. No proof depends on these values."""
 
 from __future__ import annotations
 

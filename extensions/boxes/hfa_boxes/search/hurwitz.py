@@ -8,8 +8,10 @@ from hfa_support.errors import NoSolutionError
 
 
 def refuse_unstable(J: np.ndarray) -> None:
-    """Raise NoSolutionError unless every eigenvalue of the linearization J (n, n) has a negative
-    real part."""
+    """Raise NoSolutionError unless every eigenvalue of J (n, n) has a negative real part.
+
+    J: linearization of the loop
+    """
     modes = np.linalg.eigvals(J)
     if not np.all(modes.real < 0.0):
         raise NoSolutionError(

@@ -62,9 +62,9 @@ class BoxRegion:
 
     statement: the proved statement
     witness: evidence for the checker
-    boxes: number of boxes on which V' < 0 is proved
+    boxes: number of boxes that the proof evaluated
     origin: description of V
-    bound: the first obstacle found beyond the set, with the level of V there relative to the set's
+    bound: first obstacle found beyond the set
     stopped: why no larger set is proved
     """
 
@@ -116,11 +116,13 @@ class RegionSearch:
         self._stopped = ""
 
     def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
-        """Return the largest proved region. Raises NoSolutionError if none is proved.
+        """Return the largest proved region.
 
         earlier: statement of an earlier run, from whose V the search begins
 
         After an interruption or the time limit, the largest region proved so far is returned.
+
+        Raises NoSolutionError if no region is proved or the linearization is unstable.
         """
         refuse_unstable(self.J)
         try:
@@ -366,8 +368,8 @@ class RegionSearch:
 def flown(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
     """Return a clause on the outcome of a flight from the deviation `place` (n,).
 
-    The flight ends in the proved set, at 1000 times the initial deviation, or after ten time
-    constants of the slowest mode.
+    The flight ends in the proved set, where max |z_i| is 1000 times the initial value, or after ten
+    time constants of the slowest mode.
     """
     modes = np.linalg.eigvals(samples.J)
     seconds = 10.0 / float(np.min(np.abs(modes.real)))

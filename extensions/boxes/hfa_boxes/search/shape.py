@@ -114,7 +114,7 @@ class Bound(NamedTuple):
 
     level: level of V at the obstacle, inf if none was found
     place: deviation z (n,) of the obstacle, or None if none was found
-    rises: True if V' >= 0 there, False if a limit is exceeded
+    rises: False if V' < 0 at the obstacle, which then exceeds a limit, or if none was found
     """
 
     level: float
@@ -123,7 +123,11 @@ class Bound(NamedTuple):
 
 
 class Extents(NamedTuple):
-    """Lowest and highest z in a set, (n, 2), and the multipliers (n, 2) that prove them."""
+    """Bounds of z in a set.
+
+    ends: (n, 2), lowest and highest z
+    multipliers: (n, 2), multipliers that prove the bounds
+    """
 
     ends: np.ndarray
     multipliers: np.ndarray
@@ -167,7 +171,7 @@ class Shape:
         return cls(piece.M, basis, coefficients)
 
     def of_degree(self, degree: int) -> Shape:
-        """Return the same V with monomials up to a higher degree."""
+        """Return V with monomials up to a higher degree, whose coefficients are 0."""
         return Shape.of_piece(self.piece(), degree)
 
     @cached_property
@@ -185,9 +189,7 @@ class Shape:
         return np.asarray(slopes @ self.M)
 
     def linear_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return the symmetric D (n, n) with -V' = y'D y to second order, for the linear loop z' =
-        J z.
-        """
+        """Return the symmetric D (n, n) with -V' = y'D y to second order, for z' = J z."""
         slope = self.square @ self.M @ J @ self.N
         return np.asarray(-(slope + slope.T))
 
@@ -205,8 +207,9 @@ class Shape:
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
         """Return R (n, n) of a reference decay z'R z for the linear loop z' = J z.
 
-        It is the decay of the mean squared modes, each scaled to at most 1 in the set. A small
-        multiple of V is added, so that R is positive definite where modes coincide.
+        The reference decay is the decay of the mean of the squared modes, each scaled to at most 1
+        in the set. A small multiple of V is added, so that R is positive definite where modes
+        coincide.
         """
         values, vectors = np.linalg.eig(J)
         modes = np.linalg.inv(vectors)
@@ -218,7 +221,8 @@ class Shape:
     def slow(self, J: np.ndarray) -> np.ndarray:
         """Return T (n, n) with -V' = |s|² to second order, for y = T s and z' = J z.
 
-        Directions T s of uniform s are dense where V decreases slowly.
+        Eigenvalues of `linear_decay` below `_SLOWEST` times the largest one are replaced by this
+        limit. Directions T s of uniform s are dense where V decreases slowly.
         """
         values, directions = scipy.linalg.eigh(self.linear_decay(J))
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
@@ -228,14 +232,14 @@ class Shape:
         return replace(self, coefficients=self.coefficients / level)
 
     def stretched(self, factors: np.ndarray) -> Shape:
-        """Return the same V in coordinates y divided by factors (n,)."""
+        """Return V in the coordinates y divided by factors (n,)."""
         scale = np.prod(factors**self.basis.powers, axis=1)
         return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
 
     def diagonal(self, J: np.ndarray) -> Shape:
-        """Return V in the coordinates of `_diagonal`, in which its proof needs fewer boxes.
+        """Return V in the coordinates of `_diagonal`, in which a proof needs fewer boxes.
 
-        A V that is not positive near 0 is returned unchanged.
+        A V whose quadratic part is not positive definite is returned unchanged.
         """
         square = self.M.T @ self.square @ self.M
         if not np.all(np.linalg.eigvalsh(square) > 0.0):
@@ -246,7 +250,9 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return V in coordinates in which its set is within the cube |y_i| <= 1."""
+        """Return V in coordinates in which samples of the set's edge are within the cube |y_i| <=
+        1.
+        """
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:
@@ -256,7 +262,7 @@ class Shape:
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
         """Return the lowest factors (N,) of rays y (N, n) at which V reaches a level.
 
-        If V does not reach it, the factor is the largest one that is tried.
+        If V does not reach the level, the factor is `_FARTHEST`.
         """
         values = self.basis.at(rays) * self.coefficients
         degrees = np.unique(self.basis.degrees)
@@ -283,15 +289,17 @@ class Shape:
     def size(self) -> float:
         """Return the n-th root of the volume of the set in z, relative to the volume of the unit
         ball.
+
+        The volume is estimated from random directions.
         """
         n = self.basis.n
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
 
     def bound(self, samples: Samples, level: float, *, quick: bool = False) -> Bound:
-        """Return the first obstacle in the set {V <= level}, as found by samples.
+        """Return the first obstacle in the set {V <= level} that samples find.
 
-        quick: with 10 % of the samples and fewer iterations
+        quick: whether to use 10 % of the samples and a quarter of the iterations
         """
         slow = self.slow(samples.J)
         to_slow = np.linalg.solve(slow, self.M)
@@ -369,7 +377,9 @@ class Shape:
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:
-        """Return the lowest and highest z of the set {V <= 1}, with multipliers for their proof."""
+        """Return bounds of z in the set {V <= 1}, estimated from samples, with multipliers for
+        their proof.
+        """
         n = self.basis.n
         generator = np.random.default_rng(3)
         inside = generator.uniform(size=(4 * _RAYS, 1)) ** (1.0 / n)
@@ -455,9 +465,9 @@ class Growth:
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
-        """Return a V that also decreases at and near z (n,), or None.
+        """Return a V that also decreases at and near z (n,).
 
-        The result is None if there is no such V or its set is much smaller.
+        Return None if no such V is found or its set is smaller than `_KEPT` times the present one.
         """
         self._add(place)
         found = self._good(1.0)
@@ -487,9 +497,10 @@ class Growth:
         self._growths = _GROWTHS
 
     def finer(self) -> bool:
-        """Reduce the required decay of V. This permits larger sets, whose proofs take longer.
+        """Reduce the required decay of V and return True.
 
-        Return False, without a change, if the decay is already at its lowest value.
+        Return False, without a change, if the required decay is below `_LEAST_DECAY`. A smaller
+        required decay permits larger sets, whose proofs take longer.
         """
         if self._least_decay < _LEAST_DECAY:
             return False

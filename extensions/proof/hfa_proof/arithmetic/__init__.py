@@ -1,4 +1,4 @@
-"""Arithmetic of proofs, shared by prover and checker: balls and Taylor models."""
+"""Arithmetic of proofs: balls and Taylor models."""
 
 from typing import Any
 

@@ -46,9 +46,9 @@ class BallFunction:
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
         """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
 
-        arguments: the nonzeros of each input, in the same order
+        arguments: nonzeros of each input, in the same order
 
-        Raises Undecided if a division, a root or a comparison is not decided on the box. Raises
+        Raises Undecided if a division, a root or a comparison is not decided on the box, and
         ValueError if an argument has the wrong number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
@@ -96,8 +96,11 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """Return a ball for a value: the ball itself, the constant term of a series, or a model's
-    range.
+    """Return a ball for a value.
+
+    - ball: the ball itself
+    - series: its constant term
+    - Taylor model: its range
     """
     if isinstance(value, arb):
         return value

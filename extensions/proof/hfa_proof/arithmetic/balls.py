@@ -24,13 +24,13 @@ def exact(value: float) -> arb:
 
 
 def symmetric(radius: Any) -> arb:
-    """Return [-r, r] with r an upper bound of the absolute value of a number or ball."""
+    """Return [-r, r], with r an upper bound of the absolute value of a number or ball."""
     bound = abs(arb(radius)).upper()
     return (-bound).union(bound)
 
 
 def matrix(values: Any) -> arb_mat:
-    """Return a matrix of balls: exact for doubles, enclosing for decimals in strings."""
+    """Return a matrix of balls, exact for doubles and enclosing for decimals in strings."""
     entries = np.asarray(values)
     rows, columns = entries.shape
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
@@ -44,12 +44,12 @@ def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
 
 
 def doubles(values: arb_mat) -> np.ndarray:
-    """Return the midpoints as doubles. They serve searches, never proofs."""
+    """Return the midpoints as doubles, which no proof uses."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
 def norm(entries: Iterable[arb]) -> arb:
-    """Return sqrt(Σ entry²) as a ball; for the entries of a matrix, the Frobenius norm."""
+    """Return sqrt(Σ entry²) as a ball."""
     balls = list(entries)
     lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
     highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
@@ -57,10 +57,11 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """Return D (n,) of L D L' = M for every symmetric M in the matrix of balls.
+    """Return D (n,) of L D L' = M for every symmetric M in the matrix of balls, or None if a pivot
+    may be 0.
 
-    The result is None if a pivot may be 0. The signs of D are the signs of the eigenvalues
-    (Sylvester's law of inertia). Only the lower triangle is read.
+    The signs of D are the signs of the eigenvalues (Sylvester's law of inertia). Only the lower
+    triangle is read.
     """
     rows = values.tolist()
     diagonal = []
@@ -85,9 +86,9 @@ def is_positive_definite(values: arb_mat) -> bool:
 def lowest_sign(values: np.ndarray) -> int:
     """Return the sign of the lowest eigenvalue of a symmetric matrix of doubles, computed exactly.
 
-    It is 1 for a positive definite matrix, 0 for a singular positive semidefinite one, and -1
-    otherwise. The elimination uses rational numbers. If a pivot is 0, the matrix is semidefinite
-    only if the row of the pivot is 0.
+    - 1: positive definite
+    - 0: singular and positive semidefinite
+    - -1: not positive semidefinite
     """
     rows = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in values.tolist()]
     sign = 1

@@ -6,9 +6,7 @@ import casadi as ca
 
 
 def operation_name(code: int) -> str:
-    """Return the lower-case name of a CasADi operation code.
-
-    If the code has no name, it is returned as text.
+    """Return the lower-case name of a CasADi operation code, or the code as text if it has no name.
     """
     for name in dir(ca):
         if name.startswith("OP_") and getattr(ca, name) == code:

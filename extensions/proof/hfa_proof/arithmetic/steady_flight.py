@@ -73,7 +73,7 @@ class SteadyFlight:
         return results[:rates] + [output - values[name] for output, name in outputs]
 
     def linear(self, values: Mapping[str, Any]) -> LinearParts:
-        """Return the linear model for values of every variable and parameter.
+        """Return trim values, Jacobian and linear model for values of every variable and parameter.
 
         values: name -> ball, series or Taylor model
         """
@@ -94,15 +94,14 @@ def steady_flight(
     limited: Sequence[str] = (),
     measured: Sequence[str] = (),
 ) -> SteadyFlight:
-    """Return the trim equations and the linear model of an aircraft, also as functions of
-    parameters.
+    """Return the trim equations and the linear model of an aircraft.
 
-    model: the aircraft
     imposed: variables and outputs that the trim imposes, besides the scheduling variable
     limited: names of signals with limits
     measured: outputs of the linear model
 
-    Raises BadInputError, which names the operation, if the equations contain an unsupported one.
+    Raises BadInputError, which names the operation, if the equations contain an unsupported
+    operation.
     """
     imposed_outputs = tuple(name for name in imposed if name not in model.variables)
     limited_outputs = [name for name in limited if name in model.outputs]
