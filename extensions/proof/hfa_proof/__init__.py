@@ -1,7 +1,4 @@
-"""Proofs in ball arithmetic for every value of the scheduling variable.
-
-Only the command and studies import this package.
-"""
+"""Proofs in ball arithmetic for every value of the scheduling variable."""
 
 from hfa_support.public_names import public_names
 

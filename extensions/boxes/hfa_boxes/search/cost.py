@@ -109,6 +109,10 @@ class CostSearch:
     solved: indices of the unknowns of the equilibrium
     weights: Q, R and P of the linear quadratic problem
     half: (n,), half-widths of the initial-condition box
+    degree: degree of the polynomials W
+    margin: relative distance of W below the linear quadratic cost
+    seconds: limit of the processor time
+    save: called with the bound after each proved piece
     """
 
     def __init__(

@@ -119,16 +119,14 @@ class TaylorModel:
         return [self.near(arb(s), arb(square)) for s, square in _HULL]
 
     def near(self, s: arb, square: arb) -> Any:
-        """Return an enclosure of c_0 + c_1 s + c_2 square plus the remainder and the parameter
-        errors.
-        """
+        """Return an enclosure of c_0 + c_1 s + c_2 square + remainder + parameter errors."""
         c0, c1, c2, *_ = self.parts
         return c0 + (s * c1 + square * c2 + self._errors)
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
         """Return the enclosure of f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³.
 
-        δ is the model without c_0, and ξ is in its range plus c_0.
+        δ is the model without c_0, and ξ is in the range of the model.
 
         function: f on `arb_series`
         """

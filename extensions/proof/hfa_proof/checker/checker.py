@@ -1,13 +1,12 @@
-"""Checker of a certificate: it reads statement and witness and proves the statement.
+"""Checker of a certificate, which proves the statement from the witness.
 
-Neither the search nor the prover is trusted. The checker shares only the model and the arithmetic
-with them. Every quantity is a Taylor model in the position s within a box and in the errors t of
-the parameters.
+The checker shares only the model and the arithmetic with the search and the prover. Every quantity
+is a Taylor model in the position s within a box and in the errors t of the parameters.
 
-    statement.py  the claim                  witness.py  its evidence
-    trims.py      trims and linear models    loop.py     the loop
-    roots.py      roots of equations         sealed.py   the file
-    modes.py      numbers of eigenvalues     riccati.py  the exact solution of a game
+    statement.py  the claim                 witness.py  its evidence
+    trims.py      trims and linear models   loop.py     the loop
+    roots.py      roots of equations        sealed.py   the file
+    modes.py      numbers of eigenvalues    riccati.py  the exact solution of a game
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ _PRECISION = 256
 class Verified:
     """A statement that the checker has proved.
 
-    statement: the proved statement; the checker has interpreted every field of it
+    statement: the proved statement
     boxes: number of boxes in the proof
     written: version, command and date in the file, not verified
     """
@@ -86,8 +85,6 @@ def check_certificate(
 ) -> Verified:
     """Return the statement that a certificate proves.
 
-    path: the certificate
-    progress: called for each box
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
@@ -115,10 +112,12 @@ def _check(statement: Statement, entries: Fields, progress: Progress | None) -> 
 def check_schedule(
     statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
 ) -> int:
-    """Return the number of boxes that prove a schedule. Raises Rejected if it is not proved.
+    """Prove a schedule and return the number of boxes.
 
     The claims are the numbers of unstable modes of all runs, and stability while the scheduling
     variable moves.
+
+    Raises Rejected if a claim is not proved.
     """
     flight = statement.flight
     n = len(flight.model.linear)
@@ -219,10 +218,11 @@ def _check_scheduled_rate(
 
 
 def check_game(statement: GameStatement, witness: GameWitness) -> int:
-    """Return the number of boxes that prove a statement about a game, 1.
+    """Prove a statement about a game and return 1, the number of boxes.
 
-    Raises Rejected unless the distances of the critic, the numbers of unstable modes and the
-    bracket of delta_min are proved as stated.
+    Raises Rejected unless these claims are proved, as far as they are stated: the distances of the
+    critic, the gain of the critic's P and W, the numbers of unstable modes, the bracket of
+    delta_min.
     """
     weights = statement.weights
     doubles = _plant(statement, witness, decimals=False)
@@ -281,9 +281,9 @@ def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
 def check_models(
     statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
 ) -> int:
-    """Return the number of boxes that prove the interpolation errors between breakpoints.
+    """Prove the interpolation errors between breakpoints and return the number of boxes.
 
-    Raises Rejected unless all errors are at most as large as stated.
+    Raises Rejected unless all errors are proved to be at most as large as stated.
     """
     flight = statement.flight
     cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
@@ -307,7 +307,7 @@ def interpolation_errors(
     """Return name -> upper bound of the interpolation error on a box.
 
     The errors are |X - X̂| / |X| for X = A, B and K (Frobenius norm), and |U - Û| for the trim
-    inputs U in nominal values. X̂ and Û are interpolated.
+    inputs U divided by their nominal values. X̂ and Û are interpolated.
 
     tables: models at breakpoints
     linear: linear model on the box

@@ -19,9 +19,8 @@ def covering(
     """Return all pieces if their boxes cover the stated box.
 
     what: name of the pieces in a message, such as "the cells"
-    stated: the box of the claim; low = high is a claim at one value
-    pieces: the evidence in any order; the boxes may overlap and extend beyond the stated box
-    box_of: piece -> its box
+    stated: box of the claim; low = high is a claim at one value
+    pieces: evidence in any order; the boxes may overlap and extend beyond the stated box
 
     Raises Rejected if a point is not covered, an end is not finite, ends are in reverse order, or a
     box has another number of coordinates.

@@ -52,7 +52,8 @@ def closed_loop(
 ) -> TaylorModel:
     """Return F (n, n) of ζ' = F ζ on a box, without actuators or with fixed ones.
 
-    Raises Rejected if a controller without actuators measures anything but states.
+    Raises Rejected if a controller without actuators measures anything but states, or if the box is
+    not between two breakpoints of the controller.
     """
     if isinstance(actuators, FixedActuators):
         apart = actuated_loop(linear, model, controller, actuators)
@@ -166,7 +167,7 @@ def between(breakpoints: np.ndarray, table: np.ndarray, low: float, high: float)
     breakpoints: (g,)
     table: (g, rows, columns)
 
-    Raises Rejected if the box contains a breakpoint inside or extends beyond the table.
+    Raises Rejected if a breakpoint is inside the box or the box extends beyond the table.
     """
     holding = [
         i

@@ -22,9 +22,9 @@ from hfa_proof.checker.witness import Line, Piece
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:
-    """Return the number of eigenvalues with Re λ > -rate, which is the same for every A of the box.
+    """Return the number of eigenvalues with Re λ > -rate, proved equal for every A of the box.
 
-    Raises Rejected unless this is proved, and that no eigenvalue is on the line.
+    Raises Rejected unless the number is proved. The proof excludes eigenvalues with Re λ = -rate.
     """
     H = matrix(line.H)
     turn = matrix(line.turn)
@@ -38,8 +38,9 @@ def modes_right_of(A: TaylorModel, line: Line) -> int:
 def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
     """Return bounds on the number of eigenvalues with positive real part, for every A of the box.
 
-    A line to the right of the imaginary axis gives the lower bound, one to the left the upper
-    bound, and the axis itself gives both.
+    - rate < 0: the lower bound is proved, the upper bound is n
+    - rate > 0: the upper bound is proved, the lower bound is 0
+    - rate = 0: both bounds are the proved number
     """
     count = modes_right_of(A, line)
     least = count if line.rate <= 0.0 else 0
@@ -50,10 +51,9 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """Raise Rejected unless V = ζ'P ζ > 0 is proved to decrease while the scheduling variable
-    moves.
+    """Raise Rejected unless V = ζ'P ζ > 0 decreases while the scheduling variable moves.
 
-    The condition is P > 0 and A'P + P A ± growth < 0 on the box.
+    The proved condition is P > 0 and A'P + P A ± growth < 0 on the box.
 
     growth: (n, n), change of P per second at the largest rate
     turn_of_box: (n, n), coordinates in which definiteness is tested
@@ -81,9 +81,9 @@ def check_positive(form: TaylorModel, turn: arb_mat) -> None:
 def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
     """Return the signs of the eigenvalues of a symmetric matrix (Sylvester).
 
-    turn: (n, n), coordinates; they are proved to be regular
+    turn: (n, n), coordinates of the test
 
-    Raises Rejected if an eigenvalue may be 0.
+    Raises Rejected if an eigenvalue may be 0 or turn may be singular.
     """
     diagonal = pivots(turn.transpose() * symmetric * turn)
     if diagonal is None:

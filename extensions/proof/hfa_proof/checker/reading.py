@@ -1,6 +1,4 @@
-"""Reader of the entries of a certificate. Each entry is read once, with its type.
-
-Entries that are not read are refused.
+"""Reader of the entries of a certificate, which refuses entries of another type and unread entries.
 """
 
 from __future__ import annotations
@@ -61,7 +59,8 @@ NOT_PROVED = (
 def naming(path: Path) -> Iterator[None]:
     """Add the name of the file to the errors of the block.
 
-    A BadInputError remains one. Errors that mean "not proved" become Rejected.
+    - BadInputError: raised again as BadInputError
+    - errors in `NOT_PROVED`: raised as Rejected
     """
     try:
         yield
@@ -72,7 +71,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 class Fields:
-    """The entries of a JSON object. Each is read once, and `close` refuses unread entries.
+    """The entries of a JSON object, each of which is read once.
 
     where: name of the object in messages
 
@@ -136,14 +135,17 @@ class Fields:
         return value
 
     def positive(self, name: str) -> float:
-        """Return a positive number; "inf" in the file is infinity."""
+        """Return a positive number, or infinity if the entry is "inf"."""
         if self._remaining.get(name) == "inf":
             del self._remaining[name]
             return math.inf
         return self.number(name, above=0.0)
 
     def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
-        """Return two numbers in increasing order, the first at least `least`."""
+        """Return two numbers in increasing order, the first at least `least`.
+
+        The two numbers may be equal.
+        """
         low, high = self.array(name, 2).tolist()
         require(least <= low <= high, self._called(name), [low, high])
         return low, high
@@ -166,7 +168,7 @@ class Fields:
     def terms(self, name: str, variables: int, highest: int) -> Terms:
         """Return the terms of a polynomial, at least one.
 
-        Each has a degree from 2 to `highest`, and no monomial is listed twice.
+        Each term has a degree from 2 to `highest`, and no monomial is listed twice.
         """
         listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
         terms = []
@@ -184,10 +186,7 @@ class Fields:
     def array(self, name: str, *shape: int | None) -> np.ndarray:
         """Return an array from nested lists of finite numbers.
 
-        name: name of the entry
         shape: length of each level of lists, or None for any length
-
-        Raises Malformed for anything else.
         """
         entries = self.value(name, lambda value: True)
         numbers = _walked(self._called(name), entries, list(shape), _double)
@@ -211,7 +210,7 @@ class Fields:
         return values
 
     def balls(self, name: str, *shape: int) -> Any:
-        """Return nested lists of balls: doubles exactly, decimals in quotes enclosed.
+        """Return nested lists of balls, exact for doubles and enclosing for decimals in strings.
 
         shape: length of each level of lists
         """

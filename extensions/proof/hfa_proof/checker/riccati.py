@@ -3,8 +3,8 @@
     A'P + P A + Q - P S P = 0,   S = B R⁻¹ B' - E E' / delta²,   K = R⁻¹ B' P.
 
 At most one solution P makes A - S P Hurwitz. The game has a value if and only if this solution
-exists and is positive semidefinite. The delta for which this is so form an interval up to infinity
-(Basar and Bernhard, H-infinity-Optimal Control, 1995, Theorem 4.11).
+exists and is positive semidefinite. The values of delta for which the game has a value form an
+interval up to infinity (Basar and Bernhard, H-infinity-Optimal Control, 1995, Theorem 4.11).
 """
 
 from __future__ import annotations
@@ -40,12 +40,13 @@ def solution_on(
 ) -> Solution:
     """Return the solution P for which A - S P is Hurwitz, and its K.
 
+    box: stated P(s), its radius and the line for the eigenvalues of A - S P
     lowest: sign that the lowest eigenvalue of P must have
 
-    Raises Rejected unless it is proved that the solution is near the stated P(s) and its lowest
-    eigenvalue has this sign. F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E
-    (A - S P) at a symmetric P. The only root near a symmetric P(s) is symmetric, because its
-    transpose is a root too.
+    F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A - S P) at a symmetric P.
+    The only root near a symmetric P(s) is symmetric, because its transpose is a root too.
+
+    Raises Rejected unless a solution near P(s), A - S P Hurwitz and the sign are proved.
     """
     units = matrix(np.diag(box.units))
     n = len(box.units)
@@ -101,9 +102,10 @@ def check_axis(
     """Raise Rejected unless H = [[A, -S], [-Q, -A']] is proved to have an eigenvalue j ω.
 
     The game then has no stabilizing solution. The spectrum of H is symmetric about the imaginary
-    axis, so that det(j ω I - H) is real. An eigenvalue exists where it changes its sign.
+    axis, so that det(j ω I - H) is real. H has an eigenvalue j ω between frequencies at which the
+    determinant has opposite signs.
 
-    frequencies: ω, rad/s, among which the sign changes
+    frequencies: ω, rad/s
     """
     rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
     H = acb_mat(rows)
@@ -138,7 +140,8 @@ def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
 def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
     """Raise Rejected unless K equals R⁻¹ B' P within `SAME_GAIN`.
 
-    This is tested for the critic's P and for the P of the quadratic part of its W, if it has them.
+    P is the critic's P, and also the P of the quadratic part of the critic's W. Missing parts are
+    not tested.
     """
     K = matrix(critic["K"])
     values = [critic["P"]] if "P" in critic else []
@@ -154,7 +157,7 @@ def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
     """Return a lower and an upper bound of the Frobenius norm of differences.
 
-    The norm is divided by that of `sizes` if given. It is convex and therefore largest at a corner.
+    sizes: entries of a matrix by whose norm the bounds are divided, or None
     """
     whole = arb(1) if sizes is None else norm(sizes)
     least = norm(differences.range().entries()) / whole

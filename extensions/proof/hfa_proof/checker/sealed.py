@@ -21,10 +21,11 @@ _CLOSING = ("digest", "provenance", "checksum")
 def sealed(head: str, origin: str) -> str:
     """Return the text of a certificate.
 
-    head: its JSON object without the closing brace; `digest`, the SHA-256 of this text, follows
-    origin: its provenance in JSON; `checksum`, the SHA-256 of all text before, follows
+    head: the JSON object of statement and witness, without the closing brace
+    origin: provenance in JSON
 
-    The digest covers the statement and the witness, but not the date of the proof.
+    The entry `digest` is the SHA-256 of head. The last entry, `checksum`, is the SHA-256 of all
+    text before it.
     """
     digest = hashlib.sha256(head.encode()).hexdigest()
     whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
@@ -33,7 +34,9 @@ def sealed(head: str, origin: str) -> str:
 
 
 def claims_of(content: dict[str, Any]) -> Fields:
-    """Return the entries of a certificate without those of its file format."""
+    """Return the entries of a certificate without schema, toolchain, digest, provenance and
+    checksum.
+    """
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
         entries.value(name, lambda value: True)
@@ -87,7 +90,7 @@ def write_sealed(
 ) -> None:
     """Write a certificate, with all digits of every number.
 
-    origin: provenance of the run; the digest does not cover it
+    origin: provenance of the run, which the digest does not cover
     """
     content = {
         "schema": SCHEMA,

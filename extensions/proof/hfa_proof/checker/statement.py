@@ -38,10 +38,9 @@ class Run(NamedTuple):
 
 
 class StatedTrim(NamedTuple):
-    """The trim at a scheduling value, within `SAME_TRIM`.
+    """The trim at a scheduling value, within `SAME_TRIM`, which selects a branch of trims.
 
-    It selects one if a model has several trims.
-
+    breakpoint: scheduling value
     unknowns: name -> value
     """
 
@@ -75,7 +74,7 @@ class Flight:
     def value(self, scheduling_value: Any) -> Any:
         """Return a scheduling value in the unit of the model, as a ball or a double.
 
-        An angle is converted to rad; for a ball, π is enclosed.
+        An angle is converted to rad, a ball with an enclosure of π.
         """
         return in_model_unit(self.model, scheduling_value)
 
@@ -87,9 +86,11 @@ class Flight:
 
     @classmethod
     def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:
-        """Return the flight of a certificate. Raises Malformed for the first wrong entry.
+        """Return the flight of a certificate.
 
         point: whether `low` and `high` must be equal
+
+        Raises Malformed for the first wrong entry.
         """
         for name, fact in facts_of(model).items():
             entries.same(name, fact)
@@ -192,7 +193,7 @@ class Weights:
 class Controller:
     """Controller x_c' = A x_c + B y, u = C x_c + D y.
 
-    Its matrices are linear in the scheduling value between breakpoints. Gains u = -K x are a
+    The matrices are linear in the scheduling value between breakpoints. A gain u = -K x is a
     controller without states, D = -K.
 
     breakpoints: (g,), increasing
@@ -266,7 +267,10 @@ class FixedActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> FixedActuators:
-        """Return the actuators of `count` inputs. Raises Malformed for the first wrong entry."""
+        """Return the actuators of `count` inputs.
+
+        Raises Malformed for the first wrong entry.
+        """
         order = _read_orders(entries, count)
         numbers = [entries.array(name, count) for name in ("damping", "bandwidth", "effectiveness")]
         require(all(bool(np.all(values > 0.0)) for values in numbers), entries.where)
@@ -314,13 +318,13 @@ Actuators = FixedActuators | UncertainActuators
 class ScheduleStatement:
     """Claim about the loop of a flight, a controller and optional actuators.
 
-    It covers every scheduling value of the flight.
+    The claim covers every scheduling value of the flight.
 
     loop: unstable modes of the loop, as runs from `low` to `high` without gaps; a run from 0 to all
         modes claims nothing
     modes: unstable modes of the aircraft alone, as runs in the same form
-    decay_rate: 1/s; in runs of the loop without unstable modes, Re λ < -decay_rate for every
-        eigenvalue λ; 0 if there is no such run
+    decay_rate: 1/s; Re λ < -decay_rate for every eigenvalue λ in runs of the loop without unstable
+        modes; 0 if there is no such run or the actuators are uncertain
     scheduled_rate: largest rate of the scheduling value, per s, at which the loop is stable; or
         None
     """
@@ -337,7 +341,7 @@ class ScheduleStatement:
     def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
         """Return the statement of a certificate.
 
-        Raises Malformed, which names the first wrong entry.
+        Raises Malformed for the first wrong entry.
         """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         controller = Controller.read(entries.fields("controller"), model)
@@ -399,7 +403,7 @@ class GameStatement:
         entries: entries of the statement
         model: the aircraft, or None if the plant is given by matrices
 
-        Raises Malformed, which names the first wrong entry.
+        Raises Malformed for the first wrong entry.
         """
         plant: Flight | Plant
         if model is None:
@@ -440,8 +444,8 @@ class ModelsStatement:
     B: (g, n, m)
     inputs: (g, m, 1), inputs of the trims
     K: (g, m, n), gains of the exact game
-    errors: A, B, K -> upper bound of |X - X*| / |X*| (Frobenius norm); inputs -> upper bound of
-        |U - U*|, with U in nominal values
+    errors: name -> upper bound; for A, B and K of |X - X*| / |X*| (Frobenius norm), for inputs of
+        |U - U*| with each input divided by its nominal value
     """
 
     flight: Flight
@@ -457,7 +461,7 @@ class ModelsStatement:
     def read(cls, entries: Fields, model: Model) -> ModelsStatement:
         """Return the statement of a certificate.
 
-        Raises Malformed, which names the first wrong entry.
+        Raises Malformed for the first wrong entry.
         """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         n = len(model.linear)
@@ -563,7 +567,8 @@ def _content(value: Any) -> Any:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, scheduling variable and units."""
+    """Return entries that identify a model: name, source, scheduling variable, units, input scales.
+    """
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

@@ -1,8 +1,8 @@
 """Trims and linear models on a box of scheduling values, with a proof that the trims exist.
 
-The trims solve F(w, η) = 0. Krawczyk's test is applied along the stated polynomial ŵ(s). Let C ≈
-F_w⁻¹ and e = w - ŵ. If |C F(ŵ)| + |I - C F_w| < 1 in units of the radii, there is exactly one root
-with |e_i| <= r_i at every s, and it is a smooth function of s.
+The trims solve F(w, η) = 0. Let ŵ(s) be the stated polynomial, C ≈ F_w⁻¹ and e = w - ŵ. If
+|C F(ŵ)| + |I - C F_w| < 1 in units of the radii r, there is exactly one root with |e_i| <= r_i at
+every s, and the root is a smooth function of s (Krawczyk's test).
 """
 
 from __future__ import annotations
@@ -84,8 +84,7 @@ def linear_model_on(
 
 
 def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Return name -> Taylor model of the parameters, imposed values and scheduling variable on a
-    box.
+    """Return name -> Taylor model of parameters, imposed values and scheduling variable on a box.
 
     decimals: whether to cover all decimal numbers that round to the stored doubles
     """
@@ -160,9 +159,8 @@ def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
 def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     """Raise Rejected unless the trims of all boxes are proved to be on the stated branches.
 
-    At least one box begins at each stated trim. The boxes up to the next stated trim are on its
-    branch. Two boxes are on one branch if, at a common scheduling value, the trim of one lies where
-    the other has only its own trim.
+    A branch extends from its stated trim to the next stated trim. Two boxes are on one branch if,
+    at a common scheduling value, the trim of one lies where the other has only its own trim.
     """
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))

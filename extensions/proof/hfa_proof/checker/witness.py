@@ -1,7 +1,7 @@
 """Evidence for statements about schedules, games and interpolated models.
 
-It is not part of the claim, and a wrong entry makes the check fail. In a box of scheduling values,
-s from -1 to 1 is the position: the value is center + s radius.
+The evidence is not part of the claim. In a box of scheduling values, the value is
+center + s radius with -1 <= s <= 1.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class TrimBox:
     def read(cls, entries: Fields, flight: Flight) -> TrimBox:
         """Return the box stored in the entries `range` and `trim`.
 
-        Other entries are ignored here. Raises Malformed for the first wrong entry.
+        Raises Malformed for the first wrong entry.
         """
         low, high = entries.pair("range")
         require(flight.low <= low < high <= flight.high, "range", [low, high])
