@@ -19,17 +19,13 @@ def aircraft_of(dynamics: str) -> Model | None:
 
 
 def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
-    """Return parameter -> standard error.
-
-    The result is empty for dynamics of other packages, whose parameters have no standard errors.
-    """
+    """Return parameter -> standard error, or {} for dynamics of other packages."""
     return parameters.standard_errors if dynamics in VARIANTS else {}
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a parameter set and its hash.
-
-    The result is None if the parameters are those of another aircraft.
+    """Return the name of a parameter set and its hash, or None if the names are not those of
+    `Parameters`.
     """
     if set(parameters) != set(Parameters._fields):
         return None

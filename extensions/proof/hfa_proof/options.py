@@ -33,7 +33,7 @@ not_negative = partial(number, declared=Number(0.0))
 def interval(text: str) -> tuple[float, ...]:
     """Return the ends of LOW:HIGH, or one number, exactly as typed.
 
-    Raises BadInputError unless LOW < HIGH.
+    Raises BadInputError unless there is one number, or LOW < HIGH.
     """
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
@@ -42,9 +42,9 @@ def interval(text: str) -> tuple[float, ...]:
 
 
 def positive_interval(text: str) -> tuple[float, float]:
-    """Return the ends of LOW:HIGH; one number is an interval of length 0.
+    """Return the ends of LOW:HIGH, which are equal for one number.
 
-    Raises BadInputError unless LOW > 0.
+    Raises BadInputError unless 0 < LOW < HIGH, or one number is positive.
     """
     ends = interval(text)
     if not ends[0] > 0.0:
@@ -67,7 +67,7 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
     def ends(self, family: Family) -> tuple[float, float]:
         """Return LOW and HIGH of the scheduling variable, as typed.
 
-        Raises BadInputError if the interval is missing or contains values without a trim.
+        Raises BadInputError if the interval is missing, or if proofs do not support its trims.
         """
         if len(self.at or ()) != 2:
             scheduled_name = family.model.schedule or "the scheduling variable"

@@ -1,4 +1,4 @@
-"""Text of bounds, rounded outward so that the printed bounds are proved too."""
+"""Text of bounds, rounded outward so that the printed bounds are also proved."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class ProvedResult(Result):
 
     @property
     def proved(self) -> bool:
-        """True. Results exist only for proved claims."""
+        """True, because results exist only for proved claims."""
         return True
 
     @property
@@ -86,7 +86,7 @@ class ProvedResult(Result):
 
 
 def limits_in_words(subject: Subject, name: str) -> list[str]:
-    """Return the lowest and highest value of a signal as text, "-" where it has no limit."""
+    """Return the lowest and highest value of a signal as text, "-" for a missing limit."""
     ends = subject.limits.get(name, (-np.inf, np.inf))
     model = subject.model
     return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
@@ -99,7 +99,7 @@ def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str
 
 
 def outputs_in_words(subject: Subject) -> tuple[str, ...]:
-    """Return one line on the limits of outputs, as a tuple; () if no output has limits."""
+    """Return a tuple of one line on the limits of outputs, or () if no output has limits."""
     listed = []
     for name in subject.model.outputs:
         if name in subject.limits:

@@ -139,11 +139,13 @@ class Motion:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
-        """Return the motion of a certificate. Raises Malformed, which names the invalid entry.
+        """Return the motion of a certificate.
 
         entries: entries of the motion
         flight: flight whose trims the boxes enclose
         n: number of states of the loop
+
+        Raises Malformed for the first wrong entry.
         """
         breakpoints = entries.increasing("breakpoints")
         P = entries.array("P", len(breakpoints), n, n)
@@ -205,10 +207,10 @@ class ScheduleWitness:
 class SolutionBox:
     """Enclosure of the solution of the Riccati equation, with states measured in `units`.
 
-    Every entry differs from that of P(s) by at most `reach`.
+    Every entry of the solution differs from the same entry of P(s) by at most `reach`.
 
     units: (n,), positive
-    P: matrix of balls, or Taylor model of a matrix; symmetric
+    P: symmetric (n, n), matrix of balls or Taylor model of a matrix
     reach: ball
     line: evidence that A - S P is Hurwitz
     """
@@ -244,11 +246,9 @@ class PointTrim:
     """The trim at one scheduling value, for the stored doubles and for all decimals that round to
     them.
 
-    Both are enclosed about the same center.
-
     center: unknown -> ball
     radii: unknown -> radius about the center that contains the trim of the doubles
-    wide_radii: unknown -> radius that contains all trims; at least `radii`
+    wide_radii: unknown -> radius about the center that contains all trims; at least `radii`
     """
 
     center: dict[str, list[arb]]
@@ -257,7 +257,10 @@ class PointTrim:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> PointTrim:
-        """Return the trim stored as a list (center, radius, wide radius) for each unknown."""
+        """Return the trim stored as a list (center, radius, wide radius) for each unknown.
+
+        Raises Malformed for the first wrong entry.
+        """
         center = {}
         radii = {}
         wide_radii = {}
@@ -275,11 +278,14 @@ class GameWitness:
 
     trim: the trim, or None for a plant given by matrices
     solution: the solution at the game's delta
-    loop, modes: lines of A - B K and of A
-    value: the solution at the upper end of delta_min
-    refused: evidence at the lower end of delta_min: a solution whose lowest eigenvalue is negative,
-        or frequencies, rad/s, between which the Hamiltonian matrix has an eigenvalue on the
-        imaginary axis
+    loop: lines of A - B K
+    modes: lines of A, [] without delta_min
+    value: the solution at the upper end of delta_min, or None without delta_min
+    refused: evidence at the lower end of delta_min, or None without delta_min; either a solution
+        whose
+        lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian matrix
+          has
+        an eigenvalue on the imaginary axis
     """
 
     trim: PointTrim | None

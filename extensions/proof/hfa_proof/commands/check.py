@@ -39,10 +39,7 @@ class CheckRequest(PlantOptions, OutputOptions):
     design: Any = design_option("design with the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the origin of the user's aircraft file, or {} without one.
-
-        The report names the aircraft of the certificate.
-        """
+        """Return the origin of the user's aircraft file, or {} without one."""
         return self._origin_of_file({}) if self.own else {}
 
 

@@ -27,8 +27,9 @@ class Stated(NamedTuple):
 
     request: options of the command
     named: the game
-    family: the flights of the aircraft, or None for a plant from a file
-    value: scheduling value as typed, or that of the trim; None for a plant from a file
+    family: flights of the aircraft, or None for a plant from a file
+    value: scheduling value as typed, or the trim's value if none is typed; None for a plant from a
+        file
     """
 
     request: SolutionRequest
@@ -46,7 +47,8 @@ class SolutionRequest(PlantOptions, OutputOptions):
     def stated(self) -> Stated:
         """Return the game that the options define.
 
-        Raises BadInputError if they give several scheduling values.
+        Raises BadInputError if several scheduling values are given, or if proofs do not support the
+        trim.
         """
         typed = self.at
         request = self

@@ -45,19 +45,17 @@ def names_aircraft(request: PlantOptions) -> bool:
 
 
 def aircraft_option(request: PlantOptions) -> str:
-    """Return the option that names the aircraft, for a message.
-
-    Without such an option it is the option of the scheduling value.
-    """
+    """Return the option that names the aircraft, or else the option of the scheduling value."""
     named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
     return f"--{named[0]}" if named else f"--{called_at(request.model)}"
 
 
 def at_one_value(request: PlantOptions) -> Any:
-    """Return the request with one scheduling value in the unit of the model, instead of the typed
-    ones.
+    """Return the request with its one scheduling value in the unit of the model.
 
-    Without a value the request is unchanged. Raises BadInputError for several values.
+    A request without a scheduling value is returned unchanged.
+
+    Raises BadInputError if several values are given.
     """
     if request.at is None:
         return request

@@ -59,10 +59,7 @@ class Proof(Reported):
 
     @property
     def proved(self) -> bool:
-        """Whether the full claim is proved.
-
-        A grid of models exists only if it is proved.
-        """
+        """Whether the full claim is proved, which is true for every proof of models."""
         return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:
@@ -72,7 +69,7 @@ class Proof(Reported):
     def write(self, path: Path, origin: Provenance) -> None:
         """Write the certificate, with all digits of every double.
 
-        origin: provenance of the run; the digest does not cover it
+        origin: provenance of the run, which the digest does not cover
 
         Raises NoSolutionError if no part of the claim is proved.
         """
@@ -83,7 +80,11 @@ class Proof(Reported):
 
 
 def witness_content(value: Any) -> Any:
-    """Return a witness as JSON data: balls as decimals, arrays as lists."""
+    """Return a witness as JSON data.
+
+    - balls: their midpoints as decimals in strings
+    - arrays: lists
+    """
     if isinstance(value, Mapping):
         return {name: witness_content(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -94,7 +95,7 @@ def witness_content(value: Any) -> Any:
 
 
 class CertificateFile:
-    """The file of a proof in progress. It is valid at any time and contains the part proved so far.
+    """The file of a proof in progress, a valid certificate of the part proved so far.
 
     path: the file
     origin: provenance of the run

@@ -44,10 +44,6 @@ from hfa_support.reporting.text import Table
 def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a verified statement.
 
-    It contains the aircraft, flight, controller, limits and weights, and whether the statement is
-    proved on the whole interval.
-
-    verified: the statement that the checker has proved
     not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement

@@ -1,6 +1,6 @@
 """Trims of an aircraft over an interval of its scheduling variable, as polynomials on boxes.
 
-The search computes them in doubles. The checker's test, called on every box, proves them.
+The trims are computed in doubles, and the checker's test proves them on every box.
 """
 
 from __future__ import annotations
@@ -69,8 +69,9 @@ def bisected(
     A box is halved if `prove` returns None, or raises Undecided or Rejected. A box no wider than
     `narrowest` is not halved and is yielded with None.
 
-    start: boxes up to this value are skipped. Boxes that contain it are halved without a trial.
-        A resumed proof therefore has the same boxes as an uninterrupted one.
+    start: boxes up to this value are skipped, and boxes that contain it are halved without a trial,
+        so
+        that a resumed proof has the same boxes as an uninterrupted one
     """
     waiting = list(boxes)[::-1]
     while waiting:
@@ -104,9 +105,10 @@ class Family:
 
     @property
     def step(self) -> float:
-        """Unit of box widths in the unit of the scheduling variable.
+        """Unit of box widths, in the unit of the scheduling variable.
 
-        It is 1 deg for an angle, otherwise a power of two near π / 180 nominal values.
+        The step of an angle is 1 deg. The step of another variable is the power of two nearest to π
+        / 180 nominal values, on a logarithmic scale.
         """
         if self.model.schedule_unit == "deg":
             return 1.0
@@ -121,7 +123,10 @@ class Family:
         return flights.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
-        """Return the trim at a scheduling value, in doubles. Raises TrimError without a trim."""
+        """Return the trim at a scheduling value, in doubles.
+
+        Raises TrimError if there is no trim.
+        """
         model = self.model
         if model.schedule in model.parameters:
             value = in_model_unit(model, scheduling_value)
@@ -151,8 +156,10 @@ class Family:
     def check(self, low: float, high: float) -> None:
         """Raise BadInputError unless proofs support the trims from `low` to `high`.
 
-        The model must have a scheduling variable. At each of its values, all rates of the trim must
-        be 0, with as many unknowns as equations.
+        - The model has a scheduling variable.
+        - No imposed value depends on the scheduling variable.
+        - All rates of the trim are 0.
+        - The scheduling variable is not free, and there are as many free variables as equations.
         """
         model = self.model
         if not model.schedule:
@@ -200,7 +207,7 @@ class TrimSearch:
         self._refuse_what_nothing_balances(low)
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """Return the linear model on a box, which is cached.
+        """Return the linear model on a box.
 
         Raises Undecided or Rejected if the box is too wide or a trim may exceed its limits. Raises
         TrimError if the center has no trim.
@@ -246,9 +253,8 @@ class TrimSearch:
         return trim
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
-        """Return the trim at a scheduling value, with two radii about one center.
-
-        The radii contain the trim for the stored doubles, and for all decimals that round to them.
+        """Return the trim at a scheduling value, for the stored doubles and for all decimals that
+        round to them.
         """
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)

@@ -1,7 +1,4 @@
-"""Search, in doubles, for matrices H that count the eigenvalues on each side of a line.
-
-With H the checker counts them for all matrices of a box.
-"""
+"""Search, in doubles, for matrices H that count the eigenvalues on each side of a line."""
 
 from __future__ import annotations
 
@@ -22,10 +19,10 @@ _DEPENDENT = 1e12
 
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
-    """Return the number of eigenvalues of every matrix with Re λ > -rate, and the line that proves
-    it.
+    """Return the number of eigenvalues with Re λ > -rate of every matrix, and the line as its
+    proof.
 
-    The result is None if no H proves a number, because an eigenvalue may be on the line.
+    Return None if no H proves a number.
 
     A: the matrices, (n, n)
     rate: 1/s

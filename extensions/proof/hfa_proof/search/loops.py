@@ -83,16 +83,14 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """Return the loop of gains u = -K x.
+    """Return the loop of gains u = -K x, with uncertain first-order actuators if intervals are
+    given.
 
-    With intervals, it has uncertain first-order actuators, and K may also act on their positions.
-
-    model: the aircraft
     breakpoints: (g,), values of the scheduling variable
-    K: (g, m, n), or with intervals also (g, m, n + m)
+    K: (g, m, n), or with intervals also (g, m, n + m), the last m columns for actuator positions
     intervals: intervals of bandwidth, effectiveness and delay of the actuators, or None
 
-    Raises BadInputError if there is only one breakpoint or K has another shape.
+    Raises BadInputError if there are fewer than two breakpoints or K has another number of columns.
     """
     if len(breakpoints) < 2:
         raise BadInputError("a table of gains needs at least two breakpoints, in increasing order")
@@ -134,13 +132,12 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """Return the loop of a scheduled controller with constant commands, and its actuators.
+    """Return the loop of a scheduled controller without its commands, and its actuators.
 
-    controller: the controller; its commands are omitted
     actuators: input -> actuator of the design
-    model: the aircraft
-    intervals: intervals of bandwidth, effectiveness and delay, which replace the actuators' values;
-        or None
+    intervals: intervals of bandwidth, effectiveness and delay that replace the actuators' values,
+        or
+        None
 
     Raises BadInputError, which names an input without an actuator or an unsupported measurement.
     """
@@ -180,8 +177,7 @@ def exact_gains(
 ) -> Loop:
     """Return the loop of the exact game's gains at breakpoints from `low` to `high`.
 
-    With intervals, they are the gains of an LQR for the aircraft with its slowest actuators.
-
+    intervals: if given, the gains are those of an LQR for the aircraft with its slowest actuators
     changes: weights that differ from the usual game
     """
     model = family.model

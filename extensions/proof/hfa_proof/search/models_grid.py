@@ -132,7 +132,10 @@ class GridSearch:
         self._weights = weights_of(self._game)
 
     def add(self, box: Box) -> None:
-        """Prove a box, or its parts, and append the cells. Raises NoSolutionError if this fails."""
+        """Prove a box, or its parts, and append the cells.
+
+        Raises NoSolutionError if a box of the smallest width is not proved.
+        """
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
@@ -171,8 +174,10 @@ class GridSearch:
     def coarsest(self) -> tuple[list[int], dict[str, float]]:
         """Return the breakpoints of the coarsest grid, and the largest errors.
 
-        A breakpoint is given by the index of the cell that begins there, the last one by the number
-        of cells. Raises NoSolutionError if the error on a single cell exceeds the tolerance.
+        A breakpoint is given by the index of the cell that begins there, the last breakpoint by the
+        number of cells.
+
+        Raises NoSolutionError if the error on a single cell exceeds the tolerance.
         """
         ends = [0]
         largest = dict.fromkeys(_PARTS, 0.0)

@@ -34,7 +34,7 @@ INTERPOLATION_ERRORS = {
 
 
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Return the runs with adjacent ones merged if their results are equal.
+    """Return the runs, with adjacent runs of equal results merged.
 
     runs: (low, high, result), in increasing order
     """
@@ -135,7 +135,7 @@ def proof_report(statement: Statement, data: Content) -> Report:
     """Return the report of a proof.
 
     statement: the proved statement
-    data: data of the report, which also determines the kind of a proof about a game
+    data: data of the report
     """
     if isinstance(statement, ScheduleStatement):
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
@@ -158,9 +158,9 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
     """Return the proved, refuted and open parts of a statement about a schedule.
 
-    They are sentences, followed by tables of the unstable modes of the loop and of A.
+    The result begins with sentences and ends with tables of the unstable modes of the loop and of
+    A.
 
-    statement: the statement
     moving: whether a rate of the scheduling variable is claimed
     data: data of the report, for the number of boxes
     """
@@ -259,10 +259,8 @@ def count_said(run: Run) -> str:
 def game_report(
     data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
 ) -> Report:
-    """Return the report of a proof about a game.
-
-    For a solution it contains the proved statements and P, for a critic its distances from the
-    solution.
+    """Return the report of a proof about a game: P of a solution, or the distances of a critic from
+    it.
 
     data: data of the proof; the entry `statement` is "solution" or "critic"
     states: names of the rows of P, or () for z1, z2, ...
