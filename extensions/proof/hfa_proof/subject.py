@@ -21,7 +21,7 @@ _COLUMNS = 100
 class Field(NamedTuple):
     """Treatment of a field of a statement.
 
-    subject: name of the field in the first line; "" for a claim, which is only shown
+    subject: name of the field in the first line of a report; "" for a claim, which is not compared
     shown: whether a report shows the field, apart from the digest
     """
 
@@ -75,10 +75,10 @@ class Given(NamedTuple):
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
-    """Return a comparison of matrices.
+    """Return a comparison of matrices: stated, own -> whether they agree.
 
-    They agree if their shapes are equal and their differences at most `relative` times the largest
-    entry.
+    Two matrices agree if their shapes are equal and no difference exceeds `relative` times the
+    largest entry of the own matrix.
     """
 
     def same(stated: Any, own: Any) -> bool:
@@ -93,7 +93,7 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
 
 
 def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of numbers by name.
+    """Return a comparison of numbers by name: stated, own -> whether they agree.
 
     widths: name -> largest difference
     """

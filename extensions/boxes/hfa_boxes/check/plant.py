@@ -218,9 +218,7 @@ def model_limits(
 
 
 def facts(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, moving states, and units of the moving
-        states and inputs.
-    """
+    """Return entries that identify a model: name, source, moving states and units."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

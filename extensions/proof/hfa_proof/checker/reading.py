@@ -1,5 +1,4 @@
-"""Reader of the entries of a certificate, which refuses entries of another type and unread entries.
-"""
+"""Reader of the entries of a certificate, which refuses entries of a wrong type or unread."""
 
 from __future__ import annotations
 

@@ -34,9 +34,7 @@ def sealed(head: str, origin: str) -> str:
 
 
 def claims_of(content: dict[str, Any]) -> Fields:
-    """Return the entries of a certificate without schema, toolchain, digest, provenance and
-    checksum.
-    """
+    """Return the entries of a certificate that the checker of its kind reads."""
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
         entries.value(name, lambda value: True)

@@ -567,8 +567,7 @@ def _content(value: Any) -> Any:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, scheduling variable, units, input scales.
-    """
+    """Return entries that identify a model: name, source, scheduling variable, units and scales."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

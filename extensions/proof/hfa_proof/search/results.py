@@ -157,9 +157,9 @@ class CertificateData(Result):
     """The file of a certificate.
 
     kind: schedule, game, models, region, region-boxes or cost-boxes.
-    toolchain: version that wrote it.
-    statement: the claim, declared in hfa_proof/checker/statement.py.
-    witness: the evidence, declared in hfa_proof/checker/witness.py.
+    toolchain: version of the program that wrote the file.
+    statement: the claim.
+    witness: the evidence.
     digest: SHA-256 of the text before it, equal for equal proofs.
     checksum: SHA-256 of the text before it, including the provenance.
     """

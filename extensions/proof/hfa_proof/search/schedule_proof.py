@@ -1,7 +1,7 @@
 """Search for a proof that the trim exists and the loop is stable at every scheduling value.
 
-The unstable modes are counted. For a moving scheduling value, a Lyapunov function that depends on
-it is proved to decrease at every value and rate.
+The unstable modes are counted on boxes. For a moving scheduling value, a Lyapunov function that
+depends on the scheduling value is proved to decrease.
 """
 
 from __future__ import annotations
@@ -94,15 +94,13 @@ def prove_schedule(
     file: CertificateFile | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """Return a proof, box by box, that the loop is or is not Hurwitz, with bounds of A's unstable
-    modes.
+    """Return a proof of the numbers of unstable modes of the loop and of A, on boxes.
 
     family: the trims
     loop: controller and actuators, or gains u = -K x
     low, high: ends of the interval of the scheduling value
     moving: whether to prove stability for a moving scheduling value too
-    file: the certificate, which is written during the proof; or None
-    progress: called during the proof with the number of parts done and of all parts
+    file: the certificate, which is written during the proof, or None
 
     Raises NoSolutionError if a scheduling value has no trim, and BadInputError if the controller or
     the model does not cover the interval.
@@ -229,7 +227,7 @@ class ScheduleSearch:
     def resume(self, witness: Content) -> None:
         """Append the boxes of an earlier run.
 
-        witness: its verified witness
+        witness: verified witness of the earlier run
         """
         for name, boxes in self.boxes.items():
             for content in witness.get(name, []):
@@ -325,9 +323,9 @@ class MotionSearch:
     """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
 
     V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 is proved for both signs of the largest η', and therefore
-    holds for all rates between them. P solves F'P + P F = -W at its breakpoints, with the same W at
-    all of them, and is linear between them. V is therefore continuous, and P is as smooth as F even
-    where modes of F coincide.
+    holds for all rates between them. P solves F'P + P F = -W at every breakpoint, with the same W,
+    and is linear between breakpoints. V is therefore continuous, and P is as smooth as F even where
+    modes of F coincide.
     """
 
     def __init__(self, search: ScheduleSearch) -> None:
@@ -343,9 +341,11 @@ class MotionSearch:
     def suggested_rates(self) -> list[float]:
         """Return rates of the scheduling variable to try, the largest first.
 
-        They are parts of the largest rate that a Lyapunov function allows at the centers of the
-        boxes. Its P at the ends of the boxes is stored in `self.P`. The result is [] if a loop
-        cannot be enclosed or is not stable, or a P is not positive definite.
+        The rates are fractions of the largest rate that a Lyapunov function allows at the centers
+        of the boxes. `self.P` stores the P of this function at the ends of the boxes.
+
+        The result is [] if a loop cannot be enclosed or is not stable, or a P is not positive
+        definite.
         """
         try:
             loops = [self._search.closed_loop(box) for box in self._boxes]

@@ -108,7 +108,7 @@ class ExactGame:
         family: trims whose linear model has A and B, or None if the game's A and B are exact
         scheduling_value: scheduling value of the linear model, or None without a family
 
-        Raises NoSolutionError if Q or R is not definite as required (`weights_of`), or no trim is
+        Raises NoSolutionError if Q or R is not definite as `weights_of` requires, or no trim is
         found.
         """
         weights = weights_of(game)
@@ -138,12 +138,12 @@ class ExactGame:
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
     def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
-        """Return the evidence and the enclosure of the stabilizing solution.
+        """Return the evidence and the enclosure of the stabilizing solution P.
 
         decimals: whether to cover every number that rounds to the doubles
-        lowest: sign that its lowest eigenvalue must have
+        lowest: sign that the lowest eigenvalue of P must have
 
-        Raises NoSolutionError if this is not proved.
+        Raises NoSolutionError if the enclosure or the sign is not proved.
         """
         A, B = self.wide if decimals else self.doubles
         box = find_solution(self.game, self.weights, A, B)
@@ -252,9 +252,9 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
 class Bracket:
     """Proved bracket refused < delta_min <= value.
 
-    The game has a value at delta = `value` and none at delta = `refused`.
-
-    why: evidence that it has none at `refused`
+    value: a delta at which the game has a value
+    refused: a delta at which the game has no value
+    why: evidence for `refused`
     """
 
     value: float
@@ -265,15 +265,15 @@ class Bracket:
 def prove_delta_min(
     exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
 ) -> Bracket | None:
-    """Return the narrowest bracket of delta_min that is proved, or None.
+    """Return a proved bracket of delta_min, or None if no bracket is proved.
 
-    exact: the game; its own delta is not used
+    The bracket is narrowed to the relative width `WIDTH`, or as far as proofs are found.
+
+    exact: the game, whose own delta is not used
     in_doubles: delta_min as computed in doubles, where the search begins
-    progress: called before every bisection step
 
-    The delta for which the game has a value form an interval (delta_min, inf] (Basar and Bernhard,
-    Theorem 4.11). A delta with a value therefore bounds delta_min from above, and one without a
-    value from below.
+    The values of delta for which the game has a value form an interval (delta_min, inf] (Basar and
+    Bernhard, Theorem 4.11).
     """
     if in_doubles.value <= 0.0:
         return None
@@ -401,8 +401,7 @@ def prove_critic(
     family: Family | None = None,
     scheduling_value: float | None = None,
 ) -> Proof:
-    """Return a proof of a critic's distance from the exact solution, and of the stability of A - B
-    K.
+    """Return a proof of a critic's distance from the exact solution and of the modes of A - B K.
 
     game, family, scheduling_value: as for `prove_solution`
     critic: critic whose W, P or K are compared

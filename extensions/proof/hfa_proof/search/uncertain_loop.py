@@ -26,7 +26,7 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """Return pieces that prove the loop on a box for all of its actuators; [] if not found."""
+    """Return pieces that prove the loop on a box for all of its actuators, or [] if none are found."""
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
@@ -127,7 +127,7 @@ def common_lyapunov(
 
     Clarabel (Goulart and Chen, 2024) maximizes t such that the form of `decrease` minus t I is
     positive semidefinite at all points, with 0 <= H <= I and 0 <= X <= 100, in the modes of the
-    mean rates. t > 0 is required.
+    mean rates. A solution needs t > 0.
     """
     n, size = points[0][0].shape
     mean = np.mean([rates for rates, _ in points], axis=0)

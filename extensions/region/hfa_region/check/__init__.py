@@ -1,1 +1,1 @@
-"""Checker of regions. It repeats the proof and trusts no result of the search."""
+"""Checker of regions, which repeats the proof and trusts no result of the search."""

@@ -24,7 +24,7 @@ KIND = "region"
 class VerifiedRegion:
     """A region that the checker has proved.
 
-    statement: the proved statement; the checker has interpreted every field of it
+    statement: the proved statement
     parts: number of parts of the set on which V' < 0 is proved
     extents: state -> lowest and highest deviation in the set, computed by the checker
     written: version, command and date in the file, not verified
@@ -41,8 +41,6 @@ def check_certificate(
 ) -> VerifiedRegion:
     """Return the region that a certificate proves.
 
-    path: the certificate
-    progress: called for each part
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
@@ -63,7 +61,8 @@ def read_content(
     content: the entries of the file
     model: the user's aircraft, if the certificate concerns one
 
-    Raises Malformed, which names the invalid entry.
+    Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
+    another model.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)

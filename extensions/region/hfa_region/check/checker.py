@@ -2,10 +2,8 @@
 
 Theorem. S = {V <= rho} lies in the open unit ball of y and is therefore compact. S is divided into
 parts, in which each input is free or at a limit. On each part V' < 0 except at the equilibrium. The
-rates are Lipschitz on the ball. Hence a trajectory that begins in S exists for all time, V
-decreases along it, it stays in S, and it converges to the only point of S where V' = 0 (LaSalle).
-V > 0 elsewhere in S follows. The search is not trusted: the checker shares only the model and the
-arithmetic with it.
+rates are Lipschitz on the ball. Hence a trajectory that begins in S exists for all time, stays in
+S, and converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S follows.
 
 Sums of squares prove V' < 0 for y != 0. At y = 0, V = 0 and every deviation is 0. There either all
 inputs are free and V' = 0, or the part is empty.
@@ -14,9 +12,11 @@ With disturbances, V' < 0 is proved where V = rho, with each disturbance at its 
 highest value. V' is affine in the disturbances and therefore negative for all values between, so
 that no trajectory leaves S.
 
-    statement.py  the claim              witness.py      its evidence
-    loop.py       loop, equilibrium      positivity.py   sums of squares
-    taylor.py     Taylor polynomials     polynomial.py   polynomials of balls
+The checker shares only the model and the arithmetic with the search.
+
+    statement.py  the claim               witness.py      its evidence
+    loop.py       loop, equilibrium       positivity.py   sums of squares
+    taylor.py     Taylor polynomials      polynomial.py   polynomials of balls
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.
 def check_region(
     statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
 ) -> int:
-    """Return the number of parts on which V' < 0 is proved.
+    """Prove the statement and return the number of parts on which V' < 0 is proved.
 
     Raises Rejected unless the statement is proved.
     """

@@ -16,8 +16,8 @@ _PRECISION = 192
 def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
     """Return state -> lowest and highest deviation in a proved set, rounded outward.
 
-    For V of degree 2 they are the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii). For a higher degree
-    they are the stated extents, which are proved, limited to the unit ball.
+    - V of degree 2: the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii)
+    - V of higher degree: the stated extents, limited to the unit ball
 
     T: (n, n), z = T y; the set lies in the unit ball of y
     """

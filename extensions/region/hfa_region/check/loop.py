@@ -65,7 +65,7 @@ class Equilibrium:
     def room(self, name: str) -> tuple[arb | None, arb | None]:
         """Return the distances of an input from its lowest and its highest value.
 
-        The distance is None if there is no such limit.
+        A distance is None if there is no such limit.
         """
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]
@@ -224,8 +224,10 @@ class RegionLoop:
     def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
         """Return two polynomials in y that are positive where an input is not saturated.
 
-        They are 1 + command / room at the lower limit and 1 - command / room at the upper limit. A
-        polynomial is None if there is no such limit.
+        - lower limit: 1 + command / room
+        - upper limit: 1 - command / room
+
+        A polynomial is None if there is no such limit.
         """
         index = list(self.statement.loop.inputs).index(name)
         low, high = self.equilibrium.room(name)
@@ -251,7 +253,7 @@ class RegionLoop:
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
 
-        Raises Rejected if an output may leave its limits for any values of the disturbances.
+        Raises Rejected if an output may leave its limits for some value of the disturbances.
         """
         key = tuple(part.values())
         if key not in self._rates:
@@ -373,7 +375,7 @@ def _is_invertible(T: arb_mat) -> bool:
 def refuse_curved(loop: SaturatedLoop) -> None:
     """Raise BadInputError if a rate is not affine in the disturbances.
 
-    The worst case would then not be at the ends of their ranges.
+    The worst case would then not be at the ends of the disturbances' ranges.
     """
     if not loop.disturbances:
         return

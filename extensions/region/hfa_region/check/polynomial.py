@@ -148,7 +148,7 @@ class Polynomial:
 
 @lru_cache(maxsize=64)
 def power_of_length(variables: int, degree: int) -> Polynomial:
-    """Return the polynomial |y|^degree; the degree is even."""
+    """Return the polynomial |y|^degree for an even degree."""
     half = degree // 2
     part = {}
     for key in monomials(variables, half, half):

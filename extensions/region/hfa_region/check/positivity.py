@@ -41,7 +41,7 @@ class Square:
     def read(cls, entries: Fields, variables: int) -> Square:
         """Return the square form stored in the entries `degrees` and `gram`.
 
-        Raises Malformed if an entry is invalid. Other entries are ignored here.
+        Raises Malformed if one of these entries is invalid.
         """
         low, high = entries.pair("degrees", least=0.0)
         require(low == int(low) and high == int(high) <= _HIGHEST, entries.where, [low, high])
@@ -88,6 +88,8 @@ class Evidence:
         """Return the evidence stored in a certificate.
 
         constraints: names of the g_k that may have a multiplier
+
+        Raises Malformed for the first wrong entry.
         """
         main = Square.read(entries, variables)
         stated = entries.fields("multipliers")
@@ -111,7 +113,7 @@ def check_positive(
 ) -> None:
     """Raise Rejected unless target > 0 is proved for every y != 0 where all constraints are >= 0.
 
-    At y = 0 it is proved too if the monomials of `main` begin at degree 0.
+    The proof includes y = 0 if the monomials of `main` begin at degree 0.
 
     what: name of the claim, for messages
     constraints: name -> g_k; those without a multiplier are not used

@@ -35,12 +35,12 @@ class SaturatedLoop(Plant):
         x' = f(x, u, w),  u = sat(u0 - K (x - x0) + q(x - x0))
 
     Inputs are saturated at the model's limits. The limits of states and outputs are the model's or
-    narrower.
+    narrower. The rates are affine in the disturbances.
 
     K: (m, n), in the order of the inputs and the moving states
     policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`; q = 0 for an input without an entry
-    disturbances: disturbance of the model -> d > 0. It is any measurable w(t) with |w(t)| <= d, and
-        the rates are affine in it. Disturbances without an entry are 0.
+    disturbances: disturbance of the model -> d > 0, bound |w(t)| <= d of any measurable w(t);
+        disturbances without an entry are 0
     """
 
     K: np.ndarray
@@ -118,7 +118,9 @@ def _disturbance_units(model: Model) -> list[str]:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, signals and units."""
+    """Return entries that identify a model: name, source, moving states, units and disturbance
+    units.
+    """
     return facts(model) | {"disturbance_units": _disturbance_units(model)}
 
 

@@ -121,9 +121,11 @@ class Taylor:
     def lowest(self, variables: int, degree: int) -> Polynomial:
         """Return a polynomial that is at most g for |y| <= 1.
 
-        degree: its degree, even and at most order + 1; another value raises ValueError
+        degree: degree of the polynomial, even and at most order + 1
 
         A term of a higher degree k is at least -norm |y|^k >= -norm |y|^degree.
+
+        Raises ValueError for another degree.
         """
         if degree % 2 or degree > self.order + 1:
             raise ValueError(f"{degree} is odd or above {self.order + 1}")

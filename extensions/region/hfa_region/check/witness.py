@@ -1,4 +1,4 @@
-"""Evidence for a region. It is not part of the claim, and a wrong entry makes the check fail."""
+"""Evidence for a region, which is not part of the claim."""
 
 from __future__ import annotations
 
@@ -62,9 +62,11 @@ class RegionWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: RegionStatement) -> RegionWitness:
-        """Return the witness of a certificate. Raises Malformed if an entry is invalid.
+        """Return the witness of a certificate.
 
         statement: the statement, which determines the sizes of the matrices
+
+        Raises Malformed for the first wrong entry.
         """
         loop = statement.loop
         n = len(loop.states)
