@@ -1,6 +1,4 @@
-"""Fields of a statement about a region, and how each is checked, covered by the digest and
-reported.
-"""
+"""Fields of a statement about a region, and how each is compared and reported."""
 
 from __future__ import annotations
 

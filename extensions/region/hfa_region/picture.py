@@ -38,9 +38,9 @@ _FLOWN = 40
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     """Return a figure of sections through a region, for the first pairs of states.
 
-    In each section all other deviations are 0. It shows the proved set, the lowest level with V' >=
-    0, the level of the nearest initial condition that does not converge, and the first such
-    condition on each of some rays. Angles are in degrees.
+    Each section shows the proved set, the lowest level with V' >= 0, and initial conditions that do
+    not converge, with the level of the nearest one. In each section all other deviations are 0.
+    Angles are in degrees.
 
     box: (n,), half-widths of the box in which critics are compared, in the units of the states
     """

@@ -27,13 +27,12 @@ def prove_region(
 ) -> Region:
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
-    model: the aircraft
     point: trim x0, u0 of this aircraft
-    K: (m, n), gain from the states of the linear model to the inputs; or a solution that contains
-        it
+    K: (m, n), gain from the states of the linear model to the inputs, or an object with this gain
+        as
+        its attribute K
     seconds: processor time of the search
     degree: highest degree of V
-    progress: called with the current step
 
     Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot be
     enclosed, K has another shape, or the point belongs to another model.

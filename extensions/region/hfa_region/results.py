@@ -72,7 +72,7 @@ class ProvedSet(ProvedResult):
     def extents(self) -> Mapping[str, float]:
         """State -> upper bound of the absolute deviation in the set.
 
-        The box of these bounds is much larger than the set.
+        The set is smaller than the box of these bounds.
         """
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
@@ -108,8 +108,8 @@ class FoundSet(ProvedSet):
     decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
     leaves_limits_at: the lowest V of an initial condition whose trajectory exceeds a limit, or
         None.
-    lost_at: the lowest V of an initial condition whose trajectory diverges, or None. Trajectories
-        that neither converge nor diverge within the simulated time are not counted.
+    lost_at: the lowest V of an initial condition whose trajectory diverges or converges to another
+        equilibrium, or None.
     limits_that_bind: signals whose limits the set nearly touches.
     stopped: "interrupted" after Ctrl-C, else "".
     """

@@ -34,9 +34,8 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Return the reason to prove the region of a polynomial policy on boxes.
-
-    The result is "" if sums of squares are to be used.
+    """Return the reason to prove the region of a polynomial policy on boxes, or "" for sums of
+    squares.
     """
     from hfa_region.check.loop import Equilibrium
 

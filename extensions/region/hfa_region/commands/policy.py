@@ -102,13 +102,15 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
 def loop_of(
     request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """Return the linear model at the trim, K, the matrix P of V, and the nonlinear part of the
-    policy.
+    """Return the loop that the options define.
 
-    P is None if the loop has no inputs or the critic has no P. The nonlinear part is input ->
-    terms.
+    - the linear model at the trim
+    - K (m, n)
+    - the matrix P of the game or critic, None without inputs or without a P
+    - input -> nonlinear terms of the policy
 
-    Raises NoSolutionError if the game has no solution.
+    Raises NoSolutionError if the game has no solution, and BadInputError if --basis is given
+    without --weights or the policy is not a polynomial.
     """
     if request.basis is not None and request.weights is None:
         raise BadInputError(

@@ -22,7 +22,8 @@ def with_region(
 ) -> Report:
     """Return the report on a critic with a section on its proved region.
 
-    If no region is proved, the section states the reason. Its data is the field `region`.
+    If no region is proved, the section states the reason. The data of the section is the field
+    `region`.
 
     report: report without the section
     verdicts: the verdict on the critic

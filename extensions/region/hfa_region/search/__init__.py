@@ -1,1 +1,1 @@
-"""Search for a large region and its proof. The checker does not depend on it."""
+"""Search for a large region and its proof, independent of the checker."""

@@ -128,9 +128,9 @@ class PolynomialFunction:
 
 
 def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
-    """Return points y of {V = level} on random rays, (k, n), with z = T y.
+    """Return the first point y of {V = level} on each of some random rays, (k, n), with z = T y.
 
-    Each is the first point of its ray. Rays that do not reach the level are omitted.
+    Rays that do not reach the level are omitted.
     """
     generator = np.random.default_rng(seed)
     directions = generator.normal(size=(_DIRECTIONS, len(T)))
@@ -143,9 +143,8 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 def ellipsoid(points: np.ndarray) -> np.ndarray:
     """Return P of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N, n).
 
-    P is the inverse of the weighted second moment of the points, with the weights that maximize its
-    determinant (Khachiyan, Mathematics of Operations Research 21 (1996) 307). It is scaled so that
-    no point lies outside.
+    P is a multiple of the inverse of the weighted second moment of the points. The weights maximize
+    the determinant of the moment (Khachiyan, Mathematics of Operations Research 21 (1996) 307).
     """
     count, n = points.shape
     weights = np.full(count, 1.0 / count)

@@ -104,7 +104,7 @@ def minimized(
 ) -> Point | None:
     """Return the free unknowns and matrices of least cost, or of a sufficient cost.
 
-    The result is None if the equations are not solved.
+    Return None if the residual of an equation remains above `_WORSE` times the tolerance.
 
     groups: groups of equations
     cost: (k,), c

@@ -115,8 +115,8 @@ def invariant_region(
 
     region: proved region of the loop without disturbance
     disturbances: name -> largest absolute value
-    progress: called for each V that is tried; if it raises KeyboardInterrupt, the search ends and
-        the largest set proved so far is returned
+    progress: called for each V that is tried; KeyboardInterrupt raised by it ends the search with
+        the largest set proved so far
 
     Raises NoSolutionError if no set is proved.
     """

@@ -131,7 +131,9 @@ class LevelSearch:
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """Return the term of highest degree in `target` that covers the remainder."""
+        """Return the term c |y|^degree by which `target` covers terms of higher degree and the
+        remainder.
+        """
         degree = 2 * self.setting.half
         whole = self._decrease_of(part)
         norms = whole.polynomial.norms()
@@ -163,9 +165,8 @@ class LevelSearch:
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
-        """Each part of {V <= rho} with evidence that V' < 0 on it.
-
-        The value is None if a part has no evidence.
+        """Each part of {V <= rho} with evidence that V' < 0 on it, or None if a part has no
+        evidence.
         """
         found = []
         for part in self.parts:
@@ -189,7 +190,7 @@ class LevelSearch:
     def largest(self, known: float = 0.0) -> float:
         """Return the largest share of rho for which `holds` is true, by bisection, or 0.
 
-        known: a share for which it is known to be true
+        known: a share for which `holds` is known to be true, or 0
         """
         if self.holds(1.0):
             return 1.0
@@ -274,7 +275,8 @@ class LevelSearch:
 def lowest_degree(part: Mapping[str, str]) -> int:
     """Return the lowest degree of the monomials in the Gram matrices of V' on a part.
 
-    It is 1 if every input is free, because V' = 0 at the trim in that part, and otherwise 0.
+    - 1 if every input is free, because V' = 0 at the trim
+    - 0 otherwise
     """
     return 1 if all(what == FREE for what in part.values()) else 0
 
@@ -312,9 +314,10 @@ def limits_within(
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
     """Return the constraints of a part: name, polynomial, and the degrees of its multiplier.
 
+    Constraints whose degree is too high for a multiplier are omitted.
+
     low: lowest degree of the multiplier's monomials
-    half: half of the highest degree of the product; a constraint whose degree is too high is
-        omitted
+    half: half of the highest degree of the product
     """
     constraints = []
     for name, polynomial in limits_of(ball, part).items():
@@ -409,9 +412,9 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
 
 
 def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
-    """Return T (n, n), z = T y, such that {V <= rho} lies in the unit ball of y, or None.
+    """Return T (n, n), z = T y, such that {V <= rho} lies in the unit ball of y.
 
-    This is proved in floating point only. None is returned if it is not proved.
+    The property is tested in floating point only. Return None if the test fails.
 
     T: coordinates in which the set is measured
     """

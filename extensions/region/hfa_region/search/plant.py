@@ -172,9 +172,10 @@ class Plant:
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations z (N, n) that exceed a limit or are very large.
+        """Return the mask (N,) of the deviations z (N, n) that exceed a limit or `_FAR` nominal
+        values.
 
-        Very large means above `_FAR` nominal values or not finite.
+        Deviations that are not finite are included.
         """
         return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
 
@@ -194,10 +195,9 @@ def first_rise(
 ) -> tuple[float, np.ndarray | None]:
     """Return the lowest V found with V' >= 0, and the state z (n,), or inf and None.
 
-    plant: the loop
     V, slope: V and its gradient as functions of deviations (N, n)
     T: z = T y; samples lie in the unit ball of y
-    quick: use about 10 % of the samples
+    quick: whether to use fewer samples
     """
     n = len(T)
     samples = 300 if quick else 2000
@@ -288,14 +288,14 @@ def outcomes(
 ) -> np.ndarray:
     """Return the `Outcome` of each initial condition, (N,).
 
-    plant: the loop
     starts: (N, n), deviations from the trim
     holds: deviations (N, n) -> mask (N,) of those in the proved set
     seconds: longest duration of each simulation
 
-    A trajectory is simulated by the classical Runge-Kutta method until its first outcome, which is
-    tested at every step. It diverges if a state is not finite, or exceeds both `_FAR` nominal
-    values and `_FAR_OF_STARTS` times the largest initial deviation.
+    Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
+    a state is not finite, or exceeds both `_FAR` nominal values and `_FAR_OF_STARTS` times the
+    largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
+    another equilibrium.
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
     far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)

@@ -112,10 +112,10 @@ class RegionSearch:
     """Search for a region within a limit of the processor time.
 
     loop: the saturated loop
-    P: (n, n), matrix of the game, tried first; or None
+    P: (n, n), matrix of the game, tried first, or None
     seconds: processor time of the search
     degree: highest degree of V
-    progress: called with the current step; if it raises KeyboardInterrupt, the search ends early
+    progress: called with the current step; KeyboardInterrupt raised by it ends the search early
     save: called with each larger region that is proved
     """
 
@@ -147,8 +147,8 @@ class RegionSearch:
 
         known: V of an earlier run, scaled to level 1, from which the search continues
 
-        Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot
-        be enclosed.
+        Raises NoSolutionError if no region is proved or the linear loop is unstable. Raises
+        BadInputError if the equations cannot be enclosed.
         """
         refuse_unstable(self.plant.closed_matrix)
         Equilibrium(self.loop)  # raises for equations that a proof does not support
@@ -370,7 +370,10 @@ class _Turn:
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
     """Yield positive definite P (n, n) with A'P + P A = -diag(w²), A of the linear loop.
 
-    The first weights w (n,) are 1 / nominal. In the others each entry is multiplied by 0.1 to 10.
+    The first weights w (n,) are 1 / nominal. Each entry of the other weights is this value times a
+    random factor from 0.1 to 10.
+
+    count: number of weights
     """
     A = plant.closed_matrix
     generator = np.random.default_rng(0)
@@ -415,8 +418,8 @@ def gone_starts(
 ) -> dict[Outcome, np.ndarray]:
     """Return outcome -> initial conditions (k, n) with this outcome.
 
-    For `LEFT` and `LOST` they are approximately the first on each ray that leaves the limits or
-    diverges. For `UNKNOWN` they are the simulated ones without an outcome in the time limit.
+    - `LEFT`, `LOST`: approximately the first initial condition with this outcome on each ray
+    - `UNKNOWN`: every simulated initial condition without an outcome in the time limit
 
     V, rho: the proved set {V <= rho}
     T: z = T y; the set lies in the unit ball of y
@@ -472,7 +475,9 @@ def _first_lost(
 def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
     """Return the n-th root of the volume of {V <= rho}, relative to the volume of the unit ball.
 
-    T: coordinates z = T y in which its boundary is sampled
+    The result is 0 if no sampled ray reaches the boundary of the set.
+
+    T: coordinates z = T y in which the boundary is sampled
     """
     n = len(T)
     points = edge_points(V, T, rho)
@@ -483,7 +488,7 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:
-    """Return the settings to try in order, for a search of about a minute.
+    """Return the settings to try, in order.
 
     n: number of states
     degree: highest degree of V

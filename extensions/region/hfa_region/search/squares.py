@@ -71,12 +71,12 @@ ONE = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
 
 @dataclass(frozen=True, eq=False)
 class Gram:
-    """A Gram matrix of a problem. It minus the margin times 1 is positive semidefinite.
+    """A Gram matrix Q of a problem, with Q - margin I positive semidefinite.
 
-    low, high: lowest and highest degree of its monomials
-    size: number of its monomials
-    identity: index of its identity
-    place: its index among the matrices of this identity
+    low, high: lowest and highest degree of the monomials of Q
+    size: number of monomials
+    identity: index of the identity that contains Q
+    place: index of Q among the matrices of this identity
     """
 
     low: int
@@ -105,7 +105,7 @@ class Identity:
 
 
 class Squares:
-    """A problem with Gram matrices and free unknowns. Unknown 0 is the margin.
+    """A problem with Gram matrices and free unknowns, of which unknown 0 is the margin.
 
     variables: number of variables of the polynomials
     """
@@ -159,10 +159,11 @@ class Squares:
     ) -> Solution | None:
         """Return the optimal unknowns, or None if the solver finds no solution.
 
-        margin: fixed margin of the Gram matrices; the cost is then minimized to the relative
-            tolerance `_NEAR`. By default the margin is maximized.
+        margin: fixed margin of the Gram matrices, with which the cost is minimized to the relative
+            tolerance `_NEAR`; None to maximize the margin
         seconds: longest processor time
-        enough: a margin that suffices; if it cannot be reached, the present margin is returned
+        enough: a margin that suffices; the solver stops when this margin is reached or is proved
+            unreachable
         """
         groups = [self._group(identity) for identity in self._identities]
         cost = np.zeros(self._count)
@@ -256,13 +257,12 @@ def positive(
     """Return the margin of a sum-of-squares proof that a target is positive, and its Gram matrices.
 
     The target is positive where all constraints are >= 0. The margin is relative to the largest
-    coefficient of the target. The result is None if the solver fails.
+    coefficient of the target. Return None if the solver fails.
 
-    target: polynomial
     constraints: name, polynomial, and degrees of the monomials of its multiplier
     degrees: degrees of the monomials of the target's Gram matrix
     variables: number of variables
-    enough: a margin at which the solver may stop; by default the margin is maximized
+    enough: a margin at which the solver may stop; None to maximize the margin
     """
     size = target.size
     problem = Squares(variables)
