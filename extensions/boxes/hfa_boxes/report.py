@@ -161,10 +161,7 @@ def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
 
 
 def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
-    """Return tables and text of the policy's coefficients.
-
-    The result is () if the statement stores only a digest.
-    """
+    """Return tables and text of the policy's coefficients, or () if only a digest is stored."""
     if not isinstance(statement.policy, Gain):
         return ()
     loop = statement.loop

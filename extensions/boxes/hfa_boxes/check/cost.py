@@ -110,11 +110,11 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
-        """Return a program of the second derivatives of g in v, (m m,), and a mask (m,) of the
-        inputs.
+        """Program of the second derivatives of g in v, (m m,), and a mask of the inputs, (m,).
 
-        The mask marks the inputs v_i on which the second derivatives depend. Raises BadInputError
-        if one of them has no limits.
+        The mask marks the inputs v_i on which the second derivatives depend.
+
+        Raises BadInputError if a marked input has no limits.
         """
         v = self.symbols.v
         second = ca.hessian(self._margin, v)[0]
@@ -129,9 +129,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _centre(self) -> RowFunction:
-        """Function (z, v) -> gradient of g in v, its Jacobian in v and its Jacobian in z, in
-        doubles.
-        """
+        """Function (z, v) -> gradient of g in v, and its Jacobians in v and in z, in doubles."""
         g = self._margin
         y, z, v, e = self.symbols
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
@@ -213,11 +211,11 @@ class CostInequality(OnPiece):
         return edges
 
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
-        """Return `edges` for boxes that may contain points of the set, (N,).
+        """Return for each box the index of the edge to halve, or -1 if the box is decided, (N,).
 
-        A box within the hole around the equilibrium is decided. Any other box is decided if it
-        meets no face of the cube and g > 0 for all inputs: the lowest g at the guessed inputs
-        exceeds the largest decrease of g by other inputs.
+        - A box within the hole around the equilibrium is decided.
+        - A box that meets no face of the cube is decided if the lowest g at the guessed inputs
+          exceeds the largest decrease of g by other inputs.
         """
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
@@ -238,10 +236,9 @@ class CostInequality(OnPiece):
         return np.where(is_positive | in_hole, -1, edges)
 
     def _refute_faces(self, boxes: Boxes) -> None:
-        """Raise RefutedError if the set contains a point of a face of the cube.
+        """Raise RefutedError if a tested point of a face of the cube is in the set.
 
-        One point is tested for each box that meets a face: the point of this face nearest to the
-        center of the box.
+        For each box the tested point is the point of the face nearest to the center of the box.
         """
         nearest = np.argmax(np.abs(boxes.centres) + boxes.half_widths, axis=1)[:, None]
         points = boxes.centres.copy()
@@ -317,12 +314,14 @@ class CostInequality(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """Exponent k: g >= 0 is proved where |y_i| <= 2^-k, for all inputs within the limits.
+        """Smallest exponent k with g >= 0 proved for |y_i| <= 2^-k and all inputs within the
+        limits.
 
         g and its slopes are 0 at the equilibrium. Because g is convex in v with a curvature above
         λ, the best v has Σ λ_i v_i² <= Σ b_i² / λ_i, with b the slopes at v = 0. g >= 0 follows
-        where the Hessian of g in (z, v) is positive definite for all such v. Raises Rejected if no
-        k is found.
+        where the Hessian of g in (z, v) is positive definite for all such v.
+
+        Raises Rejected if no k is found.
         """
         for k in range(1, _SMALLEST_HOLE + 1):
             box = Boxes(np.zeros((1, self.n)), np.full((1, self.n), k))
@@ -338,7 +337,7 @@ class CostInequality(OnPiece):
         """Return upper bounds (m,) of |v_i| at the minimizing inputs, on a box about the
         equilibrium.
 
-        The result is None if g is not proved convex in v.
+        Return None if g is not proved convex in v.
         """
         if not self.m:
             return np.zeros(0)
@@ -350,11 +349,10 @@ class CostInequality(OnPiece):
         return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
 
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
-        """Return whether the Hessian H of g in (z, v) is proved positive definite.
+        """Return whether the Hessian H of g in (z, v) is proved positive definite on a box.
 
-        The proof covers the box and |v_i| <= radii_i, (m,). It encloses J'H J instead of H, with J
-        chosen such that J'H J is near 1 at the equilibrium. Taylor models in y and v let terms of
-        the entries cancel.
+        The proof covers |v_i| <= radii_i, (m,). It encloses J'H J instead of H, with J chosen such
+        that J'H J is near 1 at the equilibrium.
         """
         n, m = self.n, self.m
         size = 2 * n + m

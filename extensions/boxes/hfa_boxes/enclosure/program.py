@@ -240,8 +240,9 @@ class _Reader:
     def _angle(self, first: Row, last: Row) -> Row:
         """Return the row of atan2(first, last) = 2 atan(first / (sqrt(first² + last²) + last)).
 
-        It is undefined for first = 0 and last <= 0. Raises BadInputError if first is the constant
-        0.
+        The row has no enclosure at first = 0 and last <= 0.
+
+        Raises BadInputError if first is the constant 0.
         """
         if not first:
             raise BadInputError(
@@ -259,7 +260,7 @@ class _Reader:
     def _less(self, first: Row, last: Row) -> Row:
         """Return the row of the step that is 1 for first < last and 0 for first > last.
 
-        Where the two may be equal, it is enclosed by [0, 1].
+        The step is enclosed by [0, 1] where first and last may be equal.
         """
         return self._node("step", _plus(last, first, -_ONE))
 
@@ -277,8 +278,9 @@ class _Reader:
     def _node(self, kind: str, *rows: Row) -> Row:
         """Return the row of a node, or an empty row if the function of the constant 0 is 0.
 
-        A node with the same kind and rows is reused. Raises BadInputError beyond `MOST_NODES`
-        nodes.
+        A node with the same kind and rows is reused.
+
+        Raises BadInputError if there are more than `MOST_NODES` nodes.
         """
         if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "relu"):
             return {}

@@ -226,9 +226,10 @@ class TaylorProgram:
     def _errors(
         self, traced: Traced, which: np.ndarray, boxes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sums (N,) of the own errors times the absolute values of their weights.
+        """Return the sums of the own errors times the absolute values of their weights.
 
-        The second array, (n, N), is the approximate part of each sum that each s_i causes.
+        The first array, (N,), contains the sums. The second array, (n, N), contains the approximate
+        part of each sum that each s_i causes.
         """
         total = traced.outputs.own[which, boxes]
         causes = np.zeros((self.n, len(boxes)))
@@ -257,9 +258,9 @@ class TaylorProgram:
     def _rows(
         self, argument: Argument, known: Sequence[Models], sizes: Sequence[np.ndarray]
     ) -> Models:
-        """Return models of the rows of an argument, which are sums of coefficients times known
-        models.
+        """Return models of the rows of an argument.
 
+        known: models of the earlier groups
         sizes: for each group, (variables, boxes), sums of all |c| and the radius
         """
         c: np.ndarray | float = 0.0

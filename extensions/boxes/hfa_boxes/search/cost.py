@@ -1,7 +1,7 @@
 """Search for a lower bound W of the cost: polynomials from linear programs, proved on boxes.
 
-Pieces with growing levels are proved one after the other. The fit of each piece favors initial
-conditions at which the earlier bounds are far below the cost of a flight.
+The fit of each piece favors initial conditions at which the earlier bounds are far below the cost
+of a flight.
 """
 
 from __future__ import annotations
@@ -95,9 +95,7 @@ class _Proved(NamedTuple):
 
 
 def _reached(proved: Sequence[_Proved], level: float) -> bool:
-    """Return whether the level of a proved piece is at least `level`, within a relative error of
-    1e-6.
-    """
+    """Return whether a proved piece has at least this level, within a relative error of 1e-6."""
     return any(each.piece.c >= level * (1.0 - 1e-6) for each in proved)
 
 
@@ -178,9 +176,9 @@ class CostSearch:
 
     @cached_property
     def _flights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return initial conditions (N, n) and the costs (N,) of flights from them.
+        """Initial conditions (N, n) and the costs (N,) of flights from them.
 
-        They include the initial conditions of highest linear quadratic cost.
+        The initial conditions of highest linear quadratic cost are included.
         """
         dearest = np.argsort(-self._problem.linear_cost(self.starts[_FLOWN:]))[:_DEAREST]
         z = np.concatenate([self.starts[:_FLOWN], self.starts[_FLOWN + dearest]])
@@ -190,10 +188,9 @@ class CostSearch:
         """Yield pairs of a level to prove and the lowest cost of the flights that its fit
         considers.
 
-        The levels grow until one is not proved. If the first is not proved, lower levels follow,
-        which then grow again. Further levels are just below the cost of the initial conditions with
-        the poorest bounds. Where W exceeds the level, the level is the bound, so the set need not
-        contain these initial conditions.
+        - First the levels grow until one is not proved.
+        - If the first level is not proved, lower levels follow, which then grow again.
+        - The last levels are just below the cost of the initial conditions with the poorest bounds.
         """
         _, costs = self._flights
         linear = self._problem.linear_cost(self.starts)
@@ -229,7 +226,7 @@ class CostSearch:
     def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
         """Return the flights that the fit of level c considers.
 
-        They cost at least `least` and at most about c, and their proved bound is not tight yet.
+        Each flight costs at least `least` and at most about c, and its proved bound is not tight.
         """
         z, costs = self._flights
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
@@ -243,8 +240,8 @@ class CostSearch:
         return 1.0 - _GOOD * self._problem.margin
 
     def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
-        """Return the proved bounds (N,) at the initial conditions of the flights; 0 if none is
-        proved.
+        """Return the proved bounds (N,) at the initial conditions of the flights, 0 without a
+        proof.
         """
         z, _ = self._flights
         if not proved:
@@ -316,7 +313,7 @@ class CostSearch:
     def _beyond(self, c: float) -> float:
         """Return the factor by which z'P z of samples may exceed the level c.
 
-        It is larger where flights cost less than z'P z.
+        The factor is larger where flights cost less than z'P z.
         """
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)

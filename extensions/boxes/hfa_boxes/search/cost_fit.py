@@ -178,9 +178,8 @@ class Fit:
         return self._basis.polynomial(self._coefficients)
 
     def _violated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows (k, K) that new samples violate most, and their right sides (k,).
-
-        The samples are drawn in the present set.
+        """Return the rows (k, K) that new samples of the present set violate most, and their sides
+        (k,).
         """
         z = self._ball(_SAMPLES)
         z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
@@ -222,7 +221,8 @@ class Fit:
     def _ball(self, count: int) -> np.ndarray:
         """Return random deviations z (count, n) with z'P z <= beyond c within the envelope.
 
-        They are denser near 0 than a uniform sample.
+        The samples are denser near 0 than a uniform sample. Fewer are returned if the envelope
+        contains little of the ball.
         """
         P = self._problem.P
         n = len(P)
@@ -242,7 +242,7 @@ class Fit:
         """Return combinations (K, k) of the monomials of degree 3 and more, orthonormal over
         samples.
 
-        They make linear programs of high degree well conditioned.
+        Orthonormal combinations keep linear programs of high degree well conditioned.
         """
         higher = self._basis.degrees > 2
         values = self._basis.at(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
@@ -253,8 +253,10 @@ class Fit:
     def _solve(self) -> None:
         """Compute the coefficients that maximize a measure of W.
 
-        The measure is the mean of W over samples plus the weighted lowest ratio t of W to the
-        wanted costs. Raises OpenBoxError if the program has no solution.
+        The measure is the mean over samples of W / z'P z and of W / cost at wanted flights, plus
+        the weighted lowest ratio of W to the wanted costs.
+
+        Raises OpenBoxError if the program has no solution.
         """
         rows = np.concatenate(self._rows)
         sides = np.concatenate(self._sides)
@@ -316,7 +318,7 @@ class Fit:
     def _add_walls(self, count: int, *, every: bool) -> bool:
         """Add rows W >= 1.02 c at random points of the cube with z'P z > beyond c or on a face.
 
-        Return whether W was below 1.01 c at any of them.
+        Return whether W was below 1.01 c at one of the points.
 
         count: number of points on faces
         every: whether rows are added at all points or only where W < 1.01 c

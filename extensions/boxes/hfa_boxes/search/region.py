@@ -170,7 +170,8 @@ class RegionSearch:
     def _first_levels(self, growth: Growth, origin: str) -> None:
         """Prove the set of a V, scaled by a rising share of its length.
 
-        If the first share is not proved, it is halved until one is proved.
+        If the first share is not proved, it is halved until a share is proved, is below `_LEAST`,
+        or the time is over.
 
         growth: V with its linear programs
         origin: description of V
@@ -186,10 +187,13 @@ class RegionSearch:
                     return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
-        """Prove the set of a V, scaled by falling shares of its length. Return whether to continue.
+        """Prove the set of a V, scaled by falling shares of its length, and return whether to
+        continue.
 
-        The result is True if a share is proved, or if the full set is hardly larger than the
-        largest proved set, in which case no proof is needed. It is False otherwise.
+        - True if a share is proved
+        - True if the full set is hardly larger than the largest proved set, so that no proof is
+          needed
+        - False otherwise
         """
         if self._best is None:
             self._first_levels(growth, origin)
@@ -246,9 +250,7 @@ class RegionSearch:
         return False
 
     def _part(self, shape: Shape, share: float) -> Shape:
-        """Return the set of a V scaled in length by a share, and further so that it is within state
-        limits.
-        """
+        """Return the set of a V scaled in length by a share, and further into the state limits."""
         part = shape.of_level(share**2).diagonal(self.J).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         beyond = float(np.max(part.extents().ends / limits))
@@ -265,7 +267,7 @@ class RegionSearch:
         shape: V, whose set of level 1 is proved
         origin: description of V
 
-        Raises Rejected or OutOfTimeError if it is not proved.
+        Raises Rejected or OutOfTimeError if the set is not proved.
         """
         extents = shape.extents()
         decrease = Decrease(
@@ -301,8 +303,9 @@ class RegionSearch:
     def _first_shapes(self) -> list[tuple[str, Shape]]:
         """Return pairs of a description and a quadratic V, the largest set first.
 
-        Each V is scaled to the largest set that samples allow. Raises NoSolutionError if no
-        candidate decreases near the equilibrium.
+        Each V is scaled to the largest set that samples allow.
+
+        Raises NoSolutionError if no candidate decreases near the equilibrium.
         """
         sampled: list[tuple[str, Shape]] = []
         end = time.process_time() + _OF_GROWTH * self._left()
@@ -331,7 +334,7 @@ class RegionSearch:
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
         """Return V scaled to the largest set that samples allow.
 
-        quick: with fewer samples
+        quick: whether to use fewer samples
         """
         return shape.of_level(min(shape.bound(self.samples, 1.0, quick=quick).level, 1.0))
 
@@ -354,7 +357,7 @@ class RegionSearch:
     def _room(self) -> np.ndarray:
         """Distance from the equilibrium to the nearer limit of each state, (n,).
 
-        It is at most `_WIDEST` nominal values.
+        A distance is at most `_WIDEST` nominal values.
         """
         ends = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         return np.minimum(_WIDEST * self._nominal, np.abs(ends).min(axis=1))

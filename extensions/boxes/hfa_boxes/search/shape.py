@@ -327,15 +327,13 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
-        """Return the lowest level at which a margin <= 0 was found, and the point z (n,).
-
-        The result is None if no such point was found.
+        """Return the lowest level at which a margin <= 0 was found, and the point z (n,), or None.
 
         margins: z (N, n) -> (N,)
         level: highest level that is searched
         count: number of rays
         turns: number of iterations
-        slow: T of `slow`
+        slow: result of `Shape.slow`
         """
         n = self.basis.n
         generator = np.random.default_rng(0)
@@ -432,10 +430,9 @@ class Shape:
 
 
 def _diagonal(P: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """Return M (n, n) of coordinates y = M z in which a quadratic V and its derivative are
-    diagonal.
+    """Return M (n, n) of coordinates y = M z in which z'P z and its derivative are diagonal.
 
-    In them z'P z = |y|², and its derivative for z' = J z is a sum of multiples of y_i².
+    z'P z = |y|², and its derivative for z' = J z is a sum of multiples of y_i².
     """
     T = np.linalg.inv(np.linalg.cholesky(P)).T
     S = T.T @ P @ J @ T
@@ -543,7 +540,7 @@ class Growth:
         """Return the V of least mean with V >= 1 where the present V reaches `level`, and V' < 0
         below.
 
-        The result is None if the linear program has no solution.
+        Return None if the linear program has no solution.
         """
         last = self.shape.in_cube()
         basis = last.basis
@@ -588,8 +585,8 @@ class Growth:
     def _unknowns(self, shape: Shape) -> np.ndarray:
         """Return vectors (K, k) whose combinations are the coefficients of V.
 
-        For degrees above 2 the quadratic part of V is only scaled, because too few samples near 0
-        of a stiff loop determine it.
+        For degrees above 2 the quadratic part of V is only scaled, because too few samples of a
+        stiff loop are near 0.
         """
         if shape.basis.degree == 2:
             return np.eye(len(shape.coefficients))
@@ -617,11 +614,12 @@ class Growth:
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, K) and right sides (N,) of linear inequalities for a V that decreases in
-        {V <= 1}.
+        """Return rows (N, K) and right sides (N,) of inequalities for a V that decreases in {V <=
+        1}.
 
-        The rows are (-V' + k V) / decay and the right sides least decay + k, where k >= 0 grows
-        with the present V. At points beyond a limit the rows require V >= 1.02.
+        - Within the limits: (-V' + k V) / decay >= least decay + k, where k >= 0 grows with the
+          present V.
+        - Beyond a limit: V >= 1.02.
 
         y: (N, n), points in the coordinates of `last`
         """
@@ -635,8 +633,10 @@ class Growth:
         )
 
     def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -V' of each monomial at z (N, n) with rates z' (N, n), divided by the modal decay,
-        (N, K).
+        """Return -V' of each monomial divided by the modal decay, (N, K).
+
+        z: deviations, (N, n)
+        rates: z', (N, n)
         """
         decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
         slopes = last.basis.slopes(z @ last.M.T)

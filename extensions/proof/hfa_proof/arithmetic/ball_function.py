@@ -85,7 +85,7 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
     code: `ca.OP_...`
     name: name of the function, for the message
 
-    Raises BadInputError, which names the operation, if it is not supported.
+    Raises BadInputError, which names the operation, if the operation is not supported.
     """
     if code in _OPERATIONS:
         return _OPERATIONS[code]
@@ -112,7 +112,7 @@ def constant_part(value: Any) -> Any:
 def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
     """Return the smaller and the larger of two values.
 
-    Raises Undecided if their balls overlap.
+    Raises Undecided unless the order of their balls is proved.
     """
     first = constant_part(x)
     second = constant_part(y)

@@ -120,7 +120,7 @@ def _steady_flight(
     outputs: tuple[str, ...],
     measured: tuple[str, ...],
 ) -> SteadyFlight:
-    """Return the result of `steady_flight`, which is cached.
+    """Return the result of `steady_flight` for hashable arguments.
 
     unknowns: unknowns of the trim
     imposed_outputs: outputs that the trim imposes

@@ -26,7 +26,7 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """Return pieces that prove the loop on a box for all of its actuators, or [] if none is found."""
+    """Return pieces that prove the loop on a box for all of its actuators, or []."""
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
