@@ -35,7 +35,7 @@ FieldTable = Mapping[str, Field]
 
 
 def _same(stated: Any, own: Any) -> bool:
-    """Return whether two entries are exactly equal; names may be in any order."""
+    """Return whether two entries are exactly equal, with names in any order."""
     if isinstance(own, Mapping):
         return (
             isinstance(stated, Mapping)

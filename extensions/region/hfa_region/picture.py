@@ -113,7 +113,8 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 def _draw_box(axes: Axes, x: float, y: float) -> None:
     """Draw the box of half-widths x and y.
 
-    The axes are extended to its sides if they are near. Otherwise the axis label states them.
+    The axes are extended to the sides of the box if these are near. Otherwise the axis label shows
+    the half-width.
     """
     axes.plot(x * _CORNERS[0], y * _CORNERS[1], "k:", label="box of a critic's comparison")
     for half, side in ((x, axes.xaxis), (y, axes.yaxis)):
@@ -128,8 +129,7 @@ def _draw_box(axes: Axes, x: float, y: float) -> None:
 def _cut(
     V: PolynomialFunction, level: float, T: np.ndarray, i: int, j: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (x, y) on the boundary of {V <= level} with all deviations but i and j equal to
-    0.
+    """Return points (x, y) on the boundary of {V <= level} in the plane of deviations i and j.
 
     A coordinate is nan if V does not reach the level on its ray.
 
@@ -142,10 +142,10 @@ def _cut(
 
 
 def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
-    """Return rays (count, n) in the plane of deviations i and j, twice as long as the set's
-    extents.
+    """Return rays (count, n) in the plane of deviations i and j, twice as long as the unit ball of
+    y.
 
-    T: z = T y, with the set in the unit ball of y
+    T: z = T y
     """
     angles = np.linspace(0.0, 2.0 * np.pi, count)
     rays = np.zeros((count, len(T)))

@@ -119,7 +119,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
     """Return a note that the user's policy agrees with the certificate's within a tolerance.
 
-    It is () if the policies were not compared or the loop has no inputs.
+    Return () if the policies were not compared or the loop has no inputs.
     """
     if "policy" in not_given or not statement.loop.inputs:
         return ()
@@ -222,9 +222,7 @@ def _V(statement: RegionStatement) -> str:
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
-    """Return a level of V and the state deviation there as a `Place`, or None if no state was
-    found.
-    """
+    """Return a level of V and the state deviation there, or None if no state was found."""
     level, place = found
     if place is None:
         return None

@@ -101,7 +101,10 @@ def check_certificate(
 
 
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
-    """Return the number of boxes that prove the statement. Raises Rejected if it is not proved."""
+    """Prove the statement and return the number of boxes.
+
+    Raises Rejected if the statement is not proved.
+    """
     if isinstance(statement, ScheduleStatement):
         return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
     if isinstance(statement, GameStatement):
@@ -200,7 +203,9 @@ def _check_scheduled_rate(
     """Return linear models on boxes that prove stability while the scheduling variable η moves.
 
     V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 is proved for both signs of the largest η', and therefore
-    holds for all rates between them. Raises Rejected if it is not proved.
+    holds for all rates between them.
+
+    Raises Rejected if stability is not proved.
     """
     flight = statement.flight
     boxes = covering(

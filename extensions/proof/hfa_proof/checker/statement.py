@@ -606,8 +606,9 @@ def loop_size(model: Model, controller: Controller, actuators: Actuators | None)
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
     """Return signal -> (lowest, highest) from a certificate.
 
-    Every signal with a limit in the model must have one that is not wider. Limits of other signals
-    are optional. Raises Malformed otherwise.
+    Raises Malformed if a limit is wider than the model's, or if a signal with limits in the model
+    has no limits in the certificate. Disturbances and signals without limits in the model may be
+    omitted.
     """
     stated = entries.fields("limits")
     limits = {}
@@ -631,13 +632,12 @@ def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
 def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
     """Return the runs in an entry with rows [low, high, least, most].
 
-    They must follow each other without a gap over the interval of the flight.
-
     entries: object that contains the entry
     name: name of the entry
     size: number of eigenvalues
 
-    Raises Malformed, which names the entry, otherwise.
+    Raises Malformed unless the runs follow each other without a gap over the interval of the
+    flight.
     """
     runs: list[Run] = []
     for row in entries.array(name, None, 4).tolist():

@@ -127,7 +127,7 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
     """Raise Rejected unless every value of the trim is within its limits.
 
-    Imposed values were compared when the statement was read.
+    Imposed values and the scheduling variable are not compared here.
 
     values: name -> value on the box
     """
@@ -205,7 +205,7 @@ def _check_branch(
 def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
     """Return the linear model at the only trim within `SAME_TRIM` of a stated one.
 
-    It has no parameter errors.
+    The parameters have their stated values, without errors.
     """
     polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
     radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
@@ -222,10 +222,10 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of another box lies in the interval where this box has only its own.
+    """Return whether the trim of `other` lies in the interval in which `box` has only one trim.
 
-    If both boxes include errors of the parameters, this must be true for all errors, otherwise only
-    without errors.
+    If both boxes include errors of the parameters, the condition must hold for all errors.
+    Otherwise it must hold without errors.
     """
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)

@@ -93,9 +93,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries of the aircraft, its trims, parameters and limits, as the options define
-    them.
-    """
+    """Return the entries of the aircraft, its trims, parameters and limits from the options."""
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"
@@ -187,7 +185,9 @@ def _given_controller(
 ) -> dict[str, Given]:
     """Return the entries of the controller in --weights, with the actuators of --design.
 
-    For a statement about models they are the breakpoints and gains of the file.
+    For a statement about models the entries are the breakpoints and gains of the file.
+
+    Raises BadInputError if only one of the loop and the statement has actuators.
     """
     assert request.weights is not None
     option = f"--weights {request.weights}"

@@ -118,9 +118,7 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
 
 
 def _flight_said(flight: Flight) -> tuple[str, Content]:
-    """Return text and data about the aircraft, its trims, its limits and the errors of its
-    parameters.
-    """
+    """Return text and data about the aircraft, its trims, limits and parameter errors."""
     model = flight.model
     lines = [_aircraft_said(flight)]
     lines.append(f"trims at {_values_said(model, flight.imposed)}")

@@ -144,10 +144,10 @@ class GridSearch:
             self.cells.append(cell)
 
     def _prove(self, box: Box) -> Cell | None:
-        """Return the proved cell of a box, or None if the box has to be halved.
+        """Return the proved cell of a box.
 
-        It is halved if its error with breakpoints at its own ends is too large a part of the
-        tolerance.
+        Return None if the errors with breakpoints at the ends of the box exceed `_LOOSE` times the
+        tolerance, so that the box has to be halved.
         """
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)
@@ -161,7 +161,7 @@ class GridSearch:
     def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
         """Return the cell with the proved solution of the game.
 
-        Raises Rejected if none is proved.
+        Raises Rejected if no solution is proved.
         """
         solution_box = _solution_near(self._game, self._weights, linear)
         for reach in _REACHES:

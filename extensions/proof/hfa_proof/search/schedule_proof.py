@@ -160,10 +160,10 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Return a box on which the number of unstable modes of the loop is proved.
+        """Return a box on which the number of unstable modes of the loop is proved, or None.
 
-        A stable loop is proved with a decay rate, or with uncertain actuators by Lyapunov
-        functions. The result is None if nothing is proved.
+        A stable loop is proved with a decay rate, or with Lyapunov functions if the actuators are
+        uncertain.
         """
         linear = self.linear_model(box)
         if isinstance(self.loop.actuators, UncertainActuators):
@@ -183,10 +183,7 @@ class ScheduleSearch:
         return self._counted(box, self.linear_model(box).A, 0.0)
 
     def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """Return a box with the proved number of eigenvalues of A with Re λ > -rate.
-
-        The result is None if no number is proved.
-        """
+        """Return a box with the proved number of eigenvalues of A with Re λ > -rate, or None."""
         proof = find_line(A, rate)
         if proof is None:
             return None
@@ -436,7 +433,7 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
 
 
 def _first_weight(A: np.ndarray) -> np.ndarray:
-    """Return W for which P is the identity in the modes of A; I if the modes are dependent."""
+    """Return W for which P is the identity in the modes of A, or I if the modes are dependent."""
     values, vectors = np.linalg.eig(A)
     try:
         inverse = np.linalg.inv(vectors)

@@ -177,7 +177,7 @@ class ExactGame:
     def _frequencies_of_both_signs(self) -> Iterator[float]:
         """Yield one ω with det(j ω I - H) > 0 and one with det(j ω I - H) < 0, if they are found.
 
-        They are sought near the eigenvalues of H that are closest to the imaginary axis.
+        Frequencies near the eigenvalues of H closest to the imaginary axis are tried.
         """
         values = np.linalg.eigvals(NormalForm.of(self.game).hamiltonian)
         nearest = np.argsort(np.abs(values.real))[:4]
@@ -312,7 +312,7 @@ def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -
 
 
 def _tell(progress: Progress | None, what: str) -> None:
-    """Report the current step; the remaining work is not known."""
+    """Report the current step."""
     if progress is not None:
         progress(0, 1, what)
 
@@ -468,9 +468,9 @@ def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
-    """Return the entry of the trim in a witness: unknown -> center, radius and wide radius.
+    """Return the entry of the trim in a witness, or {} without a trim.
 
-    The result is {} without a trim.
+    The entry is unknown -> center, radius and wide radius.
     """
     if trim is None:
         return {}

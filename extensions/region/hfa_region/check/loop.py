@@ -97,7 +97,7 @@ class Equilibrium:
     def _enclosed(self) -> list[arb]:
         """Return an enclosure of the unique equilibrium near x0.
 
-        Raises Rejected if it is not proved.
+        Raises Rejected if no equilibrium is proved.
         """
         n = len(self._x0)
         x = list(self._x0)
@@ -125,10 +125,11 @@ class Equilibrium:
         return A - B * self._gains(x)
 
     def _check_near(self) -> None:
-        """Raise Rejected unless the equilibrium is near the trim and its inputs are within their
-        limits.
+        """Raise Rejected unless the equilibrium is near the trim and its inputs are strictly
+        limited.
 
-        The inputs must be strictly within their limits.
+        The states are within `SAME_TRIM` nominal values of the trim. The inputs are strictly within
+        their limits.
         """
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
@@ -308,7 +309,7 @@ class RegionLoop:
 
 
 class _Substitution:
-    """Substitution of polynomials in y for z. Each monomial of z is computed once.
+    """Substitution of polynomials in y for z.
 
     variables: each z_i as a polynomial in y
     """

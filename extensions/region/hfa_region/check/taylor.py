@@ -35,9 +35,7 @@ class Taylor:
         self.remainder = remainder
 
     def _of(self, value: Any) -> Taylor:
-        """Return a Taylor polynomial unchanged, and a number or ball as a constant Taylor
-        polynomial.
-        """
+        """Return a Taylor polynomial unchanged, and a number or ball as a constant polynomial."""
         if isinstance(value, Taylor):
             return value
         return Taylor(self.order, Polynomial.constant(arb(value)), arb(0))

@@ -101,9 +101,11 @@ def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
 def _read_parts(
     entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
 ) -> tuple[Part, ...]:
-    """Return the parts in the entry `name`. Raises Malformed if an entry is invalid.
+    """Return the parts in the entry `name`.
 
     allowed: values that inputs and disturbances may have
+
+    Raises Malformed for the first wrong entry.
     """
     loop = statement.loop
     names = (LEVEL, BALL, *limit_names(loop.inputs))

@@ -93,9 +93,7 @@ def _same_coefficients(stated: Mapping[str, Any], own: Mapping[str, Any]) -> boo
 def _given_aircraft(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return the entries of the user's model, of its parameters, and of its limits at the stated
-    trim.
-    """
+    """Return the entries of the user's model, its parameters, and its limits at the stated trim."""
     model = request.flown_aircraft()
     option = aircraft_option(request)
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -111,8 +109,8 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """Return a comparison of limits: input limits must be equal, the others not wider than the
-    model's.
+    """Return a comparison of limits: stated, own -> whether the stated limits satisfy
+    `limits_hold`.
     """
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
@@ -128,10 +126,7 @@ def _ends(pair: Any) -> tuple[float, float]:
 
 
 def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entries of the trim that the options define.
-
-    They are compared within `SAME_TRIM` nominal values.
-    """
+    """Return the entries of the trim that the options define, compared within `SAME_TRIM`."""
     model: Model = request.flown_aircraft()
     point = request.operating_point(model)
     option = aircraft_option(request)

@@ -159,9 +159,10 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """Raise BadInputError if an observation or an action depends on an input.
+    """Raise BadInputError if the policy uses several samples, or an observation or action depends
+    on an input.
 
-    The policy itself changes the inputs. A policy that uses several samples is refused too.
+    The policy itself sets the inputs.
     """
     if deployed.past:
         raise BadInputError(

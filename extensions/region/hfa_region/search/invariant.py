@@ -89,7 +89,8 @@ class EdgeSearch(LevelSearch):
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
         """Return the parts of the inputs and the empty parts, extended by the disturbances.
 
-        Each part is combined with the lowest and the highest value of every disturbance.
+        Each part is combined with the lowest and the highest value of every disturbance. Empty
+        parts cover any value.
         """
         names = self.statement.loop.disturbances
         parts, empty = super()._split()
@@ -100,9 +101,9 @@ class EdgeSearch(LevelSearch):
         return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return the names and polynomials of the constraints of {V = share rho}.
+        """Return names and polynomials of the constraints of {V = share rho}.
 
-        They are share - V / rho and V / rho - share.
+        The polynomials are share - V / rho and V / rho - share.
         """
         edge = self.V_terms + ONE.scaled(-share)
         return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
@@ -199,10 +200,10 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """Return the largest level with V' < 0 at all samples, and a slightly larger one where this
+    """Return the largest level with V' < 0 at all samples, and a slightly larger level where this
     fails.
 
-    They are found by bisection between `low` and the next of `_LEVELS`.
+    low: a level with V' < 0 at all samples, below the next of `_LEVELS`
     """
     above = low * float(_LEVELS[0] / _LEVELS[1])
     for _ in range(_FINER):

@@ -231,10 +231,10 @@ class LevelSearch:
         }
 
     def _extents(self) -> dict[str, Any]:
-        """Return evidence for extents of a V of degree 4 or 6, and store the extents in the
-        statement.
+        """Return evidence for the extents of the set, and store the extents in the statement.
 
-        They are measured along rays. A state without evidence keeps the extent of the ball.
+        The extents are measured along rays. A state without evidence keeps the extent of the ball.
+        A V of degree 2 needs no evidence.
         """
         if self.V.degree == 2:
             return {}
@@ -376,10 +376,7 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, which has the same arguments.
-
-    The result is None if the solver fails or the margin is below `MARGIN`.
-    """
+    """Return the Gram matrices of `positive`, or None if it fails or the margin is below `MARGIN`."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None

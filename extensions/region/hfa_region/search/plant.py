@@ -102,7 +102,7 @@ class Plant:
 
     @cached_property
     def _outputs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (p,) of all outputs at the trim, and their Jacobian (p, n) in z with unsaturated
+        """Values (p,) of all outputs at the trim, and their Jacobian (p, n) with unsaturated
         inputs.
         """
         z, v, states, inputs = self._symbols()
@@ -232,7 +232,7 @@ def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) ->
     """Return the lowest factor of each ray (N, n) at which V' >= 0 is found, or inf, (N,).
 
     slope: z (N, n) -> gradients (N, n) of V
-    radii: increasing factors that are tried; the result is refined by bisection
+    radii: increasing factors that are tried before the bisection
     """
     count, n = rays.shape
     points = (radii[:, None, None] * rays).reshape(-1, n)

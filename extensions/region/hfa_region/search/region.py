@@ -164,9 +164,7 @@ class RegionSearch:
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
-        """Return V of the largest region so far, scaled to level 1; the given V if there is no
-        region.
-        """
+        """Return V of the largest region so far, scaled to level 1, or else the given V."""
         if self.best is None:
             return V
         statement = self.best.statement
@@ -182,8 +180,7 @@ class RegionSearch:
     def _tell(self, what: str) -> None:
         """Report the current step.
 
-        After an interruption, no time is left, so that the search ends after the proof of the last
-        V.
+        After an interruption the remaining time is 0.
         """
         if self._progress is None:
             return
@@ -252,9 +249,7 @@ class RegionSearch:
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
-        """Return the size of a proved set, or 0 for None, and keep the set if it is the largest so
-        far.
-        """
+        """Return the size of a proved set, or 0 for None, and keep the largest set."""
         if proved is None:
             return 0.0
         size = measured(V, proved.statement.rho, V.coordinates())
@@ -269,7 +264,7 @@ class RegionSearch:
     def _climb(self, V: PolynomialFunction, setting: Setting) -> PolynomialFunction:
         """Return V, scaled to level 1, after optimizing multipliers and V alternately.
 
-        The last V is then proved.
+        The largest proved level of this V is kept.
         """
         turn = self._turn(V, setting)
         if turn is None:
@@ -317,10 +312,7 @@ class RegionSearch:
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """Return the highest level, at least 1, that samples allow.
-
-        At the samples, V' < 0 and the limits hold.
-        """
+        """Return the highest level, at least 1, at whose samples V' < 0 and the limits hold."""
         T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         highest = 1.0
@@ -356,8 +348,8 @@ class _Turn:
     """A V with a floating-point proof of level 1.
 
     V: the function
-    search: the search in a ball around its set
-    size: size of its set
+    search: the search in a ball around the set
+    size: size of the set
     seconds: processor time of the step
     """
 

@@ -58,7 +58,7 @@ class _Step:
         """Return the next V in z, scaled to level 1, or None if the problem is not solved.
 
         rows: (k, n), gradients of the limited signals
-        room: (k, 2), lowest and highest deviation of each
+        room: (k, 2), lowest and highest deviation of each limited signal
         """
         proofs = self.search.proofs
         if proofs is None:
@@ -133,10 +133,10 @@ class _Step:
         problem.subtract(identity, 1, self.search.setting.degree // 2)
 
     def _bounded(self, beyond: Terms, degree: int) -> None:
-        """Require V > 1 wherever a quadratic polynomial is >= 0.
+        """Require V > 1 wherever a polynomial is >= 0.
 
         beyond: the polynomial, negative at y = 0
-        degree: half of its degree
+        degree: half of the polynomial's degree
         """
         problem = self.problem
         half = self.search.setting.degree // 2
@@ -148,7 +148,7 @@ class _Step:
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
         """Return (s - low) (s - high) / |low high| as a polynomial in y, with s = row z.
 
-        If only one limit is finite, it is used with both signs.
+        If only one limit is finite, the other limit is its negative.
         """
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
@@ -169,8 +169,8 @@ def _ball(n: int, radius: float) -> PolynomialFunction:
 def _means(exponents: np.ndarray) -> np.ndarray:
     """Return the mean of each monomial over the unit ball of y.
 
-    For even exponents α of sum k it is n / (n + k) times the mean over the unit sphere,
-    Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)). Otherwise it is 0.
+    For even exponents α of sum k the mean is n / (n + k) times the mean over the unit sphere,
+    Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)). For other exponents the mean is 0.
     """
     n = exponents.shape[1]
     means = []
