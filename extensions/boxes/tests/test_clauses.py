@@ -102,10 +102,9 @@ def test_other_policies_have_other_digests() -> None:
 
 
 def test_the_hole_ends_where_the_jacobian_decides() -> None:
-    """The hole, where the Jacobian proves V' < 0, has the half-width 0.25.
+    """The hole has the half-width 0.25, and a box outside the hole is not proved.
 
-    A box outside the hole is not proved by it. The command contains the sixth power of the level,
-    so that the level increases above 0.4.
+    The command contains the sixth power of the level, so that the level increases above 0.4.
     """
     content = tank()
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}

@@ -199,7 +199,7 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
 def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: CostBound) -> None:
     """Indefinite weights are refused.
 
-    With them, a flight could have a negative cost before it enters {W <= c}.
+    With such weights a flight could have a negative cost before it enters {W <= c}.
     """
     content = content_of(proved)
     content["statement"][name] = weights

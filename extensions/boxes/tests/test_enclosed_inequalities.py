@@ -1,6 +1,4 @@
-"""Functions enclosed on boxes, in both checkers, compared with formulas in doubles at random
-points.
-"""
+"""Enclosed functions of both checkers, compared with formulas in doubles at random points."""
 
 from __future__ import annotations
 

@@ -29,8 +29,9 @@ CART = Model("cart", {"position": Signal("m")}, {"speed": Signal("m/s")}, cart, 
 
 
 def content() -> dict[str, Any]:
-    """Return a true certificate with two pieces for x' = u with Q = R = 1, where the least cost is
-    x².
+    """Return a true certificate with two pieces for x' = u with Q = R = 1.
+
+    The least cost is x².
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     pieces = (

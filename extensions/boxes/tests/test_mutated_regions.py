@@ -104,7 +104,10 @@ def is_true(statement: BoxStatement, kind: str) -> bool:
 @pytest.mark.parametrize("count", [25, pytest.param(250, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["quadratic", "quartic", "network", "deployment"])
 def test_no_false_region_is_accepted(kind: str, count: int) -> None:
-    """Every changed certificate that is accepted is true, for example one with a lower level."""
+    """Every changed certificate that is accepted is true.
+
+    At least one and less than half of the changed certificates are accepted.
+    """
     rng = np.random.default_rng(0)
     original = content(kind)
     policy = policy_of(kind)

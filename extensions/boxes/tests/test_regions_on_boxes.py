@@ -277,9 +277,9 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
-    """For x' = -x, the set {y² + a y⁴ <= 1} is proved for a > 0.
+    """For x' = -x, the set {y² + a y⁴ <= 1} is proved for a = 0.5.
 
-    For other a it meets a face of the cube and is refused.
+    For a = -0.6 the set meets a face of the cube and is refused.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
@@ -446,7 +446,7 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
 
 @pytest.mark.parametrize("weight", [1e-3, 1e3])
 def test_a_set_grows_alike_from_any_v(weight: float) -> None:
-    """A set within limits grows to the same size from initial V of different decay."""
+    """A set within limits grows beyond the size 2.9 from initial V of different decay."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}

@@ -121,7 +121,7 @@ def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
 
 
 def _read_limits(entries: Fields, model: Model) -> Limits:
-    """Return signal -> (lowest, highest) from the entry `limits`, infinite where the file has null."""
+    """Return signal -> (lowest, highest) from the entry `limits`, with infinity for null."""
     stated = entries.value("limits", lambda value: isinstance(value, dict))
     limits = {}
     for name, pair in stated.items():

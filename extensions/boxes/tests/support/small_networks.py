@@ -32,7 +32,7 @@ def imitation(
     reach: (n,)
     hidden: widths of the hidden layers
     activation: name of the activation function
-    seed: of the random weights
+    seed: seed of the random weights
     """
     generator = np.random.default_rng(seed)
     act = ACTIVATIONS[activation]

@@ -288,7 +288,7 @@ def _stabilizing(hurwitz: bool | None, gain: str) -> str:
 
 
 def _critic_parts(data: Content) -> list[Part]:
-    """Return a table of the bounds of a critic's distances, and a line on the stability of A - B K."""
+    """Return a table of the bounds of a critic's distances, and a line on its closed loop."""
     rows = [
         (name, at_least(bounds["at_least"], 7), at_most(bounds["at_most"], 7))
         for name, bounds in data["distances"].items()

@@ -1,7 +1,4 @@
-"""Comparisons of balls are true only if proved, and Taylor models contain the exact values.
-
-Their remainders have the order of the theory.
-"""
+"""Comparisons of balls are true only if proved, and Taylor models contain the exact values."""
 
 from __future__ import annotations
 
@@ -44,7 +41,7 @@ def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
-    """The remainder decreases by a factor of about 8 if the box is halved."""
+    """The remainder decreases by a factor between 6 and 12 if the box is halved."""
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(12.0, dynamics).point
     parameters = hfa_model.parameters_of(family(dynamics).model)
@@ -61,7 +58,7 @@ def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
 def escaped(dynamics: str, points: int, seed: int) -> int:
     """Return the number of rates outside their Taylor models.
 
-    They are computed with 200 bits at random points of a random line through the trim.
+    The rates are computed with 200 bits at random points of a random line through the trim.
     """
     random = np.random.default_rng(seed)
     function = BallFunction(rates_function(VARIANTS[dynamics]))

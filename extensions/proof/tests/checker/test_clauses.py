@@ -99,7 +99,7 @@ def _slower(made: Any) -> None:
 def _refused_with_a_value(made: Any) -> None:
     """Claim that delta_min exceeds a delta for which the game has a value.
 
-    The evidence is its positive solution.
+    The evidence is the positive solution of the game at this delta.
     """
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]

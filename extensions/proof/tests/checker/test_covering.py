@@ -108,9 +108,9 @@ def test_points_inside_interval_are_no_evidence_for_it() -> None:
 
 
 def test_many_boxes_of_a_bisection_cover_it() -> None:
-    """1000 boxes from repeated bisection of a box in four coordinates cover it.
+    """1000 boxes from repeated bisection of a box in four coordinates cover this box.
 
-    Without one of them they do not.
+    The boxes do not cover it if one of them is removed.
     """
     random = np.random.default_rng(5)
     boxes: list[list[tuple[float, float]]] = [[(0.0, 1.0)] * 4]

@@ -51,10 +51,7 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """Return a certificate of this kind after these changes.
-
-    The result is None if one of them does not apply.
-    """
+    """Return a certificate of this kind after changes, or None if a change does not apply."""
     made = copy.deepcopy(certificate(kind))
     try:
         for change in changes:
@@ -137,9 +134,7 @@ def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path
 
 
 def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
-    """The first line states that stability is open if the certificate of a wrong gain claims
-    nothing.
-    """
+    """The first line reports open stability for a wrong gain about which nothing is claimed."""
     made = changed(
         "plant",
         put(array(lambda K: -5.0 * K), *CLAIM, "critic", "K"),

@@ -24,8 +24,7 @@ def widened(A: np.ndarray, radii: np.ndarray) -> arb_mat:
 
 @pytest.mark.parametrize(("real_part", "count"), [(-1e-9, 1), (1e-9, 3), (-1.0, 1), (1.0, 3)])
 def test_eigenvalues_close_to_the_axis_are_counted(real_part: float, count: int) -> None:
-    """The unstable modes of a matrix with six modes are counted, also if a pair is close to the
-    axis.
+    """The unstable modes of a matrix with six modes are counted with a pair close to the axis.
 
     real_part: real part of this pair
     """

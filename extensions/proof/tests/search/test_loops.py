@@ -1,6 +1,6 @@
 """Loops with controller states, uncertain actuators, and other aircraft.
 
-They are proved up to the limit of stability, and left undecided beyond it.
+Loops are proved up to the limit of stability, and left undecided beyond it.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ def test_output_reaches_inputs_at_once_part_of_loop() -> None:
 def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -> None:
     """A loop is proved with a delay of 0.02 s and left open with 0.5 s, as its eigenvalues require.
 
-    With actuators of 0.02 rad/s it is left open too: the aircraft is unstable at 14 deg.
+    With actuators of 0.02 rad/s the loop is left open, because the aircraft is unstable at 14 deg.
     """
     loop = through_actuators(14.0, 14.125, delay=delay, slowest=slowest)
     drawn = np.random
@@ -256,10 +256,9 @@ def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
     [(ca.fabs, None), (lambda v: ca.fmax(v, 0), 1), (lambda v: ca.fmin(v, 1), 0)],
 )
 def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | None) -> None:
-    """v' = u - p v + kink(v) at v = 1 is proved if the kink is elsewhere, and left open at the
-    kink.
+    """v' = u - p v + kink(v) at v = 1 is proved if the kink is elsewhere, else left open.
 
-    p is the scheduling variable. A kink that balls do not support is refused by its name.
+    p is the scheduling variable. An operation that balls do not support is refused by its name.
     """
     model = Model(
         name="kinked",

@@ -88,7 +88,10 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
 def test_rate_search_is_wrong_about_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A rate 1.5 times the one that the Lyapunov function allows is not proved, but the loop is."""
+    """A rate 1.5 times as large as the Lyapunov function allows is not proved.
+
+    The loop at constant dihedral is proved.
+    """
     # The planted fault: a search that claims too much.
     monkeypatch.setattr("hfa_proof.search.schedule_proof._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
@@ -150,7 +153,7 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
 def test_how_many_modes_may_unstable_within_errors_said() -> None:
     """With parameter errors, the data contains bounds on the number of unstable modes.
 
-    At 11.5 deg, A of `published` has none or two. Its other four modes are far to the left.
+    At 11.5 deg, A of `published` has none to two.
     """
     wide = replace(family(), spread=default_parameters().standard_errors)
     rows = prove_schedule(wide, exact_loop(11.5, 11.53125), 11.5, 11.53125).data["modes"]
@@ -163,8 +166,8 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
 ) -> None:
     """A proof that is interrupted and resumed writes the same bytes as an uninterrupted one.
 
-    It is interrupted in the proof of the loop, or in that of the modes of A. An edited file is
-    refused.
+    The proof is interrupted in the part about the loop, and in the part about the modes of A. An
+    edited file is refused.
     """
     # Without this, a short proof ends before its certificate is first written.
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)

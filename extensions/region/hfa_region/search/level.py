@@ -255,7 +255,7 @@ class LevelSearch:
         return found
 
     def _extent(self, index: int, low: float, high: float) -> dict[str, Any] | None:
-        """Return evidence that a state's deviation in the set is between low and high, or None."""
+        """Return evidence that a state's deviation in the set is from low to high, or None."""
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
         level = ONE + self.V_terms.scaled(-1.0)
