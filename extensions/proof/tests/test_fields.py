@@ -155,9 +155,9 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
 
 
 def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
-    """A file with W alone is refused for a statement whose K is not the gain of its W.
+    """A file with W alone is refused for a statement whose K is not the gain of W.
 
-    A claim that it is the gain of W is refused too.
+    A certificate that claims that this K is the gain of W is refused.
     """
     made = certificate("plant")
     statement = read_statement(made["kind"], made["statement"], None)

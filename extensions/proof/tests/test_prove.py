@@ -71,9 +71,10 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
 def test_a_certificate_is_bound_to_ones_own_data(
     certificates: dict[str, Path], tmp_path: Path
 ) -> None:
-    """A certificate is accepted with the user's gains, weights and angles that it states.
+    """A certificate is accepted with the gains, weights and angles that it contains.
 
-    Other values give exit code 1, and an option for a field that it does not state gives 2.
+    Other values give exit code 1. An option for a field that the certificate does not contain gives
+    exit code 2.
     """
     critic = str(certificates["critic"])
     schedule = str(certificates["schedule"])

@@ -105,7 +105,7 @@ SCALE = 1.7322
 def _end(side: str) -> Content:
     """Return evidence that 1.735 ± SCALE y_1 > 0 for V <= 3.
 
-    It is 0.87 times 1 - V/3, plus a square form.
+    The polynomial is 0.87 (1 - V / 3) plus a square form.
 
     side: "low" for the plus sign, "high" for the minus sign
     """
@@ -284,7 +284,7 @@ def _gram(low: int, high: int, rows: list[list[float]]) -> Square:
 def test_a_multiplier_that_is_not_positive_is_refused() -> None:
     """A negative multiplier is refused.
 
-    With it, y² - 0.5 = -1 (1 - y²) + 0.5 would be positive for 1 - y² >= 0.
+    With the multiplier -1, y² - 0.5 = -1 (1 - y²) + 0.5 would be positive for 1 - y² >= 0.
     """
     evidence = Evidence(_gram(0, 0, [[0.5]]), {"ball": _gram(0, 0, [[-1.0]])})
     with pytest.raises(Rejected, match="Gram matrix"):
@@ -359,7 +359,7 @@ def test_equilibria_that_are_not_isolated_are_refused() -> None:
 def test_the_jacobian_has_the_slope_of_the_policy() -> None:
     """The Jacobian of the loop includes the slope of the policy.
 
-    For x' = x - u with u = 2 x + 0.5 x² it is -1.25 at x = 0.25.
+    The Jacobian of x' = x - u with u = 2 x + 0.5 x² is -1.25 at x = 0.25.
     """
     equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
     (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
@@ -373,7 +373,7 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 def test_each_input_limit_has_its_own_room(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
-    """Whether an input can reach a limit is decided for each limit by itself.
+    """Whether an input can reach a limit is decided for each limit separately.
 
     u = 2 x + 0.5 x² changes by up to 2.5 in the ball.
     """
@@ -438,7 +438,7 @@ def test_a_saturated_rate_keeps_its_center() -> None:
 def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
     """Rates that are not affine in the disturbance are refused.
 
-    The worst case may then be between the ends of its range.
+    The worst case may then be between the ends of the disturbance's range.
     """
 
     def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -593,9 +593,7 @@ def test_the_ball_reaches_as_far_as_its_rows() -> None:
 
 
 def test_parts_are_where_the_input_is_as_stated() -> None:
-    """At each point the constraints of a part hold exactly if the input is free or saturated as
-    stated.
-    """
+    """The constraints of a part hold exactly where its input is free or saturated as stated."""
     y = _ball_points()
     command = _commanded(y @ GLIDER_T.T)
     loop = _glider_loop()

@@ -39,9 +39,7 @@ def path(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
 
 
 def _first(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a change that applies `change` to nested values: all of an object, the first of a
-    list.
-    """
+    """Return a change that applies `change` to every entry of objects and to the first of lists."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, dict):
@@ -140,8 +138,9 @@ SWING = Model(
 def test_parameters_of_another_aircraft_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Parameters that differ from the user's are refused, although the user's file has the right
-    hash.
+    """Parameters that differ from the user's are refused, although the file's hash is equal.
+
+    With the stated parameters given by --hold, the certificate is accepted.
     """
     file = tmp_path / "swing.py"
     file.write_text(HEAVIER)
@@ -178,9 +177,10 @@ def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
 
 
 def test_outcomes_of_starts_are_told_apart() -> None:
-    """A double integrator that converges late has the outcome RETURNED, or UNKNOWN in a short time.
+    """Trajectories of a double integrator have the outcomes RETURNED, UNKNOWN and LEFT.
 
-    One that exceeds a limit has the outcome LEFT.
+    RETURNED: convergence within the time. UNKNOWN: convergence after the time. LEFT: a limit is
+    exceeded.
     """
 
     def two(x: Any, u: Any, p: Any, w: Any) -> Any:

@@ -69,7 +69,7 @@ def undisturbed() -> Region:
 def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> None:
     """The invariant set of the van der Pol oscillator under a bounded force has the known size.
 
-    Its level is at least 97 % of the lowest level at which V' >= 0 was found.
+    The lowest level at which V' >= 0 was found is less than 3 % above the proved level.
     """
     data = region_report(invariant_region(undisturbed, {"push": SIZE})).data
     assert data["disturbances"] == {"push": SIZE}
@@ -116,7 +116,7 @@ def test_what_is_proved_is_said(certificate: Path, model: Model, tmp_path: Path)
 def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Model) -> None:
     """No simulation from the boundary leaves the set under the worst disturbance.
 
-    Under a disturbance five times as large, some leave it.
+    Under a disturbance five times as large, a simulation leaves the set.
     """
     statement = check_certificate(certificate, model=model).statement
     T = V.coordinates()
@@ -166,7 +166,7 @@ def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> No
 def test_region_of_attraction_is_not_proved_by_edge(certificate: Path, model: Model) -> None:
     """Evidence for V' < 0 where V = rho is refused for a loop without disturbances.
 
-    It does not prove convergence.
+    Such evidence does not prove convergence.
     """
     content = json.loads(certificate.read_text())
     content["statement"]["disturbances"] = {}
@@ -221,8 +221,7 @@ def _loop(folder: Path, name: str, size: float) -> RegionLoop:
 def test_rates_not_affine_in_disturbance_refused_by_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Rates that are not affine in a disturbance are refused, and the message names the
-    disturbance.
+    """Rates that are not affine in a disturbance are refused by the name of the disturbance.
 
     A name that is not a disturbance is refused too.
     """

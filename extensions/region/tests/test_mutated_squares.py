@@ -81,7 +81,10 @@ def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", FUNCTIONS)
 def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
-    """Every changed certificate that is accepted is true, for example one with a lower level."""
+    """Every changed certificate that is accepted is true.
+
+    Some of the changed certificates are accepted, but not all.
+    """
     rng = np.random.default_rng(0)
     original = content(kind)
     statement, witness = read_content(copy.deepcopy(original), TANK)

@@ -24,8 +24,7 @@ from trim.point.solve import find_operating_point
 def region() -> Region:
     """Return {angle² + rate² / 36 <= 0.25} of the pendulum as a region that is not proved.
 
-    It has a state with V' >= 0 outside and an initial condition that does not converge. The picture
-    does not depend on the proof.
+    The region has a state with V' >= 0 outside and an initial condition that does not converge.
     """
     model = load_model(PENDULUM)
     loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))

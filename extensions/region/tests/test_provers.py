@@ -43,7 +43,8 @@ def test_kinks_and_tables_are_proved_on_boxes(
 ) -> None:
     """A loop with kinks is proved on boxes, and the set extends beyond both kinks.
 
-    The certificate contains K, so that it is checked without further options.
+    The certificate is checked without further options. The game of other weights and --prover
+    squares are refused.
     """
     proof = str(tmp_path / "proof.json")
     words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "1", "-o", proof]

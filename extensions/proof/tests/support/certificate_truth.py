@@ -1,6 +1,6 @@
 """Test in doubles whether a certificate's claim is true, by another method than the checker's.
 
-It uses trims, eigenvalues and solutions of games at some scheduling values.
+The test uses trims, eigenvalues and solutions of games at some scheduling values.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NEAR = 1e-4
 
 
 def what_is_false(statement: Content, kind: str) -> list[str]:
-    """Return descriptions of the false claims of a statement; [] if none is found."""
+    """Return descriptions of the false claims of a statement, or [] if none is found."""
     if "errors" in statement:
         return list(_false_of_models(statement, kind))
     if "critic" in statement:

@@ -57,10 +57,7 @@ def runs_of(least: int, most: int) -> Callable[[Any], Any]:
 
 
 def of_flights() -> dict[str, Change]:
-    """Return name -> change to a false statement about a flight, for all kinds about an aircraft.
-
-    After the change, no trim exists, or it exceeds its limits.
-    """
+    """Return name -> change to a false or invalid statement about a flight."""
     changes: dict[str, Change] = {}
 
     def first_trim(function: Callable[[float, float], float]) -> Change:

@@ -45,12 +45,10 @@ def exact_loop(*angles: float, dynamics: str = "published") -> Loop:
 
 
 def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8) -> Loop:
-    """Return the loop of an LQR with uncertain actuators.
-
-    Their bandwidth is up to 10 rad/s, their effectiveness from 0.5 to 1.
+    """Return the loop of an LQR with uncertain actuators of effectiveness 0.5 to 1.
 
     delay: largest delay, s
-    slowest: lowest bandwidth that the statement covers, rad/s
+    slowest: lowest bandwidth that the statement covers, rad/s; the highest is 10 rad/s
     """
     eye = np.eye(5)
     gains = []
@@ -152,7 +150,7 @@ def delayed_abscissa(
 ) -> float:
     """Return the spectral abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ).
 
-    It is computed from the generator of the delay equation, on polynomials of degree 12.
+    The generator of the delay equation is approximated on polynomials of degree 12.
     Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
 
     w: ω, rad/s
@@ -223,8 +221,9 @@ def with_memory(order: int = 1, lag: float = 0.002) -> Loop:
 
 
 def two_trims(start: float = 1.0) -> Model:
-    """Return the model x' = 1 + p - x² + u, with the trims ±sqrt(1 + p), one stable and one
-    unstable.
+    """Return the model x' = 1 + p - x² + u, with the trims ±sqrt(1 + p).
+
+    One trim is stable and one is unstable.
 
     start: initial guess of the trim search
     """
@@ -317,7 +316,7 @@ def content(proof: Proof) -> dict[str, Any]:
 
 @cache
 def certificate(kind: str) -> dict[str, Any]:
-    """Return the content of the certificate of this kind. It is shared and must not be changed."""
+    """Return the content of the certificate of this kind, which is shared and must not be changed."""
     return content(proved(kind))
 
 

@@ -33,7 +33,7 @@ def starts_lost(
     converge.
 
     Half of the `count` initial conditions are in {V <= rho} and half on its boundary. With
-    disturbances, the worst one for V acts all the time, and the second number is 0.
+    disturbances, the worst disturbance for V acts all the time, and the second number is 0.
 
     statement: a proved statement
     farther: factor on the initial conditions; above 1, leaving the set is not counted
@@ -72,9 +72,10 @@ def drawn(
 def _flown(
     plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
-    """Return the number of flights that leave {V <= level} or a limit.
+    """Return the number of flights that leave {V <= level} or a limit, and of those that stay too
+    long.
 
-    The second number is that of the other flights that do not converge in the simulated time.
+    The second number counts the other flights that do not converge in the simulated time.
     """
     modes = np.linalg.eigvals(plant.closed_matrix)
     step = 1.0 / (_STEPS * float(np.max(np.abs(modes))))
