@@ -334,7 +334,7 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """Return upper bounds (m,) of |v_i| at the minimizing inputs, on a box about the
+        """Return upper bounds (m,) of |v_i| at the minimizing inputs on a box about the
         equilibrium.
 
         Return None if g is not proved convex in v.

@@ -156,10 +156,9 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 
 
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
-    """Return the proved, refuted and open parts of a statement about a schedule.
+    """Return sentences and tables about the proved, refuted and open parts of a schedule.
 
-    The result begins with sentences and ends with tables of the unstable modes of the loop and of
-    A.
+    The tables list the numbers of unstable modes of the loop and of A.
 
     moving: whether a rate of the scheduling variable is claimed
     data: data of the report, for the number of boxes

@@ -376,7 +376,7 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, or None if it fails or finds a margin below `MARGIN`."""
+    """Return the Gram matrices of `positive`, or None if the margin is below `MARGIN` or not found."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None
