@@ -54,7 +54,7 @@ class LowerBound(ProvedResult):
 
     @property
     def equilibrium(self) -> Mapping[str, float]:
-        """State or input -> value at the equilibrium; the proved equilibrium is close to it."""
+        """State or input -> approximate value at the proved equilibrium."""
         return self.statement.equilibrium
 
     @property

@@ -39,7 +39,7 @@ def found_report(
     policy: description of the policy
     flight: clause on the outcome of a flight from the obstacle, or None
     not_covered: effects that the proof neglects, for the title
-    reason: why boxes were chosen; "" if the user chose them
+    reason: why boxes were chosen, or "" if the user chose them
     """
     statement = region.statement
     level, place, rises = region.bound

@@ -69,7 +69,7 @@ class BoxSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """P (n, n) with V = z'P z, rounded to doubles; None if V has a degree above 2."""
+        """P (n, n) with V = z'P z, rounded to doubles, or None if V has a degree above 2."""
         return quadratic_form(self.statement.piece)
 
     @property
@@ -89,7 +89,7 @@ class BoxSet(ProvedResult):
 
 
 def quadratic_form(piece: Piece) -> Matrix | None:
-    """Return P (n, n) with W(M z) = z'P z, rounded to doubles; None if W has a degree above 2."""
+    """Return P (n, n) with W(M z) = z'P z, rounded to doubles, or None if W has a degree above 2."""
     M = piece.M
     S = np.zeros((len(M), len(M)))
     for value, powers in piece.W.terms:
@@ -108,7 +108,7 @@ class FoundBoxes(BoxSet):
     origin: origin of V.
     decrease_fails_at: state -> deviation at the first obstacle that was found as the level of V
         grows,
-        if V' >= 0 there; None if a limit is the first obstacle or no obstacle was found.
+        if V' >= 0 there, or None if a limit is the first obstacle or no obstacle was found.
     stopped: why no larger level is proved.
     """
 

@@ -1,4 +1,4 @@
-"""Lower bounds of the cost: proved ones, slightly too high ones, and forged ones."""
+"""Lower bounds of the cost: proved, slightly too high, and forged."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """A bound 1e-13 below the least cost is proved, and one 1e-13 above it is refused.
+    """A bound 1e-13 below the least cost is proved, and a bound 1e-13 above the least cost is
+    refused.
 
     The cart is in equilibrium at every position, so its input is the unknown of the equilibrium.
     """

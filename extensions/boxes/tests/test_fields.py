@@ -153,7 +153,7 @@ def assert_walked(
 
     content: the statement
     table: fields of the statement
-    given: entry -> the user's value; a changed entry must differ from it
+    given: entry -> the user's value, from which a changed entry must differ
     changes: field -> changes of its value
     text_of: statement -> printed report
     """

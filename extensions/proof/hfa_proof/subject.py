@@ -64,9 +64,9 @@ def _numbers(stated: Any) -> np.ndarray:
 class Given(NamedTuple):
     """An entry from the user's data.
 
-    value: its value, in the form of a statement's content
-    option: the option that gave it
-    same: (stated, own) -> whether the values agree; by default exact equality
+    value: the user's value, in the form of a statement's content
+    option: the option that gave the value
+    same: (stated, own) -> whether the values agree, exact equality by default
     """
 
     value: Any

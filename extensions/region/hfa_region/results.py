@@ -60,7 +60,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def policy(self) -> Mapping[str, Sequence[Any]]:
-        """Input -> q as a list of [coefficient, exponents]; q = 0 for an input without an entry."""
+        """Input -> q as a list of [coefficient, exponents], omitted if q = 0."""
         return self.statement.loop.policy
 
     @property
@@ -88,7 +88,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """P (n, n) with V = z'P z; None if V has a degree above 2."""
+        """P (n, n) with V = z'P z, or None if V has a degree above 2."""
         if self.degree > 2:
             return None
         n = len(self.states)
@@ -143,7 +143,7 @@ class NothingProved(Result):
 class WithRegion(Result):
     """Fields that `--region S` adds to a result.
 
-    region: region of attraction of the saturated loop; None without the option.
+    region: region of attraction of the saturated loop, or None without the option.
     """
 
     region: FoundSet | NothingProved | None = None

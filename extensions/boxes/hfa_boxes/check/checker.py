@@ -131,7 +131,7 @@ def write_certificate(
 ) -> None:
     """Write a certificate.
 
-    origin: version, command and date; the digest of the file does not cover them
+    origin: version, command and date, which the digest of the file does not cover
     """
     evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}
     write_sealed(path, KIND, statement.content(), evidence, origin)

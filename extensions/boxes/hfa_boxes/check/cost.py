@@ -6,9 +6,9 @@ the cube |y_i| <= 1. Two properties are proved. D meets no face of the cube, and
 
     g(y, v) = grad W · M f(x* + z, u* + v) + z'Q z + v'R v >= 0 in D, for all v within the limits.
 
-Consider a flight within the envelope that ends at the equilibrium. If it begins in D, it costs at
-least W. If it begins elsewhere, it costs at least c, because W = c where it enters D for the last
-time.
+Consider flights within the envelope that end at the equilibrium. A flight that begins in D costs at
+least W. A flight that begins elsewhere costs at least c, because W = c where the flight enters D
+for the last time.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Guess(NamedTuple):
 class CostInequality(OnPiece):
     """Inequality g >= 0 of a lower bound of the cost, as a property that `cover` proves.
 
-    plant: the aircraft; its state limits are the envelope
+    plant: the aircraft, whose state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
     piece: W and its level c
     Q: (n, n), symmetric, weight of the states
@@ -351,7 +351,7 @@ class CostInequality(OnPiece):
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
         """Return whether the Hessian H of g in (z, v) is proved positive definite on a box.
 
-        The proof covers |v_i| <= radii_i, (m,). It encloses J'H J instead of H, with J chosen such
+        The proof covers |v_i| <= radii_i, (m,). J'H J is enclosed instead of H, with J chosen such
         that J'H J is near 1 at the equilibrium.
         """
         n, m = self.n, self.m

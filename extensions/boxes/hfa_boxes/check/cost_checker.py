@@ -32,8 +32,8 @@ _MOST_BOXES = 1_000_000_000
 class CostWitness:
     """Evidence for a lower bound, not part of the claim.
 
-    solved: names of the unknown states and inputs at the equilibrium; the others have the values of
-        the statement
+    solved: names of the unknown states and inputs at the equilibrium, whose other entries have the
+        values of the statement
     boxes: number of boxes of each piece after which the checker stops
     """
 
@@ -101,7 +101,7 @@ def check_cost_certificate(
     """Return the lower bound that a certificate proves.
 
     model: the user's aircraft, or None if the certificate concerns a built-in model
-    agrees: called with the statement before the proof; raises if it differs from the user's data
+    agrees: called with the statement before the proof, raises if the user's data differ
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
     Raises Rejected if an entry is not understood or the statement is not proved.
@@ -147,7 +147,7 @@ def write_cost_certificate(
 ) -> None:
     """Write a certificate.
 
-    origin: version, command and date; the digest of the file does not cover them
+    origin: version, command and date, which the digest of the file does not cover
     """
     evidence = {
         "solved": list(witness.solved),

@@ -25,7 +25,7 @@ class CostStatement:
     The claim covers every flight within the limits that ends at the equilibrium. The cost is
     ∫ z'Qz + v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
 
-    plant: the model; its state limits are the envelope
+    plant: the model, whose state limits are the envelope
     equilibrium: moving state or input -> value; the proved equilibrium is within `SAME_TRIM`
         nominal
         values of these values and of the trim

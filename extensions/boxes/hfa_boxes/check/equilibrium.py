@@ -40,8 +40,7 @@ def zero_near(
 
     x: inputs of the program, (k,)
     nominal: nominal values of the inputs, (k,)
-    solved: indices of the unknown inputs, as many as the program has outputs; the other inputs are
-        constant
+    solved: indices of the unknown inputs, as many as the program has outputs
 
     Raises Rejected unless |C F(x)| + |1 - C F'| r < r is proved at the zero x for a radius r, with
     C near the inverse of F' (Krawczyk 1969).

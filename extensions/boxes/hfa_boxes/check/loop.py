@@ -29,8 +29,8 @@ _SMALLEST_HOLE = 30
 class Loop(Plant):
     """Closed loop x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
 
-    policy: state deviations (n,) -> input deviations (m,); an optional second argument is the trim,
-        which lists all states, inputs and parameters
+    policy: state deviations (n,) -> input deviations (m,), with the trim (all states, inputs and
+        parameters) as an optional second argument
     """
 
     policy: ca.Function

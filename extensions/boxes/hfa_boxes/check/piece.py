@@ -156,7 +156,7 @@ class OnPiece(Question):
 
     @property
     def m(self) -> int:
-        """Number of inputs that are free variables; 0 for a closed loop."""
+        """Number of inputs that are free variables, which is 0 for a closed loop."""
         return len(self.equilibrium.x) - self.n
 
     @abstractmethod

@@ -21,7 +21,7 @@ Limits = Mapping[str, tuple[float, float]]
 class Plant:
     """Plant x' = f(x, u) with inputs within their limits.
 
-    model: the equations; the states of its linear model are the moving states
+    model: the equations, whose linear model has the moving states
     parameters: every parameter of the model -> value
     trim: moving state -> trim value, x0
     inputs: input -> trim value, u0
@@ -198,8 +198,8 @@ def model_limits(
 ) -> dict[str, tuple[float, float]]:
     """Return signal -> lowest and highest value, for every limited state, input and output.
 
-    The limits are the declared min and max, replaced by the model's envelope at this trim if it has
-    one.
+    The limits are the declared min and max, replaced by the limits of the model's envelope at the
+    trim, if there is an envelope.
 
     states: state -> value at the trim, for all states
     parameters: parameter -> value

@@ -37,7 +37,7 @@ class Gain(NamedTuple):
     """Policy u0 - K z + q(z) before saturation, with z the deviations from the trim.
 
     K: (m, n)
-    terms: input -> terms of q of degree 2 and more; q = 0 for an input without an entry
+    terms: input -> terms of q of degree 2 and more, omitted if q = 0
     """
 
     K: np.ndarray

@@ -34,8 +34,8 @@ class ProvedPolicy:
     """A policy for which a region is proved.
 
     function: the policy, as in `Loop.policy`
-    words: its description
-    gain: its coefficients, if it is a polynomial
+    words: description of the policy
+    gain: coefficients of the policy if it is a polynomial, else None
     known: pairs of a description and a matrix P, candidates V = z'P z
     not_covered: effects that the proof neglects, for the title
     """
@@ -98,7 +98,7 @@ class SearchSettings:
     seconds: limit of the processor time
     degree: highest degree of V
     resume: whether to continue the earlier run that wrote the certificate given by -o
-    reason: why boxes were chosen, for the report; "" if the user chose them
+    reason: why boxes were chosen, for the report, or "" if the user chose them
     """
 
     seconds: float

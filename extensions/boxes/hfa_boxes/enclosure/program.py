@@ -4,8 +4,8 @@ A row is a sum of coefficients times variables. The coefficients are rational nu
 are not rounded. Variable 0 is the constant 1, followed by the inputs and the nodes. Layers of a
 network become rows, which are evaluated as matrix products.
 
-CasADi folds constants of an expression in doubles: it stores 5 (0.2 x) as x. The proof covers the
-folded function, which is also the one that is evaluated.
+CasADi folds constants in doubles and stores 5 (0.2 x) as x. The proof covers the folded function,
+which is also the function that is evaluated.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Program:
     function: SX or MX function of one vector.
 
     Group 0 contains the constant 1 and the inputs. Each coefficient is the double nearest to a
-    rational number; its relative error is at most 2⁻⁵³.
+    rational number, with a relative error of at most 2⁻⁵³.
 
     Raises BadInputError if an operation cannot be enclosed or the function is too large.
     """

@@ -63,8 +63,8 @@ class Models(NamedTuple):
 
     c: (values, 1 + n + n (n + 1) / 2, boxes), coefficients
     radius: (values, boxes), radii
-    own: (values, boxes), the part of each radius that the last operation adds; the other part is
-        carried over from the radii of its arguments
+    own: (values, boxes), the part of each radius that the last operation adds, besides the part
+        from the radii of the arguments
     """
 
     c: np.ndarray

@@ -102,7 +102,7 @@ def _reached(proved: Sequence[_Proved], level: float) -> bool:
 class CostSearch:
     """Search for lower bounds of the cost on growing sets.
 
-    plant: the aircraft; its state limits are the envelope
+    plant: the aircraft, whose state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
     solved: indices of the unknowns of the equilibrium
     weights: Q, R and P of the linear quadratic problem

@@ -54,7 +54,7 @@ _LARGEST = 1000.0
 class CostProblem:
     """Linear quadratic problem whose cost is to be bounded from below.
 
-    plant: the aircraft; its state limits are the envelope
+    plant: the aircraft, whose state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
     Q: (n, n)
     R: (m, m)
@@ -117,15 +117,13 @@ class Wanted(NamedTuple):
 class Fit:
     """Linear programs for one level, in coordinates y = M z.
 
-    In these coordinates the set z'P z <= beyond c becomes the unit ball, turned and stretched to
-    the envelope.
+    Samples within the envelope with z'P z <= beyond c lie in the cube |y_i| < 1.
 
     problem: the problem whose cost is bounded
     c: level
     wanted: flights at which W is to be large
-    beyond: largest z'P z of samples as a multiple of the level; W > c is required where it is
-        larger
-    tell: called with the number of programs before each linear program; may raise
+    beyond: largest z'P z of samples as a multiple of c, above which W > c is required
+    tell: called with the number of programs before each linear program, may raise an error
     """
 
     def __init__(

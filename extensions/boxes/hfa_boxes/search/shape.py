@@ -135,7 +135,7 @@ class Extents(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Polynomial V(y) = Σ coefficient monomial with y = M z; its set is {V <= 1} about 0.
+    """Polynomial V(y) = Σ coefficient monomial with y = M z, and the set {V <= 1} about 0.
 
     M: (n, n)
     basis: the monomials
@@ -160,7 +160,7 @@ class Shape:
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
         """Return V of a piece, scaled to level 1, with monomials up to a degree.
 
-        degree: highest degree; the degree of V if that is higher
+        degree: highest degree of the monomials, raised to the degree of V if necessary
         """
         powers = [powers for _, powers in piece.W.terms]
         basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
@@ -448,7 +448,7 @@ class Growth:
 
     samples: evaluation of the loop
     shape: the first V, scaled to the largest set that samples allow
-    tell: called with a description before each linear program; may raise
+    tell: called with a description before each linear program, may raise an error
     """
 
     def __init__(self, samples: Samples, shape: Shape, tell: Callable[[str], None]) -> None:

@@ -23,7 +23,7 @@ _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0
 class TaylorModel:
     """Taylor model c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for all |s| <= 1, |t_k| <= 1.
 
-    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls; omitted parts are 0
+    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls, 0 if omitted
 
     s is the position within a box, t_k are errors of parameters. In sums and products, numbers and
     balls are constants. `ball_function.py` evaluates functions on scalar models.

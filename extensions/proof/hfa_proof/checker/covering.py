@@ -19,8 +19,8 @@ def covering(
     """Return all pieces if their boxes cover the stated box.
 
     what: name of the pieces in a message, such as "the cells"
-    stated: box of the claim; low = high is a claim at one value
-    pieces: evidence in any order; the boxes may overlap and extend beyond the stated box
+    stated: box of the claim, with low = high for a claim at one value
+    pieces: evidence in any order, whose boxes may overlap and extend beyond the stated box
 
     Raises Rejected if a point is not covered, an end is not finite, ends are in reverse order, or a
     box has another number of coordinates.

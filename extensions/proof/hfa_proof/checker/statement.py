@@ -52,9 +52,9 @@ class StatedTrim(NamedTuple):
 class Flight:
     """Trims of an aircraft at every scheduling value from `low` to `high`, within its limits.
 
-    model: the equations; the statement contains its name, units and the hash of its source files
+    model: the equations, of which the statement contains name, units and source hash
     parameters: every parameter of the model -> value
-    spread: parameter -> half-width; the claim covers all parameter values within it
+    spread: parameter -> half-width of the values that the claim covers
     imposed: imposed variable -> value, the same for every trim
     limits: state, input or output -> (lowest, highest)
     low: first scheduling value
@@ -203,7 +203,7 @@ class Controller:
     D: (g, a, p)
     measurements: (p,), names of linear states, outputs, parts of outputs, and INPUT_position of
         actuators
-    inputs: (a,), the inputs that u moves; the others are constant
+    inputs: (a,), names of the inputs that u moves
     """
 
     breakpoints: np.ndarray
@@ -284,9 +284,9 @@ class UncertainActuators:
 
     order: (a,), 1 or 2
     damping: (a,), d, for order 2
-    bandwidth: lowest and highest ω, rad/s; ω is constant and equal for all inputs
-    effectiveness: lowest and highest λ; λ varies independently for each input
-    delay: largest τ, s; τ varies independently for each input
+    bandwidth: lowest and highest ω, rad/s, constant and equal for all inputs
+    effectiveness: lowest and highest λ, which varies independently for each input
+    delay: largest τ, s, which varies independently for each input
     """
 
     order: tuple[int, ...]
@@ -320,12 +320,12 @@ class ScheduleStatement:
 
     The claim covers every scheduling value of the flight.
 
-    loop: unstable modes of the loop, as runs from `low` to `high` without gaps; a run from 0 to all
-        modes claims nothing
+    loop: unstable modes of the loop, as runs from `low` to `high` without gaps, where a run from 0
+        to all modes claims nothing
     modes: unstable modes of the aircraft alone, as runs in the same form
-    decay_rate: 1/s; Re λ < -decay_rate for every eigenvalue λ in runs of the loop without unstable
-        modes; 0 if there is no such run or the actuators are uncertain
-    scheduled_rate: largest rate of the scheduling value, per s, at which the loop is stable; or
+    decay_rate: bound, 1/s, with Re λ < -decay_rate for every eigenvalue λ in runs of the loop
+        without unstable modes, or 0 if there is no such run or the actuators are uncertain
+    scheduled_rate: largest rate of the scheduling value, per s, at which the loop is stable, or
         None
     """
 
@@ -375,15 +375,14 @@ class GameStatement:
 
     plant: flight at one scheduling value, whose linear model is used, or matrices
     decimals: True if `distances` and `loop` are claimed for every decimal number that rounds to the
-        stored doubles, False if only for these doubles; `delta_min` and `modes` are claimed for the
-        doubles only
+        stored doubles, False if only for the doubles, which alone `delta_min` and `modes` concern
     critic: K (m, n), and P (n, n) or W (weights, 1) if the critic has them
     gain_of_value: whether K is claimed to equal R⁻¹ B' P of the critic's P and W, within
         `SAME_GAIN`
     distances: part of the critic -> bounds of |X - X*| / |X*| (Frobenius norm)
     loop: lowest and highest number of unstable modes of A - B K with the critic's K
-    delta_min: a delta for which the game has no value, and one for which it has; or None
-    modes: lowest and highest number of unstable modes of A; given with delta_min
+    delta_min: a delta without a value of the game and a delta with a value, or None
+    modes: lowest and highest number of unstable modes of A, or None without delta_min
     """
 
     plant: Flight | Plant
@@ -444,8 +443,8 @@ class ModelsStatement:
     B: (g, n, m)
     inputs: (g, m, 1), inputs of the trims
     K: (g, m, n), gains of the exact game
-    errors: name -> upper bound; for A, B and K of |X - X*| / |X*| (Frobenius norm), for inputs of
-        |U - U*| with each input divided by its nominal value
+    errors: name -> upper bound of |X - X*| / |X*| (Frobenius norm) for A, B and K, and of |U - U*|
+        in nominal values for inputs
     """
 
     flight: Flight
@@ -495,7 +494,7 @@ def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
     """Return the statement of a certificate.
 
     kind: the certificate's entry `kind`
-    content: its entry `statement`
+    content: the certificate's entry `statement`
     own: the user's model, if the statement concerns one
 
     Raises Malformed for the first wrong entry, and BadInputError if the statement concerns another

@@ -77,7 +77,7 @@ class Line:
     def read(cls, entries: Fields, n: int, *, rated: bool = True) -> Line:
         """Return the line of a certificate.
 
-        rated: whether the entry `rate` is read; otherwise the rate is 0
+        rated: whether to read the entry `rate`, without which the rate is 0
         """
         rate = entries.number("rate") if rated else 0.0
         return cls(entries.symmetric("H", n), entries.array("turn", n, n), rate)
@@ -117,7 +117,7 @@ class Piece:
 class ModesBox:
     """Evidence for the number of unstable modes on a box.
 
-    proof: a line; with uncertain actuators, pieces that cover the bandwidths
+    proof: a line, or pieces that cover the bandwidths of uncertain actuators
     """
 
     trim: TrimBox
@@ -248,7 +248,7 @@ class PointTrim:
 
     center: unknown -> ball
     radii: unknown -> radius about the center that contains the trim of the doubles
-    wide_radii: unknown -> radius about the center that contains all trims; at least `radii`
+    wide_radii: unknown -> radius about the center that contains all trims, at least `radii`
     """
 
     center: dict[str, list[arb]]
@@ -281,11 +281,9 @@ class GameWitness:
     loop: lines of A - B K
     modes: lines of A, [] without delta_min
     value: the solution at the upper end of delta_min, or None without delta_min
-    refused: evidence at the lower end of delta_min, or None without delta_min; either a solution
-        whose
-        lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian matrix
-          has
-        an eigenvalue on the imaginary axis
+    refused: evidence at the lower end of delta_min: a solution whose lowest eigenvalue is negative,
+        frequencies, rad/s, between which the Hamiltonian matrix has an eigenvalue on the imaginary
+        axis, or None without delta_min
     """
 
     trim: PointTrim | None

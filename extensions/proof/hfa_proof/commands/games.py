@@ -28,8 +28,8 @@ class Stated(NamedTuple):
     request: options of the command
     named: the game
     family: flights of the aircraft, or None for a plant from a file
-    value: scheduling value as typed, or the trim's value if none is typed; None for a plant from a
-        file
+    value: scheduling value as typed, or the trim's value if none is typed, or None for a plant from
+        a file
     """
 
     request: SolutionRequest
@@ -137,7 +137,7 @@ def _prepared(request: SolutionRequest) -> None:
 def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
     """Print the report of a proof and return the exit code, 0 if the claim is proved.
 
-    If -o is given and a part of the claim is proved, its certificate is written.
+    If -o is given and a part of the claim is proved, the certificate is written.
     """
     from hfa_proof.search.report import game_report
 

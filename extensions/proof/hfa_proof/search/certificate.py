@@ -119,10 +119,9 @@ class CertificateFile:
     def known(self, statement: ScheduleStatement, model: Model) -> Content:
         """Return the verified witness of an earlier run, or {} without --resume.
 
-        statement: the statement to prove; its trims and proved values are not compared
+        statement: the statement to prove, whose trims and proved values are not compared
 
-        Raises BadInputError if the file is not a certificate of this statement, or does not prove
-        it.
+        Raises BadInputError if the file is not a certificate of this statement or is not verified.
         """
         if not self._resume:
             return {}

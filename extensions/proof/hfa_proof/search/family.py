@@ -95,8 +95,8 @@ class Family:
     """Trims of an aircraft at any value of its scheduling variable.
 
     model: the aircraft with its declared parameter values
-    flights: imposed and free variables; by default those of the model's trim
-    spread: parameter -> half-width of its possible values
+    flights: imposed and free variables, or None for the variables of the model's trim
+    spread: parameter -> half-width of the possible values
     """
 
     model: Model
@@ -268,7 +268,7 @@ class TrimSearch:
         return PointTrim(center, of_doubles, of_decimals)
 
     def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
-        """Return unknown -> radius within which its root is to be proved.
+        """Return unknown -> radius within which the root is to be proved.
 
         The radius is √n times the size of the Newton step C F times `room`, plus a small multiple
         of the nominal value.

@@ -205,7 +205,8 @@ class GridSearch:
     def tables(self, ends: Sequence[int]) -> ModelsStatement:
         """Return the models at breakpoints, in the form of a statement.
 
-        ends: index of the cell that begins at each breakpoint; the number of cells for the last end
+        ends: index of the cell that begins at each breakpoint, or the number of cells for the last
+            end
         """
         count = len(self.cells)
         return self._tables(

@@ -233,7 +233,7 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
 def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
     """Return text about the actuators that the statement covers.
 
-    stable: whether the loop is proved stable; otherwise the actuators are called "requested"
+    stable: whether the loop is proved stable, without which the text says "requested"
     """
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
@@ -261,7 +261,7 @@ def game_report(
     """Return the report of a proof about a game: P of a solution, or the distances of a critic from
     it.
 
-    data: data of the proof; the entry `statement` is "solution" or "critic"
+    data: data of the proof, with "solution" or "critic" as the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...
     origin: origin of the game, for the title
     file: file of the critic, for the title
@@ -278,7 +278,7 @@ def game_report(
 def _stabilizing(hurwitz: bool | None, gain: str) -> str:
     """Return the first line of a report on whether a gain stabilizes.
 
-    hurwitz: whether A - B K is proved Hurwitz or proved not Hurwitz; None if it is open
+    hurwitz: whether A - B K is proved Hurwitz or proved not Hurwitz, or None if neither is proved
     gain: description of the gain
     """
     if hurwitz is None:
@@ -331,7 +331,7 @@ def _hurwitz(closed_loop: bool | None) -> str:
 
 
 def _models_report(statement: ModelsStatement, data: Content) -> Report:
-    """Return the report of interpolated models: bounds and steps. The matrices are in its data."""
+    """Return the report of interpolated models: bounds and steps, with the matrices as records."""
     model = statement.flight.model
     breakpoints = statement.breakpoints
     unit = model.schedule_unit

@@ -23,32 +23,33 @@ class ProofData(Result):
     one_branch: whether the trims of all boxes are on one branch.
     decay_rate: proved decay rate where the loop is stable, 1/s.
     loop: intervals with the number of unstable modes of the loop, and open intervals.
-    modes: intervals with the number of unstable modes of A; open intervals with its bounds.
+    modes: intervals with the number of unstable modes of A, and open intervals with bounds of it.
     refuted: intervals where the loop is proved unstable.
     not_covered: effects that the statement does not cover.
     boxes: enclosures of A and B, or the number of boxes.
-    source: SHA-256 of the files of another aircraft; of a checked certificate.
+    source: SHA-256 of the files of another aircraft, for a checked certificate.
     P: matrix of the value z'P z.
     delta: disturbance weight, null without a disturbance.
-    scheduled: scheduling variable -> interval; for another aircraft.
-    dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s; with --rate.
-    scheduled_rate: proved rate of the scheduling variable, per second; with --rate, for another
+    scheduled: scheduling variable -> interval, for another aircraft.
+    dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s, with --rate.
+    scheduled_rate: proved rate of the scheduling variable, per second, with --rate for another
         aircraft.
-    actuators: bandwidth, effectiveness and delay; with --bandwidth.
-    lyapunov: Lyapunov function for a moving scheduling variable; with --rate.
-    kind: schedule, game or models; of a checked certificate.
-    parameters: parameters of the aircraft; of a checked certificate.
-    parameter_hash: hash of the parameters; of a checked certificate.
-    written: version, command and date in the file, not verified; of a checked certificate.
-    statement_sha256: SHA-256 of the JSON text of the statement; of a checked certificate.
-    claim: every field of the statement; of a checked certificate.
-    not_given: fields that were not compared, because no option gave them; of a checked certificate.
-    limits: lowest and highest value of each input and unknown of the trims; of a checked
+    actuators: bandwidth, effectiveness and delay, with --bandwidth.
+    lyapunov: Lyapunov function for a moving scheduling variable, with --rate.
+    kind: schedule, game or models, for a checked certificate.
+    parameters: parameters of the aircraft, for a checked certificate.
+    parameter_hash: hash of the parameters, for a checked certificate.
+    written: version, command and date in the file, not verified, for a checked certificate.
+    statement_sha256: SHA-256 of the JSON text of the statement, for a checked certificate.
+    claim: every field of the statement, for a checked certificate.
+    not_given: fields that were not compared, because no option gave them, for a checked
         certificate.
-    spread: half-widths of the parameters; of a checked certificate.
-    game: Q, R, E and delta; of a checked certificate.
-    error: proved bounds of the interpolation errors; of checked models.
-    nodes: number of breakpoints; of checked models.
+    limits: lowest and highest value of each input and unknown of the trims, for a checked
+        certificate.
+    spread: half-widths of the parameters, for a checked certificate.
+    game: Q, R, E and delta, for a checked certificate.
+    error: proved bounds of the interpolation errors, for checked models.
+    nodes: number of breakpoints, for checked models.
     relative_radius: relative radius of the enclosure of P.
     positive_definite: whether P is proved positive definite.
     worst_case_hurwitz: whether A - S P is proved Hurwitz.
@@ -131,12 +132,12 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def dihedral_deg(self) -> Vector | None:
-        """Breakpoints of the dihedral angle, degrees; None for another aircraft."""
+        """Breakpoints of the dihedral angle, degrees, or None for another aircraft."""
         return self.statement.breakpoints if self.model.extras.names_schedule else None
 
     @property
     def scheduled(self) -> Mapping[str, Vector] | None:
-        """Scheduling variable -> breakpoints; None for the flexible aircraft of the paper."""
+        """Scheduling variable -> breakpoints, or None for the flexible aircraft of the paper."""
         if self.model.extras.names_schedule:
             return None
         return {self.model.schedule: self.statement.breakpoints}

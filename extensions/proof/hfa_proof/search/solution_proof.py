@@ -1,4 +1,4 @@
-"""Proof of the exact solution of a game, and of the distances of a critic's W, P and K from it."""
+"""Proof of the exact solution of a game, and of the distances of a critic's W, P and K."""
 
 from __future__ import annotations
 
@@ -327,7 +327,7 @@ def prove_solution(
     """Return a proof that encloses the stabilizing solution of a game.
 
     game: the game in doubles
-    family: trims whose linear model has A and B; None if the game's A and B are exact
+    family: trims whose linear model has A and B, or None if the game's A and B are exact
     scheduling_value: scheduling value of that linear model, or None without a family
     progress: called with the current step
 

@@ -1,7 +1,7 @@
 """Search for proofs of a loop whose actuators have uncertain bandwidth, effectiveness and delay.
 
 One Lyapunov function is found for all bandwidths of a piece. The condition is a matrix inequality,
-linear in H and X, at the ends of each piece. The checker proves it (`check_pieces`).
+linear in H and X, at the ends of each piece. The checker proves the inequality (`check_pieces`).
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ def _distance_too_small(made: Any) -> None:
 def _delta_min(share: float) -> Callable[[Any], Any]:
     """Return a change that moves one end of the bracket across delta_min.
 
-    share: factor; below 1 for the upper end, otherwise for the lower end
+    share: factor, below 1 to move the upper end and above 1 to move the lower end
     """
     return lambda ends: [ends[0], ends[1] * share] if share < 1.0 else [ends[0] * share, ends[1]]
 
@@ -423,7 +423,7 @@ def test_boxes_of_another_branch_are_refused() -> None:
 
 @ctx.workprec(256)
 def test_solutions_far_from_the_stated_are_enclosed() -> None:
-    """A root of 0.75 p² + 2 p = 1 is enclosed if the stated one has an error of 0.1.
+    """A root of 0.75 p² + 2 p = 1 is enclosed if the stated root has an error of 0.1.
 
     The reach is 0.5. One Newton step would not suffice.
     """
@@ -546,7 +546,7 @@ def test_gains_follow_from_both_values_of_critics() -> None:
 
 
 def test_trims_apart_by_an_error_are_different() -> None:
-    """Two trims are recognized as one only if this is true for all errors of the parameters.
+    """Two trims are recognized as one trim only if they agree for all errors of the parameters.
 
     A trim 0.5 ± 0.3 is the only one within 1 of 0. A trim 0.5 ± 0.7 may be another.
     """

@@ -1,4 +1,4 @@
-"""Evidence must cover the statement. This is tested at every point where coverage could fail."""
+"""Coverage of statements by evidence, tested at every point where coverage could fail."""
 
 from __future__ import annotations
 

@@ -237,7 +237,8 @@ def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, 
 def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
     """The full range of 0 to 20 deg is proved for the identified aircraft, with a rate.
 
-    It is also proved for all aircraft within one standard error of every parameter, without a rate.
+    The range is also proved for all aircraft within one standard error of every parameter, without
+    a rate.
     """
     angles = np.linspace(0.0, 20.0, 11).tolist()
     flights = family(dynamics)

@@ -56,7 +56,7 @@ def test_the_enclosure_holds_the_sixty_digits() -> None:
 def test_a_root_that_does_not_stabilize_is_told() -> None:
     """The root of p² - 2 p - 1 = 0 that does not stabilize is refused.
 
-    For a = 1 the roots are 1 ± sqrt(2). The larger one is positive and stabilizes, and is proved.
+    For a = 1 the roots are 1 ± sqrt(2). The larger root is positive and stabilizes, and is proved.
     """
     exact = ExactGame.of(Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf))
     box, right = exact.solution()

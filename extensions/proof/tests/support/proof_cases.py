@@ -48,7 +48,7 @@ def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8)
     """Return the loop of an LQR with uncertain actuators of effectiveness 0.5 to 1.
 
     delay: largest delay, s
-    slowest: lowest bandwidth that the statement covers, rad/s; the highest is 10 rad/s
+    slowest: lowest bandwidth that the statement covers, rad/s, below the highest, 10 rad/s
     """
     eye = np.eye(5)
     gains = []

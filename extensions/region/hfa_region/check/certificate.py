@@ -78,6 +78,6 @@ def write_certificate(
     """Write a certificate.
 
     witness: evidence, as `RegionWitness.read` accepts it
-    origin: version, command and date; the digest of the file does not cover them
+    origin: version, command and date, which the digest of the file does not cover
     """
     write_sealed(path, KIND, statement.content(), witness, origin)

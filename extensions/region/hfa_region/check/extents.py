@@ -19,7 +19,7 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
     - V of degree 2: the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii)
     - V of higher degree: the stated extents, limited to the unit ball
 
-    T: (n, n), z = T y; the set lies in the unit ball of y
+    T: (n, n), z = T y, with the set in the unit ball of y
     """
     states = statement.loop.states
     n = len(states)

@@ -240,7 +240,7 @@ class RegionLoop:
     def decrease(self, part: Mapping[str, str]) -> Taylor:
         """Return the Taylor polynomial of -V' / rho on a part.
 
-        part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
 
         Raises Rejected if an output may leave its limits.
         """
@@ -252,7 +252,7 @@ class RegionLoop:
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
         """Return the Taylor polynomials of z' on a part.
 
-        part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
 
         Raises Rejected if an output may leave its limits for some value of the disturbances.
         """

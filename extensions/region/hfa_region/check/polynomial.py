@@ -53,7 +53,8 @@ def _weight(key: Key) -> fmpq:
 class Polynomial:
     """Polynomial Σ c_α y^α with balls as coefficients.
 
-    parts: parts[k] maps keys to the coefficients of degree k; zero coefficients may be omitted
+    parts: parts[k] maps keys to the coefficients of degree k, where zero coefficients may be
+        omitted
     """
 
     def __init__(self, parts: list[dict[Key, arb]]) -> None:

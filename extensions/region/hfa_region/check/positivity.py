@@ -116,7 +116,7 @@ def check_positive(
     The proof includes y = 0 if the monomials of `main` begin at degree 0.
 
     what: name of the claim, for messages
-    constraints: name -> g_k; those without a multiplier are not used
+    constraints: name -> g_k, used only with a multiplier
     evidence: Gram matrices
     variables: n
     """

@@ -38,9 +38,9 @@ class SaturatedLoop(Plant):
     narrower. The rates are affine in the disturbances.
 
     K: (m, n), in the order of the inputs and the moving states
-    policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`; q = 0 for an input without an entry
-    disturbances: disturbance of the model -> d > 0, bound |w(t)| <= d of any measurable w(t);
-        disturbances without an entry are 0
+    policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`, omitted if q = 0
+    disturbances: disturbance of the model -> bound d > 0 of any measurable w(t), |w(t)| <= d,
+        omitted if w = 0
     """
 
     K: np.ndarray

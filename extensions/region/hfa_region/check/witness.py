@@ -31,8 +31,8 @@ _HIGHEST_ORDER = 12
 class Part:
     """Part of the set: each input is free or at a limit, each disturbance at an end of its range.
 
-    inputs: input -> `FREE`, `LOWEST` or `HIGHEST`, then disturbance -> `LOWEST` or `HIGHEST`; in an
-        empty part also `ANY`
+    inputs: input -> `FREE`, `LOWEST` or `HIGHEST`, then disturbance -> `LOWEST` or `HIGHEST`, and
+        in an empty part also `ANY`
     evidence: proof that V' < 0 on the part, or that the set has no point in it
     """
 
@@ -47,10 +47,10 @@ class RegionWitness:
     T: (n, n)
     order: order of the Taylor polynomials
     inside: evidence that {V <= rho} lies in the open unit ball
-    parts: evidence that V' < 0 on each part; with disturbances, where V = rho
+    parts: evidence that V' < 0 on each part, with disturbances only where V = rho
     empty: evidence that the set has no point in the other parts
-    extents: state -> evidence for its lowest and highest deviation; for a state without an entry,
-        the extent must contain the unit ball
+    extents: state -> evidence for the lowest and highest deviation, omitted if the stated extent
+        contains the unit ball
     """
 
     T: np.ndarray

@@ -259,7 +259,7 @@ class _Search:
         return enough(cost, bound)
 
     def step(self) -> bool:
-        """Take one step and return whether it is long enough to continue.
+        """Take one step and return whether the step is long enough to continue.
 
         The step is predicted for Q Z = 0 and corrected for Q Z = σ μ I (Mehrotra). μ is the mean
         eigenvalue of Q Z, and σ follows from the duality gap after the predicted step.

@@ -116,8 +116,8 @@ def invariant_region(
 
     region: proved region of the loop without disturbance
     disturbances: name -> largest absolute value
-    progress: called for each V that is tried; KeyboardInterrupt raised by it ends the search with
-        the largest set proved so far
+    progress: called for each V that is tried. A KeyboardInterrupt from the callback ends the search
+        with the largest set proved so far.
 
     Raises NoSolutionError if no set is proved.
     """

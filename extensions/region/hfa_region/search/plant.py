@@ -196,7 +196,7 @@ def first_rise(
     """Return the lowest V found with V' >= 0, and the state z (n,), or inf and None.
 
     V, slope: V and its gradient as functions of deviations (N, n)
-    T: z = T y; samples lie in the unit ball of y
+    T: z = T y, with samples in the unit ball of y
     quick: whether to use fewer samples
     """
     n = len(T)

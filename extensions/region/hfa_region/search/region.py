@@ -115,7 +115,8 @@ class RegionSearch:
     P: (n, n), matrix of the game, tried first, or None
     seconds: processor time of the search
     degree: highest degree of V
-    progress: called with the current step; KeyboardInterrupt raised by it ends the search early
+    progress: called with the current step. A KeyboardInterrupt from the callback ends the search
+        early.
     save: called with each larger region that is proved
     """
 
@@ -388,7 +389,7 @@ def bounds_of(
 ) -> Bounds:
     """Return the obstacles around {V <= rho}, from simulations that begin on rays from the trim.
 
-    T: z = T y; the set lies in the unit ball of y
+    T: z = T y, with the set in the unit ball of y
     rises: the lowest V where V' >= 0 was found, and the state
     """
     generator = np.random.default_rng(1)
@@ -414,7 +415,7 @@ def gone_starts(
     - `UNKNOWN`: every simulated initial condition without an outcome in the time limit
 
     V, rho: the proved set {V <= rho}
-    T: z = T y; the set lies in the unit ball of y
+    T: z = T y, with the set in the unit ball of y
     rays: (N, n), with ends near the boundary of the set
     """
     rates = np.linalg.eigvals(plant.closed_matrix).real
@@ -450,7 +451,7 @@ def _first_lost(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rays that have an initial condition without convergence, and factors around it.
 
-    The factors are the last one with convergence and the first one without.
+    The factors are the last factor with convergence and the first factor without.
 
     rays: (N, n)
     low: (N,), factors with convergence

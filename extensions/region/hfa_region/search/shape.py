@@ -35,7 +35,7 @@ def better(
     search: the search with the present V, whose level is proved in floating point
     rows: (k, n), gradients of the limited signals
     room: (k, 2), lowest and highest deviation of each limited signal
-    reach: largest radius of the next set, relative to the ball; above 1
+    reach: largest radius of the next set, relative to the ball, above 1
     """
     return _Step(search, reach).solved(rows, room)
 

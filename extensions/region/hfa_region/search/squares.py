@@ -160,10 +160,9 @@ class Squares:
         """Return the optimal unknowns, or None if the solver finds no solution.
 
         margin: fixed margin of the Gram matrices, with which the cost is minimized to the relative
-            tolerance `_NEAR`; None to maximize the margin
+            tolerance `_NEAR`, or None to maximize the margin
         seconds: longest processor time
-        enough: a margin that suffices; the solver stops when this margin is reached or is proved
-            unreachable
+        enough: a sufficient margin, which ends the search when it is reached or proved unreachable
         """
         groups = [self._group(identity) for identity in self._identities]
         cost = np.zeros(self._count)
@@ -229,7 +228,7 @@ def _with_margin(group: Group, margin: float) -> Group:
 class Solution:
     """Solution of a problem.
 
-    x: the free unknowns; x[0] is the margin
+    x: the free unknowns, of which x[0] is the margin
     matrices: matrices of each identity, without the margin
     """
 
@@ -262,7 +261,7 @@ def positive(
     constraints: name, polynomial, and degrees of the monomials of its multiplier
     degrees: degrees of the monomials of the target's Gram matrix
     variables: number of variables
-    enough: a margin at which the solver may stop; None to maximize the margin
+    enough: a margin at which the solver may stop, or None to maximize the margin
     """
     size = target.size
     problem = Squares(variables)

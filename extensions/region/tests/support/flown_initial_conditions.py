@@ -36,7 +36,7 @@ def starts_lost(
     disturbances, the worst disturbance for V acts all the time, and the second number is 0.
 
     statement: a proved statement
-    farther: factor on the initial conditions; above 1, leaving the set is not counted
+    farther: factor on the initial conditions, above 1 without a count of those that leave the set
     """
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)

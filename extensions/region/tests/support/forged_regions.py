@@ -15,7 +15,7 @@ Forgery = Callable[[Content, np.random.Generator], None]
 def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str, Content]]:
     """Yield name and content of forgeries of a certificate, each kind in turn.
 
-    count: number of attempts; attempts that change nothing are skipped
+    count: number of attempts, of which those that change nothing are skipped
     """
     generator = np.random.default_rng(seed)
     disturbed = bool(content["statement"]["disturbances"])
