@@ -89,7 +89,7 @@ class BoxSet(ProvedResult):
 
 
 def quadratic_form(piece: Piece) -> Matrix | None:
-    """Return P (n, n) with W(M z) = z'P z, rounded to doubles, or None if W has a degree above 2."""
+    """Return P (n, n) with W(M z) = z'P z, in doubles, or None if W has a degree above 2."""
     M = piece.M
     S = np.zeros((len(M), len(M)))
     for value, powers in piece.W.terms:

@@ -53,10 +53,10 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """A bound 1e-13 below the least cost is proved, and a bound 1e-13 above the least cost is
-    refused.
+    """A bound a margin below the least cost is proved, and one this margin above is refused.
 
-    The cart is in equilibrium at every position, so its input is the unknown of the equilibrium.
+    The cart is in equilibrium at every position, so that the input is the unknown of the
+    equilibrium.
     """
     witness = CostWitness(("speed",), (1000,))
     assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0

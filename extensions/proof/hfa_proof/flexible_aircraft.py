@@ -24,9 +24,7 @@ def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, 
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a parameter set and its hash, or None if the names are not those of
-    `Parameters`.
-    """
+    """Return the name of a parameter set and its hash, or None for other parameters."""
     if set(parameters) != set(Parameters._fields):
         return None
     values = Parameters(**parameters)

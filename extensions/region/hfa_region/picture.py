@@ -142,8 +142,9 @@ def _cut(
 
 
 def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
-    """Return rays (count, n) in the plane of deviations i and j, twice as long as the unit ball of
-    y.
+    """Return rays (count, n) in the plane of deviations i and j.
+
+    The rays are twice as long as the extents of the unit ball of y.
 
     T: z = T y
     """

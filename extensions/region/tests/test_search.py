@@ -58,8 +58,9 @@ def test_a_small_level_of_the_f16_is_proved(loop: SaturatedLoop, V: PolynomialFu
 def test_largest_level_of_f16_within_limits_is_proved(
     loop: SaturatedLoop, V: PolynomialFunction
 ) -> None:
-    """The largest level of V within the limits of the F-16 is proved, and no level four times as
-    high.
+    """The largest level of V within the limits of the F-16 is proved.
+
+    For four times this level, no higher level is proved.
     """
     plant = Plant(loop)
     P = V.matrix()

@@ -138,8 +138,7 @@ class CostInequality(OnPiece):
         return RowFunction(ca.Function("centre", [z, v], [ca.densify(each) for each in outputs]))
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return inputs (N, m) that nearly minimize g at z (N, n), and their Jacobians in z, (N, m,
-        n).
+        """Return inputs (N, m) that nearly minimize g at z (N, n), and their Jacobians (N, m, n).
 
         The derivatives of a saturated input are 0. Inputs and derivatives that are not finite are
         replaced by 0. No proof depends on these inputs.
@@ -183,9 +182,7 @@ class CostInequality(OnPiece):
             raise Rejected("the equilibrium is outside the state limits")
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask (N,) of the boxes that are proved to have no point within the state
-        limits.
-        """
+        """Return the mask (N,) of the boxes that are proved to be outside the state limits."""
         N, off = self.inverse
         centres = boxes.centres @ N.T
         reach = (
@@ -334,8 +331,7 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """Return upper bounds (m,) of |v_i| at the minimizing inputs on a box about the
-        equilibrium.
+        """Return bounds (m,) of |v_i| at the minimizing inputs, on a box about the equilibrium.
 
         Return None if g is not proved convex in v.
         """

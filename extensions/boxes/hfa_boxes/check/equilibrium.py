@@ -85,8 +85,7 @@ def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
 
 
 def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
-    """Raise Rejected unless an equilibrium is within `SAME_TRIM` nominal values of the stated
-    values.
+    """Raise Rejected unless an equilibrium is within `SAME_TRIM` nominal values of stated values.
 
     what: name of the stated values, for the message
     """

@@ -78,8 +78,9 @@ def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
 
 @dataclass(frozen=True, eq=False)
 class Decrease(OnPiece):
-    """Property that `cover` proves: in the set, W' < 0 except at the equilibrium, and limits and
-    extents hold.
+    """Decrease of W, limits and extents in the set, as a property that `cover` proves.
+
+    W' < 0 except at the equilibrium, and the states and outputs are within limits and extents.
 
     plant: the loop
     extents: (n, 2), lowest and highest z in the set

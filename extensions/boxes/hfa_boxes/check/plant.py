@@ -165,9 +165,7 @@ def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[floa
 
 
 def check_limits_of_model(plant: Plant) -> None:
-    """Raise Malformed if a stated limit is wider than the model's or an input limit differs from
-    the model's.
-    """
+    """Raise Malformed unless the stated limits are admissible for the model (`limits_hold`)."""
     states = {**plant.trim, **plant.held}
     own = model_limits(plant.model, states, plant.parameters)
     wrong = limits_hold(plant.limits, own, plant.inputs)

@@ -185,8 +185,7 @@ class CostSearch:
         return z, self._problem.flown(z)
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
-        """Yield pairs of a level to prove and the lowest cost of the flights that its fit
-        considers.
+        """Yield pairs of a level to prove and the lowest flight cost that the fit considers.
 
         - First the levels grow until one is not proved.
         - If the first level is not proved, lower levels follow, which then grow again.
@@ -240,9 +239,7 @@ class CostSearch:
         return 1.0 - _GOOD * self._problem.margin
 
     def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
-        """Return the proved bounds (N,) at the initial conditions of the flights, 0 without a
-        proof.
-        """
+        """Return the proved bounds (N,) at the initial conditions of the flights, or 0."""
         z, _ = self._flights
         if not proved:
             return np.zeros(len(z))

@@ -87,8 +87,7 @@ class CostProblem:
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
     def flown(self, z: np.ndarray) -> np.ndarray:
-        """Return the costs (N,) of flights from z (N, n) with the saturated linear quadratic
-        policy.
+        """Return the costs (N,) of flights from z (N, n) with the saturated LQR.
 
         The cost is inf for a flight that leaves the envelope or does not converge.
         """
@@ -176,9 +175,7 @@ class Fit:
         return self._basis.polynomial(self._coefficients)
 
     def _violated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows (k, K) that new samples of the present set violate most, and their sides
-        (k,).
-        """
+        """Return the rows (k, K), and their sides (k,), that samples of the set violate most."""
         z = self._ball(_SAMPLES)
         z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
         rows, sides = self._row(z, self._best_inputs(z))
@@ -237,10 +234,10 @@ class Fit:
         return found[:count]
 
     def _combinations(self) -> np.ndarray:
-        """Return combinations (K, k) of the monomials of degree 3 and more, orthonormal over
-        samples.
+        """Return combinations (K, k) of the monomials of degree 3 and more.
 
-        Orthonormal combinations keep linear programs of high degree well conditioned.
+        The combinations are orthonormal over samples, which keeps the linear programs well
+        conditioned.
         """
         higher = self._basis.degrees > 2
         values = self._basis.at(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
@@ -296,11 +293,13 @@ class Fit:
         return np.asarray(self._basis.at(y) @ self._coefficients)
 
     def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, K) and right sides (N,) of the inequality at z (N, n) with inputs v (N,
-        m).
+        """Return rows (N, K) and right sides (N,) of the inequality at samples.
 
         The inequality is grad W · f + (1 - kept margin) (z'Q z + v'R v) >= 0, divided by the
         running cost.
+
+        z: (N, n), deviations
+        v: (N, m), inputs
         """
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T

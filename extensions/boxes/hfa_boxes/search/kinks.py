@@ -15,8 +15,7 @@ _CHANGE = 1e-5
 
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
-    """Return a sentence on the largest kink of the rates at the equilibrium, or "" if there is
-    none.
+    """Return a sentence on the largest kink of the rates at the equilibrium, or "".
 
     The sentence names the rate, the signal in which the slope of the rate jumps, and the value of
     the signal.

@@ -187,8 +187,9 @@ class RegionSearch:
                     return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
-        """Prove the set of a V, scaled by falling shares of its length, and return whether to
-        continue.
+        """Prove the set of a V, scaled by falling shares of its length.
+
+        The result is whether to continue:
 
         - True if a share is proved
         - True if the full set is hardly larger than the largest proved set, so that no proof is

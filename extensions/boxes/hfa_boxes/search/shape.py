@@ -99,9 +99,7 @@ class Samples:
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations z (N, n) at which a state or output exceeds a
-        limit.
-        """
+        """Return the mask (N,) of deviations z (N, n) at which a state or output exceeds a limit."""
         signals = z + self._x
         if len(self._low) > z.shape[1]:
             outputs = values_at(self._program, signals)[:, z.shape[1] :]
@@ -250,9 +248,7 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return V in coordinates in which samples of the set's edge are within the cube |y_i| <=
-        1.
-        """
+        """Return V in coordinates y in which samples of the set's edge are in the cube."""
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:
@@ -287,8 +283,7 @@ class Shape:
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
-        """Return the n-th root of the volume of the set in z, relative to the volume of the unit
-        ball.
+        """Return the n-th root of the volume of the set in z, in volumes of the unit ball.
 
         The volume is estimated from random directions.
         """
@@ -375,8 +370,9 @@ class Shape:
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:
-        """Return bounds of z in the set {V <= 1}, estimated from samples, with multipliers for
-        their proof.
+        """Return bounds of z in the set {V <= 1}, with multipliers for their proof.
+
+        The bounds are estimated from samples.
         """
         n = self.basis.n
         generator = np.random.default_rng(3)
@@ -505,8 +501,7 @@ class Growth:
         return True
 
     def _good(self, level: float) -> Shape | None:
-        """Return the V with the largest admissible set among several fits, or None if there is no
-        fit.
+        """Return the V with the largest admissible set among several fits, or None without a fit.
 
         The obstacle of one fit becomes a row of the next.
 
@@ -537,10 +532,9 @@ class Growth:
         return best
 
     def _fitted(self, level: float) -> Shape | None:
-        """Return the V of least mean with V >= 1 where the present V reaches `level`, and V' < 0
-        below.
+        """Return the V of least mean with a larger set, or None if the program has no solution.
 
-        Return None if the linear program has no solution.
+        V >= 1 where the present V reaches `level`, and V' < 0 below.
         """
         last = self.shape.in_cube()
         basis = last.basis
@@ -614,8 +608,7 @@ class Growth:
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, K) and right sides (N,) of inequalities for a V that decreases in {V <=
-        1}.
+        """Return rows (N, K) and right sides (N,) of inequalities for the decrease of V.
 
         - Within the limits: (-V' + k V) / decay >= least decay + k, where k >= 0 grows with the
           present V.

@@ -57,11 +57,10 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """Return D (n,) of L D L' = M for every symmetric M in the matrix of balls, or None if a pivot
-    may be 0.
+    """Return D (n,) of L D L' = M for every symmetric M in the matrix of balls.
 
-    The signs of D are the signs of the eigenvalues (Sylvester's law of inertia). Only the lower
-    triangle is read.
+    Return None if a pivot may be 0. The signs of D are the signs of the eigenvalues (Sylvester's
+    law of inertia). Only the lower triangle is read.
     """
     rows = values.tolist()
     diagonal = []

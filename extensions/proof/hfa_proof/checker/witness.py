@@ -243,8 +243,7 @@ class SolutionBox:
 
 @dataclass(frozen=True, eq=False)
 class PointTrim:
-    """The trim at one scheduling value, for the stored doubles and for all decimals that round to
-    them.
+    """The trim at one scheduling value, for the doubles and for all decimals that round to them.
 
     center: unknown -> ball
     radii: unknown -> radius about the center that contains the trim of the doubles

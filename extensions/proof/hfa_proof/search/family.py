@@ -233,9 +233,7 @@ class TrimSearch:
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
-        """Return polynomials of the trims on a box, and radii in which the checker can prove the
-        trims.
-        """
+        """Return polynomials of the trims on a box, and radii for the checker's proof."""
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)
         C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))
@@ -253,8 +251,9 @@ class TrimSearch:
         return trim
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
-        """Return the trim at a scheduling value, for the stored doubles and for all decimals that
-        round to them.
+        """Return the trim at a scheduling value, in the form of a witness.
+
+        The radii contain the trim for the stored doubles, and for all decimals that round to them.
         """
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)

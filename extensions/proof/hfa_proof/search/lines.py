@@ -19,10 +19,9 @@ _DEPENDENT = 1e12
 
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
-    """Return the number of eigenvalues with Re λ > -rate of every matrix, and the line as its
-    proof.
+    """Return the number of eigenvalues with Re λ > -rate of every matrix, and the line.
 
-    Return None if no H proves a number.
+    Return None if no line proves a number.
 
     A: the matrices, (n, n)
     rate: 1/s
@@ -37,9 +36,7 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """Return at most one proved line on each side of the imaginary axis, the nearest that was
-    found.
-    """
+    """Return the nearest proved line on each side of the imaginary axis, if one is found."""
     abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
     lines = []
     for side in (-1.0, 1.0):

@@ -83,8 +83,9 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """Return the loop of gains u = -K x, with uncertain first-order actuators if intervals are
-    given.
+    """Return the loop of gains u = -K x.
+
+    The loop has uncertain first-order actuators if intervals are given.
 
     breakpoints: (g,), values of the scheduling variable
     K: (g, m, n), or with intervals also (g, m, n + m), the last m columns for actuator positions

@@ -87,21 +87,21 @@ class Cell:
 def prove_models(
     family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
 ) -> Proof:
-    """Return a proof of linear models that interpolate A, B, the trim inputs and K of the usual
-    game.
+    """Return a proof of linear models that interpolate A, B, the trim inputs and K.
+
+    K is the gain of the usual game. From `low` on, each step is the longest for which every error
+    is proved to be within the tolerance, at every scheduling value between the two breakpoints.
+    Breakpoints are ends of cells, which are at most about `_CELL` steps of the family wide.
 
     family: the trims
     low, high: ends of the interval of the scheduling value
     tolerance: largest permitted error, as in `ModelsStatement`
-    progress: called with (cells done, all cells)
 
-    From `low` on, each step is the longest for which every error is proved below the tolerance, at
-    every scheduling value between the two breakpoints. Breakpoints are ends of cells of 1/16 of a
-    step or less. The entries of the proof's `data` are the breakpoints, A (g, n, n), B,
-    inputs_offset (g, m), K (g, m, n) and `error`, the bounds of `ModelsStatement`.
+    The entries of the proof's `data` are the breakpoints, A (g, n, n), B, inputs_offset (g, m),
+    K (g, m, n) and `error`, the bounds of `ModelsStatement`.
 
-    Raises NoSolutionError if even the shortest step exceeds the tolerance, and BadInputError unless
-    low < high.
+    Raises NoSolutionError if a cell is not proved or its errors exceed the tolerance, and
+    BadInputError unless low < high.
     """
     if not low < high:
         raise BadInputError(

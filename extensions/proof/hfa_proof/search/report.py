@@ -258,8 +258,7 @@ def count_said(run: Run) -> str:
 def game_report(
     data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
 ) -> Report:
-    """Return the report of a proof about a game: P of a solution, or the distances of a critic from
-    it.
+    """Return the report of a proof about a game, for a solution or for a critic.
 
     data: data of the proof, with "solution" or "critic" as the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...

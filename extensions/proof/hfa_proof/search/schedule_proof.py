@@ -263,9 +263,7 @@ class ScheduleSearch:
         return Proof(self.statement(), witness)
 
     def data(self) -> Content:
-        """Return further data of the result: bounds of A and B on each box, and the Lyapunov
-        function.
-        """
+        """Return further data of the result: bounds of A and B on each box, and V of the motion."""
         boxes = []
         for proved in self.boxes["loop"]:
             linear = self.linear_model(proved.box)

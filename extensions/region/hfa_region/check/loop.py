@@ -125,8 +125,7 @@ class Equilibrium:
         return A - B * self._gains(x)
 
     def _check_near(self) -> None:
-        """Raise Rejected unless the equilibrium is near the trim and its inputs are strictly
-        limited.
+        """Raise Rejected unless the equilibrium is near the trim, with inputs within their limits.
 
         The states are within `SAME_TRIM` nominal values of the trim. The inputs are strictly within
         their limits.

@@ -118,9 +118,7 @@ def _disturbance_units(model: Model) -> list[str]:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, moving states, units and disturbance
-    units.
-    """
+    """Return entries that identify a model: those of `facts`, and units of the disturbances."""
     return facts(model) | {"disturbance_units": _disturbance_units(model)}
 
 

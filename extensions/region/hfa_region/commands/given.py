@@ -109,9 +109,7 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """Return a comparison of limits: stated, own -> whether the stated limits satisfy
-    `limits_hold`.
-    """
+    """Return the comparison of stated and own limits by `limits_hold`."""
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {name: _ends(pair) for name, pair in stated.items()}

@@ -34,9 +34,7 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Return the reason to prove the region of a polynomial policy on boxes, or "" for sums of
-    squares.
-    """
+    """Return the reason to prove the region of a policy on boxes, or "" for sums of squares."""
     from hfa_region.check.loop import Equilibrium
 
     if request.disturbance or request.picture is not None:
@@ -159,10 +157,9 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """Raise BadInputError if the policy uses several samples, or an observation or action depends
-    on an input.
+    """Raise BadInputError if the policy uses several samples or depends on an input.
 
-    The policy itself sets the inputs.
+    The policy itself sets the inputs, so that no observation or action may depend on an input.
     """
     if deployed.past:
         raise BadInputError(

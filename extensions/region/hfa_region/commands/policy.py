@@ -53,8 +53,9 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
 
 
 def _terms(u: ca.SX, z: ca.SX) -> Terms:
-    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of u at z = 0, up to
-    `HIGHEST_POLICY`.
+    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of u at z = 0.
+
+    The polynomial has the degree `HIGHEST_POLICY`.
     """
     n = z.numel()
     slopes = {(0,) * n: u}

@@ -131,7 +131,7 @@ class LevelSearch:
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """Return the term c |y|^degree by which `target` covers terms of higher degree and the
+        """Return the term c |y|^degree that `target` subtracts for higher degrees and the
         remainder.
         """
         degree = 2 * self.setting.half
@@ -165,9 +165,7 @@ class LevelSearch:
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
-        """Each part of {V <= rho} with evidence that V' < 0 on it, or None if a part has no
-        evidence.
-        """
+        """Parts of {V <= rho} with evidence that V' < 0, or None if a part has no evidence."""
         found = []
         for part in self.parts:
             evidence = self.decrease(part, 1.0)
@@ -376,7 +374,7 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, or None if the margin is below `MARGIN` or not found."""
+    """Return the Gram matrices of `positive`, or None if its margin is too small or it fails."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None

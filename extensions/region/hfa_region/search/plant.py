@@ -102,8 +102,9 @@ class Plant:
 
     @cached_property
     def _outputs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (p,) of all outputs at the trim, and their Jacobian (p, n) with unsaturated
-        inputs.
+        """Values (p,) of all outputs at the trim, and their Jacobian (p, n).
+
+        The inputs are not saturated.
         """
         z, v, states, inputs = self._symbols()
         names = tuple(self.loop.model.outputs)
@@ -162,8 +163,7 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations z (N, n) at which a state or output exceeds a
-        limit.
+        """Return the mask (N,) of deviations z (N, n) at which a state or output exceeds a limit.
 
         Outputs are linearized at the trim.
         """
@@ -172,8 +172,7 @@ class Plant:
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations z (N, n) that exceed a limit or `_FAR` nominal
-        values.
+        """Return the mask (N,) of deviations z (N, n) beyond a limit or `_FAR` nominal values.
 
         Deviations that are not finite are included.
         """

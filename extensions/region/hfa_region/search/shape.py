@@ -29,8 +29,7 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """Return a V, scaled to level 1, with a larger set than the search's V, or None if none is
-    found.
+    """Return a V, scaled to level 1, with a larger set than the search's V, or None.
 
     search: the search with the present V, whose level is proved in floating point
     rows: (k, n), gradients of the limited signals

@@ -29,14 +29,13 @@ _CHUNK = 20_000
 def starts_lost(
     statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
 ) -> tuple[int, int]:
-    """Return the numbers of initial conditions that leave the set or a limit, and that do not
-    converge.
+    """Return the numbers of initial conditions that leave a set or limit, and do not converge.
 
     Half of the `count` initial conditions are in {V <= rho} and half on its boundary. With
     disturbances, the worst disturbance for V acts all the time, and the second number is 0.
 
     statement: a proved statement
-    farther: factor on the initial conditions, above 1 without a count of those that leave the set
+    farther: factor on the initial conditions; above 1, leaving the set is not counted
     """
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
@@ -72,10 +71,10 @@ def drawn(
 def _flown(
     plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
-    """Return the number of flights that leave {V <= level} or a limit, and of those that stay too
-    long.
+    """Return the numbers of flights that leave {V <= level} or a limit, and do not converge.
 
-    The second number counts the other flights that do not converge in the simulated time.
+    The second number counts flights within the set and limits that do not converge in the simulated
+    time.
     """
     modes = np.linalg.eigvals(plant.closed_matrix)
     step = 1.0 / (_STEPS * float(np.max(np.abs(modes))))
