@@ -53,7 +53,7 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """A bound a margin below the least cost is proved, and one this margin above is refused.
+    """A bound below the least cost by 1e-13 is proved, and a bound above by 1e-13 is refused.
 
     The cart is in equilibrium at every position, so that the input is the unknown of the
     equilibrium.

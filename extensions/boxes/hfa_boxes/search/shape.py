@@ -99,7 +99,7 @@ class Samples:
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) at which a state or output exceeds a limit."""
+        """Return the mask (N,) of deviations z (N, n) with a state or output beyond a limit."""
         signals = z + self._x
         if len(self._low) > z.shape[1]:
             outputs = values_at(self._program, signals)[:, z.shape[1] :]

@@ -118,7 +118,7 @@ def _disturbance_units(model: Model) -> list[str]:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: those of `facts`, and units of the disturbances."""
+    """Return the entries of `facts` and the units of the disturbances."""
     return facts(model) | {"disturbance_units": _disturbance_units(model)}
 
 

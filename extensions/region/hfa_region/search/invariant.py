@@ -200,7 +200,7 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """Return the largest level with V' < 0 at all samples, and a slightly larger level.
+    """Return the largest level with V' < 0 at all samples, and a slightly higher level without.
 
     low: a level with V' < 0 at all samples, below the next of `_LEVELS`
     """

@@ -163,7 +163,7 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) at which a state or output exceeds a limit.
+        """Return the mask (N,) of deviations z (N, n) with a state or output beyond a limit.
 
         Outputs are linearized at the trim.
         """
