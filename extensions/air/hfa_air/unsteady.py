@@ -4,14 +4,13 @@ The report of 2011 omits these loads. `docs/validity.md` describes them. Each ef
 parameter: 1 is the full effect, and 0 switches it off. With all effects at 0, the rates equal
 those of `newton`.
 
-- `local_motion`: the angle of attack of each wing and tail is taken at its three-quarter chord,
-  and η' changes it over the span of an outer wing.
+- `local_motion`: the angle of attack of each wing and tail is that at its three-quarter chord. The
+  hinge rate η' varies the angle of attack linearly over the span of an outer wing.
 - `apparent_mass`: wings and tails accelerate the air around them, π ρ b² per length, with its
   moments (Theodorsen, NACA 496).
 - `lift_lag`: the lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones,
-  NACA 681).
-- `gust_lag`: the lift follows vertical and outward gusts with Küssner's function. A headwind acts
-  without lag.
+  NACA 681). A headwind counts as motion.
+- `gust_lag`: the lift follows vertical and outward gusts with Küssner's function.
 - `finite_span`: the lift slope is a / (1 + a / (π Λ)). The aspect ratio Λ is that of the complete
   wing (span 3 s), or `tail_aspect_ratio` for a tail.
 - `downwash_share`: the downwash at the tails is 2 C_L / (π Λ), with C_L the mean of the wings,
@@ -105,9 +104,9 @@ class _PanelMotion(NamedTuple):
 
 
 class _Strip(NamedTuple):
-    """Wing or tail of a panel, with the flow at it.
+    """Wing or tail of a panel.
 
-    name: one of `STRIPS`
+    name: one of `STRIPS` except "tip"
     control: change of the angle of attack equivalent to the control deflection, rad
     behind: distance from the wing's quarter chord back to the strip's three-quarter chord, ft
     downwash: downwash angle, rad

@@ -4,9 +4,9 @@ Files are connected by the standard names of their variables. The value of an in
 by the first of these rules that applies:
 
 - An input listed in `names.MOTION` follows from the motion and the air.
-- An input that is an output of another file has the value of that output.
-- An input with an initial value is a parameter of the model.
-- Any other input is an input of the model.
+- An input that is an output of a file has the value of that output.
+- An input without initial value, or with a word of `_MOVED` in its name, is an input of the model.
+- Any other input is a parameter of the model.
 
   F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
 
@@ -49,8 +49,13 @@ _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 def read_model(text: str) -> Model:
     """Return the aircraft of one or several files, such as AERO.dml+INERTIA.dml+PROPULSION.dml.
 
-    Raises BadInputError with the file and the variable if a variable is missing, unknown, defined
-    twice, in a wrong unit or not positive.
+    text: paths, joined by +
+
+    Raises BadInputError if
+
+    - a file cannot be read or is not a valid DAVE-ML file,
+    - a required output is missing, defined twice, in a wrong unit or not positive,
+    - the aerodynamic force at alpha = 5 deg is not upward.
     """
     paths = text.split("+")
     try:
@@ -119,7 +124,7 @@ class _Files:
     def model(self, source: tuple[str, str]) -> Model:
         """Return the aircraft as a `Model`.
 
-        source: path and hash of the files
+        source: paths joined by +, and hash of the contents
         """
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
@@ -159,8 +164,10 @@ class _Files:
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
         """Return the speed, ft/s, at which the lift at sea level equals the weight.
 
-        alpha is `_ALPHA`, and all other variables are 0. Raises BadInputError if the force is not
-        upward there.
+        The angle of attack is `_ALPHA`. Raises BadInputError if the aerodynamic force is not upward
+        there.
+
+        constants: name of an output -> its value in the motion of `_standing`
         """
         upward = -_number(self._coefficients(constants, _ALPHA)[2])
         if not upward > 0.0:
@@ -189,8 +196,9 @@ class _Files:
     def _signal(self, document: Document, variable: Variable) -> Signal:
         """Return the signal of a variable, in the units of the model.
 
-        Unit and initial value are from the file. The limits are the narrower of the variable's
-        limits and the ranges of the tables over it.
+        The limits are the narrower of the variable's limits and the ranges of the tables over it.
+        The nominal value is 0.1 for an angle or a number without unit, and max(|initial value|, 1)
+        otherwise.
         """
         unit, factor = _unit(document, variable)
         least, most = document.range_of_tables(variable)
@@ -227,9 +235,9 @@ class _Files:
         )
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
-        """Return the coefficients of the aerodynamic force in body axes, (3,).
+        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,).
 
-        They are read as C_X, C_Y, C_Z, or converted from drag and lift.
+        If no file defines C_X, C_X and C_Z are computed from lift and drag.
         """
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:
@@ -280,8 +288,9 @@ def _number(expression: Any) -> float:
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion for `_usual_speed`: 300 ft/s at sea level, alpha = `_ALPHA`, all others
-    0.
+    """Return the motion with 300 ft/s, alpha = `_ALPHA` and the air density at sea level.
+
+    All other values are 0.
     """
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}

@@ -37,7 +37,7 @@ class CheckedOutput(Result):
 
     @property
     def ok(self) -> bool:
-        """True if printed and computed value differ by at most the tolerance."""
+        """True if the printed and computed values differ by at most the tolerance."""
         return abs(self.computed - self.printed) <= self.tolerance
 
 
@@ -73,7 +73,7 @@ class CheckedDocument(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every output agrees. False if there is no output to compare."""
+        """True if there are outputs and all agree within their tolerances."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)
 
     @property
@@ -87,9 +87,7 @@ class CheckedDocument(Result, Reported):
         ]
 
     def report(self) -> Report:
-        """Return the report: the count of agreeing outputs, a table of those that differ, and the
-        inputs and outputs of the file.
-        """
+        """Return the report with the outputs that differ and the inputs and outputs of the file."""
         agreeing = sum(output.ok for output in self.outputs)
         verdict = "PASS" if self.ok else "FAIL"
         first = f"{verdict}: {agreeing} of {len(self.outputs)} outputs of {self.cases} check cases"

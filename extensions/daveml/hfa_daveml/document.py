@@ -63,7 +63,7 @@ class Function:
 
     result: varID of the variable
     axes: independent variables, in the order of the table's arguments
-    table: piecewise linear
+    table: table with piecewise linear interpolation
     """
 
     result: str
@@ -143,8 +143,8 @@ class Document:
 def read_document(path: str) -> Document:
     """Return the content of a DAVE-ML file, version 1 or 2.
 
-    Raises BadInputError with the file and the element if an element is missing, unknown, defined
-    twice or not a number. Raises OSError if the file cannot be read.
+    Raises BadInputError if the file is not a valid DAVE-ML file in UTF-8 or uses an unsupported
+    feature. Raises OSError if the file cannot be read.
     """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
@@ -189,8 +189,7 @@ class _Reader:
     def document(self) -> Document:
         """Return the content of the file.
 
-        Raises BadInputError if a function uses a variable that is not defined, or if a variable has
-        both a table and a formula.
+        Raises BadInputError for the first error in the file.
         """
         header = self._root.find("fileHeader")
         functions = [self._function(each) for each in self._root.iter("function")]
@@ -292,10 +291,10 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table element of a function, or None.
+        """Return the table element of a function, or None if no table with this ID is defined.
 
-        The table is a child element or is referenced by its ID. Version 1 names the child
-        `griddedTable`.
+        The table is a child element or is referenced by its ID. Version 1 names the child element
+        `griddedTable` or `ungriddedTable`.
         """
         for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
             for tag in (f"{kind}TableDef", f"{kind}Table"):

@@ -37,7 +37,8 @@ class Expressions:
     def __getitem__(self, key: str) -> Any:
         """Return the value of the variable with this varID, in the file's units.
 
-        Raises BadInputError if the variable is not defined, has no value or depends on itself.
+        Raises BadInputError if the variable, or a variable on which it depends, is not defined, has
+        no value, depends on itself or has an invalid formula.
         """
         if key in self._values:
             return self._values[key]

@@ -60,7 +60,8 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
     value_of: varID -> value of the variable
 
-    Raises BadInputError with the operator if it is unknown or has a wrong number of arguments.
+    Raises BadInputError if an element is not supported, an operator has a wrong number of
+    arguments, or a number or a piecewise element is invalid.
     """
     if element.tag == "ci":
         return value_of((element.text or "").strip())

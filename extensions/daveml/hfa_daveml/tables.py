@@ -1,6 +1,6 @@
 """Gridded and ungridded tables of DAVE-ML, evaluated at CasADi expressions.
 
-Beyond their points the tables are constant.
+Outside its points, a table has the value of the nearest point on its border.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class UngriddedTable:
 def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
     """Return the table of points (N, 1) or (N, 2) and values (N,), gridded for one argument.
 
-    Raises ValueError if two points are equal, or if points with two arguments lie on a line.
+    Raises ValueError if two points are equal, or if points with two arguments form no triangle.
     """
     from scipy.spatial import Delaunay, QhullError
 

@@ -9,8 +9,8 @@ linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the defl
 difference of the Mach number from the reference condition. C_D also has the term C_D,CL2 C_L².
 
 The angle of attack alpha_0 of the reference condition defines the body axes. The inertias are about
-these axes. C_l, C_n, p and r are about the body axes, or about the stability axes, which are
-rotated by alpha_0 from them.
+the body axes. C_l, C_n, p and r are about the axes given by the entry `axes`. The stability axes
+are rotated from the body axes by alpha_0.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ _WIDEST = 0.3
 def read_model(text: str) -> Model:
     """Return the aircraft of a TOML or CSV file of derivatives.
 
-    A TOML file may instead name another aircraft and give new values of its parameters. Raises
-    BadInputError with the file, the entry and its row.
+    A TOML file may instead name another aircraft and give new values of its parameters.
+
+    Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
     """
     if text.endswith(".toml"):
         changed = changed_aircraft(text)
@@ -54,13 +55,14 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     """Return the six-degree-of-freedom aircraft of a table of stability derivatives, as a `Model`.
 
     The table contains geometry, mass, inertias and non-dimensional derivatives. The model has a
-    flat Earth and standard air. Its parameters are mass, inertias and derivatives.
+    flat Earth and standard air. Its parameters are mass, inertias, gravity and derivatives.
 
     table: path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers in
       the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or per
       deg if `per` is "deg".
 
-    Raises BadInputError with the entry that is unknown, missing or not a number.
+    Raises BadInputError if `table` is neither a path nor a dictionary, or if an entry is missing,
+    unknown or invalid.
 
     >>> import hfa
     >>> uav = hfa.from_derivatives("examples/uav.toml")
@@ -100,7 +102,8 @@ def _model(table: Table) -> Model:
 
 
 def _turns_both_ways(table: Table) -> bool:
-    """Return whether at least two control surfaces roll or yaw the aircraft.
+    """Return whether at least two control surfaces have a derivative of the rolling or yawing
+    moment.
 
     If so, a trim can impose the sideslip.
     """

@@ -21,7 +21,8 @@ def changed_aircraft(path: str) -> Model | None:
     """Return the aircraft of a TOML file with the entries `aircraft` and [parameters].
 
     The parameters are in the units of the named aircraft. Returns None if the file has no entry
-    `aircraft`. Raises BadInputError with the file and its fault.
+    `aircraft`. Raises BadInputError if an entry is unknown or invalid, or if the named aircraft
+    cannot be loaded.
     """
     with file_faults(path):
         data = read_toml(path)
@@ -47,7 +48,8 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around the estimate.
+    """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains the
+    estimate.
 
     Each pair is the uncertainty band of a parameter or of a sensor error.
     """

@@ -74,7 +74,7 @@ def completed(linear: LinearModel) -> dict[str, Any]:
     Outputs are named like the states, or y1, y2, ... if C is given.
 
     Raises BadInputError if a matrix does not consist of numbers, if shapes or numbers of names
-    disagree, or if a disturbance is given.
+    disagree, or if disturbances or E are given.
     """
     A = checked_matrix("A", linear.A, LARGEST)
     B = checked_matrix("B", linear.B, LARGEST)

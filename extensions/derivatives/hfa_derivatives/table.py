@@ -59,7 +59,7 @@ class Table:
 
     name: name of the aircraft.
     system: "english" or "si".
-    source: path of the file and its hash.
+    source: path of the file and its hash; both "" for a dictionary.
     values: geometry, mass or weight, reference condition and thrust line, by name.
     derivatives: name -> value, per rad for an angle.
     meanings: name -> coefficient and argument of a derivative.
@@ -86,7 +86,7 @@ class Table:
 def read_table(path: str) -> Table:
     """Return the table of a TOML file, or of a CSV file with the columns name, value and unit.
 
-    Raises BadInputError with the entry and its row.
+    Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
     """
     with file_faults(path):
         content = regular_file(path).read_bytes()
@@ -97,7 +97,7 @@ def read_table(path: str) -> Table:
 def table_of(values: Mapping[str, Any]) -> Table:
     """Return the table of a dictionary of entries, which may be grouped in inner dictionaries.
 
-    Raises BadInputError with the name of the entry.
+    Raises BadInputError if an entry is missing, unknown or invalid.
     """
     return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
 
@@ -206,7 +206,8 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
     """Return the lowest and highest value of an input, rad for a surface, lbf or N for thrust.
 
-    Raises BadInputError if the entry cannot have limits or the limits are not increasing.
+    Raises BadInputError if the entry is not an input with exactly two values, or if the lower limit
+    is not below the upper limit.
     """
     unit = "rad"
     if name == THRUST_INPUT:
@@ -268,10 +269,7 @@ def _unit(name: str, system: str) -> str:
 
 
 def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
-    """Return the error for a name that is not an entry.
-
-    Its message suggests a similar name or names the limits that are missing.
-    """
+    """Return the error for an entry with an unknown name, or for an input without two limits."""
     arguments = (*ARGUMENTS, *surfaces)
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
@@ -307,8 +305,8 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raise BadInputError if a size is not positive, if both mass and weight are given, or if no
-    rigid body has the moments of inertia.
+    """Raise BadInputError if a size is not positive, both mass and weight are given, or Ixx Izz <=
+    Ixz².
     """
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:

@@ -31,9 +31,11 @@ _CONTINUOUS = "applies only to continuous time; leave it out of a plant with tim
 
 
 def question_of_time(game: Game) -> str:
-    """Return a question for the error message of a game without a continuous-time solution.
+    """Return the question whether discrete time was meant, for an error message.
 
-    It asks whether discrete time was meant. It is "" if no discrete-time solution exists either.
+    Returns "" if the game has no discrete-time solution either.
+
+    game: game without a continuous-time solution
     """
     from hfa_discrete.solution import solve_discrete
 

@@ -56,11 +56,10 @@ def check_discounted(
 
       x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
 
-    A, B and E of this equation are those of a step, in which u and w are constant.
+    A, B and E of this equation are those of a step with constant u and w. The check is that of
+    `check_discrete`.
 
-    dt: sample time, s; None if `game` is already in discrete time
-
-    The check is that of `check_discrete`.
+    dt: sample time, s; None if `game` is already in discrete time, where J has no factor dt
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
@@ -89,20 +88,19 @@ def check_discrete(
 ) -> Verdict:
     """Return the verdict on a critic of a discrete-time game, compared with the exact solution.
 
-    For a critic of V or dV/dx, the policy is the one implied in discrete time, not R⁻¹B'P. For a
-    critic that consists of K alone, K is compared. Two matrices must be stable: √α (A - B K), which
-    determines whether the discounted cost is finite, and A - B K. The exact solution of a
-    discounted problem may fail to stabilize. Then even an exact critic receives FAIL. A network, or
-    a value that is not quadratic, is also searched and simulated over a box of states. L2 gain and
-    margins apply only to continuous time and are not checked.
+    For a critic of V or dV/dx, the policy is the one implied in discrete time, not R⁻¹B'P. A - B K
+    and √α (A - B K) must be stable. The second determines whether the discounted cost is finite.
+    The exact solution of a discounted problem may fail to stabilize. Then even an exact critic
+    receives FAIL. A network, or a value that is not quadratic, is also searched and simulated over
+    a box of states. L2 gain and margins apply only to continuous time and are not checked.
 
     limit: largest permitted relative error
     more: further matrices of the critic: L (k, n) of w = L x, and H of its Q-function over (x, u,
       w) or (x, u)
-    scope: extent of the checks of a network; by default its default values
+    scope: extent of the checks of a network; by default `Scope()`
 
-    Raises BadInputError if an entry of the critic is not finite, or L has a wrong shape. Raises
-    NoSolutionError if the game has no certified solution.
+    Raises BadInputError if the limit is not positive, an entry of the critic is not finite, or L
+    has a wrong shape. Raises NoSolutionError if the game has no certified solution.
     """
     step = problem.step
     others = {
@@ -119,9 +117,9 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """Return the mistake in a critic that the extension `reasons` finds, or "".
+    """Return the mistake in a critic that the extension `reasons` finds.
 
-    It is also "" if this extension is not installed.
+    Returns "" if no mistake is found or the extension is not installed.
 
     what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """
@@ -198,7 +196,7 @@ def _judged(
 def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[Check]:
     """Return the checks of the spectral radii of A - B K and of √α (A - B K).
 
-    The second determines whether the discounted cost is finite.
+    The radii are inf if K is not finite.
 
     is_exact: whether the critic equals the exact solution
     """
@@ -251,11 +249,11 @@ def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
     """Return the excess of the cost of u = -K x over the optimum, percent, from the worst initial
     state.
 
-    It is 100 times the largest x'Dx / x'P*x, where D solves the equation
+    The excess is 100 times the largest x'Dx / x'P*x, where D solves the equation
 
       D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*),  F = A - B K + E L*.
 
-    It is inf if √γ F is unstable, or if a state with x'P*x = 0 has an excess cost.
+    Returns inf if √γ F is unstable, or if P* is not positive definite and D is not 0.
     """
     from scipy.linalg import eigh, solve_discrete_lyapunov
 

@@ -14,10 +14,12 @@ from hfa_support.errors import said_of
 def critic_of_steps(
     path: str | Path, problem: DiscreteGame, reading: Reading | None = None
 ) -> tuple[Critic, dict[str, Any]]:
-    """Return the critic in a file for a discrete-time plant, and a dictionary with L and H.
+    """Return the critic in a file for a discrete-time plant, and a dictionary of L and H.
 
-    L is included if the file contains L or H, and H if the file contains H. If it does, missing P,
-    K and L are computed from H. Raises BadInputError if an entry is wrong.
+    The dictionary contains the matrices that the file contains. If the file contains H, missing P,
+    K and L are computed from H. An H over (x, u) gives no L.
+
+    Raises BadInputError if the file or an entry is invalid.
     """
     entries = {} if is_network(Path(path)) else entries_in(path)
     if "H" not in entries:

@@ -25,8 +25,8 @@ class DiscreteGame(Reported):
     A_low: (n, n), difference between A and its double-precision value, used for short steps, where
       A is nearly I; None means 0
 
-    Raises BadInputError for a wrong shape or number, and if [[Q, N], [N', R]] is not positive
-    semidefinite.
+    Raises BadInputError if the discount is out of range, N is not a finite matrix with the shape of
+    B, or [[Q, N], [N', R]] is not positive semidefinite.
     """
 
     step: Game
@@ -63,11 +63,11 @@ class DiscreteGame(Reported):
         """Return K, (m, n), and L, (k, n), of the optimal policies u = -K x and w = L x of one
         step.
 
-        The value of the next state is x'P x.
-
           [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
 
-        E is divided by δ, so δ = inf is not a special case.
+        With δ = inf, L is 0.
+
+        P: (n, n), of the value x'P x of the next state
         """
         step = self.step
         m = step.B.shape[1]
@@ -138,11 +138,10 @@ class DiscreteGame(Reported):
         return parts
 
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
-        """Return an equivalent step without cross weights, with the input v = u + F x, and F =
-        R⁻¹N', (m, n).
+        """Return an equivalent step without cross weights, and F = R⁻¹N', (m, n).
 
-        Its matrices are A - B F and Q - N R⁻¹ N'. The latter is computed as a sum of squares, from
-        the rows for x of a root of [[Q, N], [N', R]], projected orthogonally to the rows for u.
+        The input of this step is v = u + F x. Its matrices are A - B F and Q - N R⁻¹ N', which is
+        positive semidefinite in spite of rounding.
         """
         step = self.step
         if not self.N.any():

@@ -1,6 +1,4 @@
-"""Transformation of a system with feedthrough to a system without it that has gain below δ if and
-only if the first has.
-"""
+"""Removal of the feedthrough of a system, which does not change whether the gain is below δ."""
 
 from __future__ import annotations
 
@@ -16,8 +14,8 @@ def without_feedthrough(
 ) -> Triple:
     """Return A, E and Q = C'C of an equivalent system without feedthrough D.
 
-    Its gain is below δ if and only if the gain of x' = A x + E w, z = C x + D w is below δ. The
-    gain of D alone must be below δ.
+    The gain of this system is below δ if and only if the gain of x' = A x + E w, z = C x + D w is
+    below δ. The gain of D alone must be below δ.
     """
     if not D.any() or math.isinf(delta):
         return A, E, C.T @ C

@@ -1,5 +1,4 @@
-"""Policy implied by a discrete-time value: optimal for one step if this value is the cost that
-follows.
+"""Policy implied by a discrete-time value V: optimal for one step that is followed by the cost V.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ _LEFT = 1e-9
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     """Return the critic with the policy that its value implies in discrete time.
 
-    A critic without a value, or with an explicit policy, is returned unchanged. A critic whose
-    value is not quadratic becomes a network of V and u.
+    A critic without a value, or with an explicit policy, is returned unchanged. A finite critic
+    with a value that is not quadratic becomes a network of V and u.
     """
     if critic.P is None or critic.feedback is None:
         return critic
@@ -53,8 +52,8 @@ def policy_of_next(
     """Return the function x (n,) -> u (m,), the saddle point of the cost of one step plus the next
     value.
 
-    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. Newton's
-    method starts at u = -K x, w = L x.
+    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. With δ = inf,
+    w is 0. u is NaN if Newton's method, started at u = -K x and w = L x, does not converge.
 
     problem: the discrete-time game
     gradient: x (n,) -> ∂V/∂x (n,)

@@ -61,7 +61,7 @@ class Steps(Reported):
 
     @property
     def together(self) -> np.ndarray:
-        """Return (x, u, w) of all steps, (N, n + m + k)."""
+        """Columns (x, u, w) of all steps, (N, n + m + k)."""
         return np.hstack([self.states, self.inputs, self.disturbances])
 
 
@@ -105,16 +105,17 @@ def learn_steps(
 ) -> Learned:
     """Learn the Q-function of a discrete-time game from recorded steps and the cost.
 
-    Value iteration H <- cost + α extremum of H at x⁺ starts from 0. It pauses after 1, 2, 4, ...
-    iterations. At each pause policy iteration, which converges quadratically, is tried. Its result
-    is accepted if it converges to a policy that stabilizes the linear fit of the steps.
+    Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
+    iterations policy iteration is tried. Its result is accepted if it converges to a policy that
+    stabilizes the linear fit of the steps.
 
     seed: seed of the random steps
     steps: recorded steps; by default `random_steps`
-    progress: called at each pause
+    progress: called before each block of value iterations
 
-    Raises BadInputError if the steps do not determine H. Raises NoSolutionError if the disturbance
-    gains more than it costs, or the iteration does not converge.
+    Raises BadInputError if the steps do not determine H or do not have the columns of the game.
+    Raises NoSolutionError if the disturbance gains more than it costs, or if the iteration diverges
+    or does not converge.
     """
     recorded = random_steps(problem, seed) if steps is None else steps
     learner = _QLearner.of(problem, recorded)
@@ -158,7 +159,7 @@ class _Residual(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _QLearner:
-    """The linear equations that recorded steps give for H, with s = n + m + k.
+    """The linear equations that recorded steps give for H, with s = n + m + k and M = s(s+1)/2.
 
     cost: (s, s), weights of the cost of a step over (x, u, w)
     scales: (s,), root mean square of each column of (x, u, w)
@@ -194,19 +195,17 @@ class _QLearner:
 
     @cached_property
     def psi(self) -> Basis:
-        """Return the quadratic basis of (x, u, w)."""
+        """Quadratic basis of (x, u, w)."""
         return basis("quadratic", len(self.cost))
 
     @cached_property
     def _of_costs(self) -> np.ndarray:
-        """Return the weights fitted to the costs of the steps alone, (M,)."""
+        """Weights fitted to the costs of the steps alone, (M,)."""
         return self.inverse @ self.costs
 
     @cached_property
     def _of_next_states(self) -> np.ndarray:
-        """Return the matrix (M, n(n+1)/2) from the weights of x'P x to the fitted weights of α
-        x⁺'P x⁺.
-        """
+        """Matrix (M, n(n+1)/2) from the weights of x'P x to the fitted weights of α x⁺'P x⁺."""
         return self.problem.discount * self.inverse @ _products(self.steps.next_states)
 
     def _H(self, weights: np.ndarray) -> np.ndarray:
@@ -237,7 +236,7 @@ class _QLearner:
     def policy_iteration(self, H: np.ndarray) -> np.ndarray:
         """Return the Q-function of the policies that are optimal for H, (s, s).
 
-        Its weights solve: weights = inverse (costs + α next features · weights).
+        The weights h of the returned function solve h = inverse (costs + α features(x⁺) h).
         """
         parts = self.problem.of_q_function(H)
         policy = np.vstack([-parts["K"], *([parts["L"]] if "L" in parts else [])])
@@ -270,9 +269,11 @@ class _QLearner:
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
         """Return whether policy iteration has converged to a stabilizing policy.
 
-        The block of H over the states must change by at most `SETTLED` relative to its largest
-        entry. H must have a saddle point, and its policies must stabilize the linear fit of the
-        steps.
+        All of these conditions must hold:
+
+        - The block of H over the states changes by at most `SETTLED` relative to its largest entry.
+        - H has a saddle point.
+        - The linear fit of the steps, times √α, is stable with K, and with K and L.
 
         before, after: H of consecutive iterations
         """
@@ -310,9 +311,9 @@ def _weights(P: np.ndarray) -> np.ndarray:
 
 
 def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: int) -> TrainingRun:
-    """Return the training run made from the iterates of a learner.
+    """Return the training run of the iterates of a learner.
 
-    rows: number of iterations so far and H, for each iterate
+    rows: (number of iterations so far, H) of each iterate
     """
     residuals = [learner.residual(H) for _, H in rows]
     parts = [learner.problem.of_q_function(H) for _, H in rows]

@@ -18,7 +18,7 @@ from hfa_support.reporting.text import matrix_table
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedDiscreteGame(Result, Reported):
-    """Certified solution of a discrete-time game, and its smallest delta."""
+    """Certified solution and smallest delta of a discrete-time game."""
 
     schema = "hfa.discrete-solution/1"
     made_by = "hfa solve, of a plant in discrete time"
@@ -48,7 +48,7 @@ class AnalysedDiscreteGame(Result, Reported):
 def analyse_discrete(
     problem: DiscreteGame, progress: Progress | None = None
 ) -> AnalysedDiscreteGame:
-    """Return the certified solution of a discrete-time game, and its smallest delta.
+    """Return the certified solution and the smallest delta of a discrete-time game.
 
     progress: called during the search for the smallest delta
 
@@ -59,11 +59,7 @@ def analyse_discrete(
 
 
 def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
-    """Return the report of a solution.
-
-    It contains P, K, the checks of the certificate and the spectral radii of A - B K and of
-    sqrt(discount) (A - B K).
-    """
+    """Return the report: P, K, the spectral radii and the checks of the certificate."""
     solution = analysed.solution
     states = solution.names.states
     inputs = solution.names.inputs

@@ -89,10 +89,10 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at its beginning. The weights of the step are
     therefore Q dt and R dt, and its delta is √dt δ.
 
-    The first n rows of exp([[A, A, B, E], [0, 0, 0, 0]] dt) are [exp(A dt), exp(A dt) - I, B_s,
-    E_s], with B_s and E_s the matrices of the step. The second block is computed without
-    cancellation. A_s is stored as I plus this block, in twice the digits. Source: Franklin, Powell
-    and Workman, Digital Control of Dynamic Systems, Section 4.3.
+    The difference A_s - I of the matrix A_s of a step is computed without cancellation. A_s is
+    stored
+    in twice the digits. Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems,
+    Section 4.3.
 
     Raises BadInputError if dt is not positive.
     """
@@ -113,9 +113,8 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
 def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
     """Return the certified solution of a discounted game.
 
-    game: in discrete time if dt is None, otherwise in continuous time
     discount: discount of one step
-    dt: sample time with which a continuous-time game is sampled, s
+    dt: sample time of a continuous-time game, s; None if `game` is in discrete time
 
     Raises NoSolutionError if no solution is certified (`solve_discrete`).
     """
@@ -134,11 +133,11 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     of √α (A - B K) must be inside the unit circle. Source: Basar and Bernhard, H-infinity Optimal
     Control, Theorem 3.7, for √α A, √α B, √α E.
 
-    progress: called during the search for the smallest delta, which is needed only if there is no
-      solution
+    progress: called during the search for the smallest delta, which runs only if no solution is
+      certified
 
-    Raises NoSolutionError if there is none. The message names the mode that excludes a solution at
-    any delta, or the failed test and the smallest delta.
+    Raises NoSolutionError if no solution is certified. The message names the mode that excludes a
+    solution at any delta, or the failed test and the smallest delta.
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
@@ -201,7 +200,7 @@ def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
 class _Certified(NamedTuple):
     """Certified solution of a step in normal form.
 
-    X: (n, n)
+    X: (n, n), solution of the Riccati equation of `form`
     form: the step, in the coordinates in which X is accurate
     certificate: the tests that X passed
     """
@@ -335,8 +334,8 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 def _existence(form: StepForm) -> Answer:
     """Return whether the game has a value, with the reason if it has none.
 
-    The answer is None if rounding errors leave it undecided. A value exists if the equivalent
-    continuous-time game has one and δ² I - α E'P E > 0.
+    The answer is None if the computation fails or rounding hides the sign. A value exists if the
+    equivalent continuous-time game has a value and δ² I - α E'P E > 0.
     """
     try:
         answer = existence(form.equivalent)
@@ -360,7 +359,8 @@ def _existence(form: StepForm) -> Answer:
 def _obstacle(form: StepForm, failure: str) -> str:
     """Return one line on why no solution exists even without disturbance.
 
-    It names a mode if one is the cause, and otherwise the failed test.
+    The line names the first mode that is uncontrollable, or undamped and without cost. Without such
+    a mode, it contains `failure`.
 
     failure: failed test of the certificate
     """

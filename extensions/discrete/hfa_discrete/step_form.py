@@ -68,10 +68,9 @@ class StepForm(NormalForm):
 
     @classmethod
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
-        """Return the step form of a game, balanced, with discount and cross weights transformed
-        away.
+        """Return the step form of a game, with discount and cross weights transformed away.
 
-        The value is unchanged.
+        It is balanced if the equivalent continuous-time game exists.
         """
         form = cls.unbalanced(problem)
         with suppress(NoSolutionError):  # the solver reports this error
@@ -81,9 +80,7 @@ class StepForm(NormalForm):
 
     @classmethod
     def unbalanced(cls, problem: DiscreteGame) -> StepForm:
-        """Return the step form without the balancing that needs the equivalent game, for use in
-        a search.
-        """
+        """Return the step form without the balancing that needs the equivalent game."""
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -130,18 +127,19 @@ class StepForm(NormalForm):
 
     @cached_property
     def hamiltonian(self) -> np.ndarray:
-        """Return the Hamiltonian, (2n, 2n), of the equivalent continuous-time game."""
+        """Hamiltonian of the equivalent continuous-time game, (2n, 2n)."""
         return self.equivalent.hamiltonian
 
     @cached_property
     def equivalent(self) -> NormalForm:
-        """Return the continuous-time game with the same X.
+        """Continuous-time game with the same X.
 
-        Its state is (y + y⁺)/√2, with the rate (y⁺ - y)/√2. This is the map z = (1 + s)/(1 - s). In
-        both games, the value y'X y increases by y⁺'X y⁺ - y'X y. In signals of alternating sign,
-        the step has the matrices -A, -B and -E and the same X. Of the two equivalent games, the one
-        with the smaller Hamiltonian is returned, so that no mode is near the pole of the map, z =
-        -1 or 1.
+        The state of this game is (y + y⁺)/√2, and its rate is (y⁺ - y)/√2. This is the map z = (1 +
+        s)/(1 - s). In both games, the value y'X y increases by y⁺'X y⁺ - y'X y.
+
+        For signals of alternating sign, the step has the matrices -A, -B and -E and the same X. Of
+        the two equivalent games, the one with the smaller Hamiltonian is returned, so that no mode
+        is near the pole of the map, z = -1 or 1.
 
         Raises NoSolutionError if every closed loop has modes at both poles. Raises NoValueError if
         a disturbance of constant or alternating sign has a gain above δ for every input.
@@ -212,7 +210,7 @@ class StepForm(NormalForm):
 
     @property
     def _signs(self) -> np.ndarray:
-        """Return the diagonal of W, (m + k,)."""
+        """Diagonal of W, (m + k,)."""
         return np.repeat([1.0, -1.0], [self.B.shape[1], self.E.shape[1]])
 
     def gain(self, X: np.ndarray) -> np.ndarray:
@@ -224,7 +222,7 @@ class StepForm(NormalForm):
         return self.policies(X).L @ self.T / self.delta
 
     def newton_step(self, X: np.ndarray) -> NewtonStep:
-        """Return the Newton step at X. Its residual is computed in twice the digits."""
+        """Return the Newton step at X, with the residual computed in twice the digits."""
         from scipy.linalg import solve_discrete_lyapunov
 
         gains = self.policies(X)
@@ -240,9 +238,9 @@ class StepForm(NormalForm):
         return NewtonStep(residual, np.asarray(Z + Z.T) / 2.0)
 
     def refined(self, X: np.ndarray) -> np.ndarray:
-        """Return X after Newton steps, which end when the correction is as small as rounding.
+        """Return X after at most `REFINEMENTS` Newton steps.
 
-        At most `REFINEMENTS` steps are taken.
+        The steps end when the correction is as small as rounding.
         """
         for _ in range(REFINEMENTS):
             correction = self.newton_step(X).correction
@@ -258,10 +256,10 @@ def _size(form: NormalForm) -> float:
 
 
 def _of_rates_near_one(form: NormalForm) -> NormalForm:
-    """Return the game with time in another unit, so that its rates are near 1.
+    """Return the game in another unit of time, in which its rates are near 1.
 
-    The unit is a power of four times the old one. With fast sampling, the rates would be very
-    small.
+    The new unit is the old one times a power of four. With fast sampling, the rates would otherwise
+    be very small.
     """
     root = 2.0 ** -round(math.log(_size(form), 4.0))
     return replace(

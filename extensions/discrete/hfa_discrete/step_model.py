@@ -13,7 +13,7 @@ from hfa_support.errors import BadInputError
 
 
 def step_model(path: Path) -> Model:
-    """Return the model of a discrete-time plant, whose rates are the changes x⁺ - x per step.
+    """Return the model of a discrete-time plant, with the rates A x + B u - x, the change per step.
 
     Raises BadInputError if the plant is in continuous time.
     """

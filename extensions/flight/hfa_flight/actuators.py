@@ -26,7 +26,7 @@ class ActuatorFault:
     damping: ζ, or None for no change
     inputs: names of the affected inputs, or () for all
 
-    Raises BadInputError if `begin` is negative or another number is not positive.
+    Raises BadInputError if `begin` is negative or not finite, or another number is not positive.
     """
 
     begin: float = 0.0
@@ -128,15 +128,15 @@ class ActuatorBank:
 
     @property
     def size(self) -> int:
-        """Return the number of states: m positions a, followed for order 2 by m rates v.
+        """Number of states: m positions a, followed for order 2 by m rates v.
 
-        All are deviations from trim.
+        All states are deviations from trim.
         """
         return self.order * len(self.lag)
 
     @property
     def held_size(self) -> int:
-        """Return the length of `held_inputs` as an input of the loop, which is 0 without faults."""
+        """Length of `held_inputs` as an input of the loop, 0 without faults."""
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:
@@ -158,7 +158,10 @@ class ActuatorBank:
         return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return the positions a, (m,), which are the inputs of the aircraft."""
+        """Return the positions a, (m,), which are the inputs of the aircraft.
+
+        For order 2, the positions are clipped to their limits.
+        """
         return states if self.order == 1 else self.reachable(states[: len(self.lag)], trim)
 
     def rates(self, states: ca.SX) -> ca.SX:

@@ -28,7 +28,7 @@ def flown_through_air(model: Model) -> bool:
 def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
     """Return the names of the n variables to which the envelope applies.
 
-    They are the states. In moving air, alpha is replaced by `ANGLE_OF_ATTACK` if the model has it.
+    They are the states. In moving air, `ANGLE_OF_ATTACK` replaces alpha if the model has both.
     """
     if not (moving_air and flown_through_air(model)):
         return tuple(model.states)

@@ -41,13 +41,13 @@ class Plant:
 
     @property
     def chosen(self) -> np.ndarray:
-        """Return the matrix (k, n) that selects the k states of the linear model."""
+        """Matrix (k, n) that selects the k states of the linear model."""
         model = self.point.model
         return np.array([[float(name == other) for other in model.states] for name in model.linear])
 
     @property
     def trim(self) -> np.ndarray:
-        """Return the inputs at the operating point, U0, (m,)."""
+        """Inputs U0 at the operating point, (m,)."""
         return np.array(self.point.inputs)
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -61,8 +61,9 @@ class Plant:
         raise NotImplementedError
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the deviation of the angle of attack through the air, (1,), or (0,) if it equals
-        that of alpha.
+        """Return the deviation of the angle of attack through the air from trim, (1,).
+
+        Returns (0,) if it equals the deviation of alpha.
         """
         return ca.SX(0, 1)
 
@@ -95,14 +96,12 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """Return the matrix that selects the states of the linear model, or the identity without a
-        point.
-        """
+        """Matrix that selects the states of the linear model, or the identity without a point."""
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property
     def trim(self) -> np.ndarray:
-        """Return the inputs at the operating point, (m,), or zeros without a point."""
+        """Inputs at the operating point, (m,), or zeros without a point."""
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -133,7 +132,7 @@ class NonlinearPlant(Plant):
 
     @property
     def parameters_size(self) -> int:  # type: ignore[override]
-        """Return the number of parameters that differ between flights."""
+        """Number of parameters that differ between flights."""
         return len(self.model.parameters) if self.uncertain else 0
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -147,8 +146,8 @@ class NonlinearPlant(Plant):
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """Return the deviation of the output `ANGLE_OF_ATTACK` from alpha at trim, (1,).
 
-        It is (0,) without winds or if the model does not have this output. Raises BadInputError if
-        the output depends on an input, because it is then not a flow angle.
+        Returns (0,) without winds, or if the model lacks this output or the state alpha. Raises
+        BadInputError if the output depends on an input, because it is then not a flow angle.
         """
         model = self._in(winds)
         if not winds or not flown_through_air(model):
@@ -182,8 +181,8 @@ class Expressions(NamedTuple):
 
     rate: y'
     error: (k,), x - x_d
-    inputs: (m,), inputs of the plant
-    winds: nonzero disturbances of the model, in the order of `wind_names`
+    inputs: (m,), inputs of the plant, as deviations from trim
+    winds: disturbances of the model that the scenario sets, in the order of `wind_names`
     angle: (1,), deviation of the angle of attack through the air, or (0,) if it equals that of
       alpha
     command: (m,), command of the policy
@@ -269,7 +268,7 @@ class ClosedLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Return the sizes of the parts of y."""
+        """Sizes of the parts of y."""
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],
@@ -279,7 +278,7 @@ class ClosedLoop:
 
     @cached_property
     def held_sizes(self) -> HeldParts:
-        """Return the sizes of the parts of the held inputs."""
+        """Sizes of the parts of the held inputs."""
         scenario = self.scenario
         return HeldParts(
             parameters=self.plant.parameters_size,
@@ -338,7 +337,7 @@ class ClosedLoop:
         return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
-        """Return disturbance -> value at t, for the disturbances that are not 0."""
+        """Return disturbance -> value at t, for the disturbances that the scenario sets."""
         winds: dict[str, Any] = {}
         if self.scenario.gust is not None:
             winds = self.scenario.gust.winds(t, inputs.gust)
@@ -373,7 +372,7 @@ class ClosedLoop:
 
     @property
     def wind_names(self) -> tuple[str, ...]:
-        """Return the names of the disturbances that are not 0, those of the gust first."""
+        """Names of the disturbances that the scenario sets, those of the gust first."""
         names = list(self.scenario.air)
         if self.scenario.gust is not None:
             names = [*self.scenario.gust.names, *names]
@@ -399,7 +398,7 @@ class ClosedLoop:
 
     @cached_property
     def held_slices(self) -> HeldParts:
-        """Return the slices of the parts of the held inputs."""
+        """Slices of the parts of the held inputs."""
         offsets = _offsets(self.held_sizes)
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 

@@ -60,8 +60,8 @@ def from_control(
     units: name -> unit or `Signal`; the unit is 1 for names that are not given
     declared: further fields of `Model`
 
-    Raises BadInputError if the system is in discrete time, depends on time, or cannot be evaluated
-    with symbols.
+    Raises BadInputError if the system has no update function, is in discrete time, depends on time,
+    or cannot be evaluated with symbols.
     """
     name = str(system.name)
     if getattr(system, "updfcn", None) is None:

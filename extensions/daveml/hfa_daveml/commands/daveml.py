@@ -29,9 +29,7 @@ class DavemlRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return {}: the provenance needs no entries besides the command line, which names the
-        file.
-        """
+        """Return {}, because the command line in the provenance contains the path of the file."""
         return {}
 
 

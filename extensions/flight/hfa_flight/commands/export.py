@@ -161,7 +161,7 @@ def _written(
 
     Returns the paths of the written files.
 
-    with_gain: whether the policy of the options is included
+    with_gain: whether the policy of the options is included if no controller is given
     """
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference

@@ -173,7 +173,8 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 def _fly_members(request: FlyRequest) -> int:
     """Simulate the members of --samples or --draws and return the exit code.
 
-    The exit code is 0 if at least one member stays within its limits; with --draws, if all do.
+    With --samples, the exit code is 0 if at least one member stays within its limits. With --draws,
+    it is 0 if all members do.
     """
     from hfa_flight.drawn_aircraft import drawn_figure, with_stability
     from hfa_flight.monte_carlo import MonteCarlo
