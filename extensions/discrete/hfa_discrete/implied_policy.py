@@ -1,5 +1,4 @@
-"""Policy implied by a discrete-time value V: optimal for one step that is followed by the cost V.
-"""
+"""Policy implied by a discrete-time value V: optimal for one step, followed by the cost V."""
 
 from __future__ import annotations
 

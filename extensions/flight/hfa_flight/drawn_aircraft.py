@@ -34,8 +34,8 @@ def with_stability(
     """Return the report of a plan, extended by the stability of each drawn aircraft's linear loop.
 
     Each loop is linearized at the aircraft's own trim. For a flight without a policy, the stability
-    is that of the uncontrolled aircraft. The report is unchanged if the policy has no single gain,
-    or if the loop has delay or actuators.
+    is that of the uncontrolled aircraft. With a policy, the report is unchanged if the policy has
+    no single gain, or if the loop has delay or actuators.
 
     condition: trim condition of all aircraft
     """
@@ -51,10 +51,10 @@ def with_stability(
 
 
 def drawn_figure(plan: MonteCarlo) -> Figure:
-    """Return a figure with one row for each state that moves.
+    """Return a figure with one row for each state that moves in the flight of the nominal aircraft.
 
-    The left panel shows the flight of the nominal aircraft. The right panel shows the differences
-    of the drawn aircraft from it, with the band that contains 95 % of them.
+    The left panel shows this flight. The right panel shows the differences of the drawn aircraft
+    from it, with the band that contains 95 % of them. At most `_MOST_SHOWN` aircraft are drawn.
     """
     compiled = member_loop(plan)
     itself = fly_within(compiled, plan.envelope, plan.member(0), plan.model.p)

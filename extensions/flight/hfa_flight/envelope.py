@@ -132,10 +132,10 @@ def departure(
     """Return the first departure, or None if there is none.
 
     If several states exceed their limits at that time, the one with the largest excess relative to
-    its range is returned.
+    its range is returned. A value that is not finite has the largest excess.
 
     limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
-    moving_air: whether it is
+    moving_air: whether the air moves, for the name of the variable
     """
     if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
         return None  # usual case; testing each row would take longer

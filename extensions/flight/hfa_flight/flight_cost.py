@@ -20,7 +20,7 @@ def cost_of_flight(
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
-    is_held: whether the inputs are constant from each row to the next; their part is then exact
+    is_held: whether v is constant from each row to the next, so that v'Rv is integrated exactly
     """
     of_states = np.einsum("ij,jk,ik->i", z, Q, z)
     of_inputs = np.einsum("ij,jk,ik->i", v, R, v)

@@ -35,8 +35,8 @@ def flight_figure(result: Flight, title: str) -> Figure:
 def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
     """Draw a flight over time on an empty figure, set its size, and return it.
 
-    There is a panel for each state that moves, one for the inputs of each unit, and one for an
-    updraft if there is one.
+    There is a panel for each state that moves, a panel for the inputs of each unit, and a panel for
+    the updraft if it is not zero.
     """
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))

@@ -19,8 +19,8 @@ class Deviations(Reported):
     errors: (N, k), z = x - x_d of the states of the linear model, without noise
     inputs: (N, m)
     memory: (N, l), memory of the policy
-    limited: (N, n), states with the angle of attack through the air in place of alpha
-    winds: nonzero disturbance of the model -> (N,)
+    limited: (N, n), the states; in moving air with the angle of attack in place of alpha
+    winds: disturbance of the model that the scenario sets -> (N,)
     """
 
     times: np.ndarray
@@ -33,5 +33,5 @@ class Deviations(Reported):
 
     @property
     def updrafts(self) -> np.ndarray:
-        """Return the updraft, (N,), or zeros in still air."""
+        """Updraft, (N,), zeros in still air."""
         return self.winds.get(UPDRAFT, np.zeros(len(self.times)))

@@ -94,11 +94,14 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
-    """Return input steps at the union of all times. Each value is constant until its next step.
+    """Return input steps at the union of all times.
+
+    Each value is 0 before its first step and constant until its next step.
 
     given: name of an input -> pairs (time in s, value)
 
-    Raises BadInputError unless the times of each name increase and are at least 0.
+    Raises BadInputError unless the steps of each name are pairs with increasing times of at least
+    0.
     """
     for name, pairs in given.items():
         if callable(pairs):
@@ -124,10 +127,9 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 class PythonPolicy(Policy):
     """Policy U = function(t, X) in absolute values.
 
-    It is called at the beginning of each tick, and U is constant during the tick.
+    The function is called at the beginning of each tick, and U is constant during the tick.
 
-    function: (t in s, X by name) -> U, (m,), or by name; inputs that it does not name remain at
-      trim
+    function: (t in s, X by name) -> U, (m,), or U by name; inputs without a value remain at trim
     point: the trim
     tick: s
     """
@@ -160,7 +162,8 @@ class PythonPolicy(Policy):
         """Return the function (tick, measured states) -> u (m,), deviations of the inputs from
         trim.
 
-        It raises BadInputError if the Python function does not return finite inputs.
+        The returned function raises BadInputError if the Python function does not return finite
+        inputs.
         """
         trim = np.array(self.point.inputs)
         states = np.array(self.point.states)

@@ -67,12 +67,12 @@ class GainSchedule(Reported):
 
     @cached_property
     def table(self) -> LinearTable:
-        """Return the table of K over η."""
+        """Table of K over η."""
         return LinearTable(self.breakpoints, self.gains)
 
     @property
     def file_breakpoints(self) -> np.ndarray:
-        """Return the breakpoints as stored in files, (G,), with angles in degrees."""
+        """Breakpoints as stored in files, (G,), with angles in degrees."""
         if self.model.schedule_unit == "deg":
             return np.asarray(np.degrees(self.breakpoints).round(_DIGITS))
         return self.breakpoints

@@ -55,11 +55,12 @@ class Gust:
 class OneMinusCosine(Gust):
     """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)).
 
-    The formula applies for 0 <= V (t - begin) <= length. Otherwise w is 0.
+    The formula applies for 0 <= V (t - begin) <= length. Otherwise w is 0. Lengths and speeds are
+    in the units of the model.
 
-    length: length of the complete gust, ft; twice the gust gradient distance H
-    peak: ft/s, negative for a downdraft
-    speed: airspeed V, ft/s
+    length: length of the complete gust, twice the gust gradient distance H
+    peak: largest w, negative for a downdraft
+    speed: airspeed V
     begin: s
 
     Raises BadInputError if length or speed is not positive, or peak or begin not finite. Source:

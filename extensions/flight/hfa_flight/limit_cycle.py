@@ -87,8 +87,12 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
 def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
     """Return the largest oscillation in the second half of a flight, or None.
 
-    If there is a limit cycle, it is returned even if a decaying oscillation is larger. The result
-    is also None if the excitation ends in the second half, or if the flight has too few steps.
+    Sizes are relative to the nominal size of the variable. An oscillation counts only if it meets
+    `CROSSINGS`, `LASTING` and `VISIBLE`. A limit cycle is returned even if a decaying oscillation
+    is larger.
+
+    The result is also None if the excitation ends in the second half, or if the flight has too few
+    steps.
 
     driven_until: time at which the last exciting signal ends, s
     """
@@ -133,9 +137,9 @@ class _Swings(NamedTuple):
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """Return the oscillation of values about their mean line.
+    """Return the oscillation of values about their least-squares line.
 
-    Returns None if they cross the line fewer than `CROSSINGS` times.
+    Returns None if the values cross the line fewer than `CROSSINGS` times.
 
     times: (N,), s
     values: (N,)

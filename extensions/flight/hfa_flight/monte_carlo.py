@@ -59,11 +59,11 @@ KEPT = {
 class MonteCarlo(StatesAndInputs, Reported):
     """Plan of N flights (members), each with its own draw of one scenario.
 
-    Plans with the same results compare equal.
+    Plans with the same results compare equal. A member depends only on the seed and its number, so
+    members can be simulated in any order and on any machine.
 
     members: N
-    seed: seed of all random quantities; a member depends only on the seed and its number, so
-      members can be simulated in any order and on any machine
+    seed: seed of all random quantities
     model: model with its nominal parameters
     point: trim in which each member begins
     policy: policy of all members
@@ -122,7 +122,7 @@ class MonteCarlo(StatesAndInputs, Reported):
     def least_within(self) -> int:
         """Number of members that must stay within their limits for a PASS.
 
-        It is one for a random scenario, and all for drawn aircraft.
+        It is 1 for a random scenario, and N for drawn aircraft.
         """
         return 1 if self.spread is None else self.members
 
@@ -135,9 +135,8 @@ class MonteCarlo(StatesAndInputs, Reported):
 
     @cached_property
     def identity(self) -> str:
-        """Return JSON text of everything that determines the results.
-
-        It includes the order in which errors are drawn.
+        """JSON text of everything that determines the results, including the order of the drawn
+        errors.
         """
         data = {
             "members": self.members,
@@ -175,15 +174,12 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
 
 @cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
-    """Return the compiled loop of a plan, compiled once in each thread."""
+    """Return the compiled loop of a plan, cached in each thread."""
     return CompiledLoop(plan.loop(), plan.members)
 
 
 def fly_member(plan: MonteCarlo, member: int) -> Flight:
-    """Draw one member and return its flight.
-
-    member: number of the member
-    """
+    """Draw the member with this number and return its flight."""
     scenario = plan.member(member)
     aircraft = plan.aircraft[member] if plan.aircraft else plan.model
     parameters = with_errors(aircraft, scenario).p
@@ -191,19 +187,15 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """Return the results (`KEPT`) of members start .. stop - 1, one row each.
-
-    This is the task of a worker process.
-    """
+    """Return the results (`KEPT`) of members start .. stop - 1, one row each."""
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
     return {name: np.array([row[name] for row in rows]) for name in KEPT}
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
-    """Return the stored results of a member's flight.
+    """Return the stored results of a member's flight, computed from the steps inside the envelope.
 
-    They are computed from the steps inside the envelope. State and memory are those after these
-    steps.
+    State and memory are those after these steps.
     """
     scenario = result.loop.scenario
     flight = result.flight

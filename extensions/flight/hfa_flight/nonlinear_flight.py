@@ -96,10 +96,10 @@ def fly(
 
     model: the aircraft with nominal parameters
     point: the trim X0, U0, relative to which x and u are defined
-    policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, the file of a gain or
-      of a deployment, steps of inputs as deviations from trim {name: [(time, value), ...]}, a
-      function of (t, X) that returns U, called once a tick (`flown_policy`), or a `Policy`; with
-      None the inputs remain at trim
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, the file of
+        one
+      of these, steps of inputs as deviations from trim {name: [(time, value), ...]}, a function of
+      (t, X) that returns U, called once a tick, or a `Policy`; with None the inputs remain at trim
     seconds: duration; default: that of the scenario, or 20 s
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults; its random quantities must be drawn already
@@ -110,8 +110,8 @@ def fly(
     step: integration step of method "jsbsim", s; default: 1/120
     progress: called during the nonlinear flight
 
-    Raises BadInputError if the flight does not begin inside the envelope, or the scenario has
-    random quantities that are not drawn yet.
+    Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
+    quantities that are not drawn yet, or the policy or method is not supported.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -345,7 +345,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Absolute value of each state at the end."""
+        """Absolute value of each state at the end, and of the angle of attack if the model outputs
+        it.
+        """
         values = _by_name(self.model.states, self.states[-1])
         if flown_through_air(self.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
@@ -353,7 +355,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def largest_deviation(self) -> Mapping[str, float]:
-        """Largest deviation of each state from trim."""
+        """Largest deviation of each state from trim, and of the angle of attack if the model
+        outputs it.
+        """
         values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
         if flown_through_air(self.model):
             trim = getattr(self.point.states, ALPHA)
@@ -399,7 +403,8 @@ class Flight(StatesAndInputs, Result, Reported):
     def cost(self) -> float | None:
         """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
 
-        z are the deviations from trim and command, u those of the inputs from trim.
+        z: deviations of the states from trim and command
+        u: deviations of the inputs from trim
         """
         if self.weights is None:
             return None
@@ -484,10 +489,8 @@ class Flight(StatesAndInputs, Result, Reported):
         return dataset(self)
 
     def report(self) -> Report:
-        """Return the report of the flight.
-
-        It contains the outcome, the states with envelope and linear prediction, the inputs with
-        their limits, and a picture.
+        """Return the report of the flight: outcome, states, inputs, cost if there are weights, and
+        a picture.
         """
         moving = bool(self.flight.winds) and flown_through_air(self.model)
         parts: list[Part] = []

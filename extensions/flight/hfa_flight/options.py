@@ -262,8 +262,8 @@ def _length_of(model: Model) -> str:
 def _turbulence(text: str) -> Turbulence:
     """Return the turbulence that a typed text specifies.
 
-    The text is LEVEL with altitude and span, or own with intensity, scale and span. Raises
-    BadInputError if it has another form.
+    The text is LEVEL, optionally with altitude and span, or own with intensity and scale,
+    optionally with span. Raises BadInputError if the text has another form.
     """
     word, *typed = text.split(":")
     if not word[:1].isalpha() and len(typed) == 1:  # the form of version 0.3
@@ -575,11 +575,12 @@ def actuators_of(
 ) -> ActuatorBank | None:
     """Return the actuators that --actuators and --fault specify, or None without --actuators.
 
-    Rate limit and fault apply to the surfaces, which are the inputs in rad or deg. Raises
-    BadInputError if --fault is given alone.
+    Rate limit and fault apply to the surfaces, which are the inputs in rad or deg.
 
     typed: lag in s, rate limit in deg/s, order
     fault: factor on the command, bandwidth in rad/s, start in s
+
+    Raises BadInputError if --fault is given alone or a number is out of range.
     """
     if typed is None:
         if fault is not None:

@@ -50,7 +50,7 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 
     step: step of method "jsbsim", s; default: 1/120
 
-    Raises BadInputError if the duration is not a whole number of steps.
+    Raises BadInputError if the step is not positive or the duration is not a whole number of steps.
     """
     if method != JSBSIM:
         return scenario

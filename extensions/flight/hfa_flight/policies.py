@@ -97,7 +97,7 @@ class Policy(Reported):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """Gain K (m, k) of u = -K z near the trim.
+        """Gain K (m, k) of u = -K z near the trim, or None.
 
         It is None if the policy has memory, changes with time or has no known gain.
         """
@@ -110,7 +110,7 @@ class Policy(Reported):
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
         """Return commanded output -> `rms_error`, `largest_error` and `unit` over a flight.
 
-        It is empty if the policy regulates no outputs.
+        The result is empty if the policy regulates no outputs.
         """
         return {}
 

@@ -19,17 +19,18 @@ class MemberSummary(Result):
     members: number of flights.
     seed: seed of all random numbers.
     duration: s.
-    within_limits: number of flights that stayed inside the envelope and the control limits.
+    within_limits: number of flights inside the envelope and the control limits, without limit
+        cycle.
     held: number of flights that stayed inside the envelope.
-    first_left: time of the first departure, s.
+    first_left: time of the first departure, s; null if there is none.
     left: state -> number of flights in which it left the envelope first.
     exceeded: input -> number of flights in which it exceeded its control limit.
     limit_cycle: input or state -> number of flights that end in its limit cycle.
     quantiles: levels of the quantiles below.
-    rms_error: quantiles of the rms error of each state, over the whole flight.
+    rms_error: quantiles of the rms error of each state, over the flight.
     peak_error: quantiles of the largest error of each state.
     effort: quantiles of the rms deviation of each input.
-    peak_deviation: quantiles of the largest deviation of each state, in moving air.
+    peak_deviation: quantiles of the largest deviation of the angle of attack through the air.
     store: path of the store of members, null if there is none.
     warnings: notes on the result.
     final: quantiles of each state at the end.

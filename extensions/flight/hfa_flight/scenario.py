@@ -198,9 +198,7 @@ class Scenario(Reported):
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s, or inf. Afterwards, the motion is
-        unforced.
-        """
+        """Time at which the last signal, gust or noise ends, s, or inf."""
         if self.samples is not None:
             return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
@@ -208,8 +206,8 @@ class Scenario(Reported):
         return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
-        """Return this scenario completed for a model: a missing initial condition or signal becomes
-        zeros.
+        """Return this scenario completed for a model, with zeros for a missing initial condition or
+        signal.
 
         Raises BadInputError if the scenario names an unknown parameter, state or disturbance, if
         its gust needs a disturbance that the model neither declares nor receives from `in_gusts`,

@@ -59,8 +59,9 @@ class TrimPath(Result):
         return self.base.values[self.base.model.schedule] + self.commands.at(t)
 
     def at(self, t: Any) -> ca.SX:
-        """Return x_d(t), (k,). The entry for a state NAME_rate of the scheduling variable is
-        r'(t).
+        """Return x_d(t), (k,).
+
+        The entry for the rate of the scheduling variable, a state named NAME_rate, is r'(t).
         """
         model = self.base.model
         deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
@@ -84,10 +85,9 @@ class TrimPath(Result):
 class ScheduledGainPolicy(Policy):
     """Policy u = U0(r(t)) - U_base - K(η) z.
 
-    r is the commanded and η the measured scheduling variable, and z = x - x_d of the path. The trim
-    inputs depend on r and the gain on η. Linearized about a trim, the policy is therefore u = -K z
-    with the K of that trim. If U0 depended on η, the linearization would contain the additional
-    gain ∂U0/∂η. ∂K/∂η has no effect, because z is 0 at a trim.
+    r is the commanded and η the measured scheduling variable. z = x - x_d with the x_d of the path.
+    Linearized about a trim, the policy is u = -K z with the K of that trim, because U0 depends on r
+    and not on η.
     """
 
     schedule: GainSchedule
@@ -123,8 +123,8 @@ def scheduled_gains(
 
     name: name of the policy
     base: initial trim of the flight
-    commands: steps of the scheduling variable, as deviations from `base`; if empty, it remains
-      there
+    commands: steps of the scheduling variable, as deviations from `base`; if empty, the variable
+      remains constant
     condition: function from the scheduling variable to its trim condition
 
     Raises BadInputError if the model is not scheduled over a state of its linear model, K has more

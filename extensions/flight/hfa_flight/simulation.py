@@ -46,13 +46,14 @@ class Tick(Protocol):
 class CompiledLoop:
     """A closed loop, compiled once and simulated many times.
 
-    flights: expected number of flights; with enough of them, machine code is compiled.
-    tick: function from this loop to the `Tick` that advances it; by default the classical
-      Runge-Kutta method of order 4. Each step is then divided according to the policy's fastest
-      mode.
+    By default, the integration is the classical Runge-Kutta method of order 4, with substeps
+    according to the policy's fastest mode. Source: Hairer, Norsett, Wanner, Solving Ordinary
+    Differential Equations I, Table II.1.2.
 
-    Raises BadInputError if that mode requires too many substeps. Source: Hairer, Norsett, Wanner,
-    Solving Ordinary Differential Equations I, Table II.1.2.
+    flights: expected number of flights; with enough of them, machine code is compiled.
+    tick: function from this loop to the `Tick` that advances it, in place of Runge-Kutta.
+
+    Raises BadInputError if the fastest mode requires too many substeps.
     """
 
     def __init__(
@@ -222,7 +223,7 @@ class CompiledLoop:
 def _parts_of_a_step(loop: ClosedLoop) -> int:
     """Return the number of substeps that the fastest mode of the policy requires.
 
-    Raises BadInputError if it is too large.
+    Raises BadInputError if this number exceeds `_MOST_PARTS`.
     """
     step = loop.scenario.step
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))

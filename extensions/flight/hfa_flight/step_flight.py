@@ -57,8 +57,9 @@ class StepFlight(Result, Reported):
         return self.radius < 1.0
 
     def report(self) -> Report:
-        """Return the report: verdict, cost and a selection of steps. Its records contain all
-        steps.
+        """Return the report: verdict, spectral radius, cost and a selection of steps.
+
+        The records of the report contain all steps.
         """
         names = self.problem.step.names
         count = len(self.inputs)

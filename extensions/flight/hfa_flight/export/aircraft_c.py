@@ -43,7 +43,7 @@ def c_model_texts(
     """Return file name -> text of the C header and source and, with a policy, of a 100 Hz loop.
 
     linear: linear model at a trim
-    policy: policy about that trim, or None; of a time-varying gain the first is used
+    policy: policy about that trim, or None; a time-varying gain is replaced by its first value
     origin: provenance, for a comment
 
     Raises BadInputError if the equations cannot be expressed in C.

@@ -67,13 +67,14 @@ def c_function(
     """Return the C source of a dense SX Function.
 
     Its declaration is `static void name(const double *argument, ..., double *result, ...)`.
-    Matrices are stored column by column. Functions that it calls, each with one argument and one
-    result, precede it. The code compiles without warnings about empty or unused variables.
+    Matrices are stored column by column. The source of a called Function comes first. The code
+    compiles without warnings about empty or unused variables.
 
+    function: the Function, which may call one other SX Function with one argument and one result
     real: number type in C
     operations: C expression of each CasADi operation for this type
 
-    Raises BadInputError if an operation cannot be written as C.
+    Raises BadInputError if an operation or a called Function cannot be written as C.
     """
     inner = function.find_functions(0)
     for each in inner:

@@ -36,7 +36,7 @@ class Interpolated(NamedTuple):
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class InterpolatedModel:
-    """Trim, A and B, interpolated linearly in each variable of a sweep (bilinearly in two).
+    """Trim, A and B, interpolated linearly in each variable of a sweep.
 
     sweep: sweep over a grid, with a trim at every point
 
@@ -63,7 +63,7 @@ class InterpolatedModel:
 
     @cached_property
     def axes(self) -> tuple[np.ndarray, ...]:
-        """Return the values of each variable of the sweep, ascending."""
+        """Values of each variable of the sweep, ascending."""
         return tuple(np.unique(column) for column in self.sweep.values.T)
 
     def at(self, **values: float | np.ndarray) -> Interpolated:
@@ -95,10 +95,11 @@ class InterpolatedModel:
         return Interpolated(*whole)
 
     def to_casadi(self) -> ca.Function:
-        """Return the function (values of the variables,) -> X0, U0, A, B.
+        """Return the CasADi Function from the vector of the variables of the sweep to X0, U0, A and
+        B.
 
-        It is constant beyond the grid. Its method `.generate("models.c")` writes C code that needs
-        no library.
+        The result is constant beyond the grid. The method `.generate("models.c")` of the Function
+        writes C code that needs no library.
         """
         at = ca.SX.sym("at", len(self.axes))
         weights = ca.SX(1)
@@ -113,7 +114,7 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """Return SciPy's interpolator from points (..., variables) to entries (..., entries).
+        """SciPy's interpolator from points (..., variables) to entries (..., entries).
 
         The entries are those of X0, U0, A and B in this order, each row by row.
         """
@@ -125,9 +126,9 @@ class InterpolatedModel:
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
-        """Return X0, U0, A and B over the grid.
+        """X0, U0, A and B over the grid.
 
-        The first axes are the variables of the sweep, ascending; the last axes are those of the
+        The first axes are the variables of the sweep, ascending. The last axes are those of the
         quantity.
         """
         order = np.lexsort(self.sweep.values.T[::-1])
