@@ -49,7 +49,7 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
     Raises BadInputError if one is not finite or a size is negative, and TypeError for another type.
     """
     if not isinstance(parameters, Parameters):
-        raise TypeError("parameters must be a Parameters, such as default_parameters().values")
+        raise TypeError("parameters must be Parameters, such as default_parameters().values")
     for name, value in parameters._asdict().items():
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")

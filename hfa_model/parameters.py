@@ -213,8 +213,8 @@ def _read(name: str) -> ParameterSet:
     if table["names"] != list(identified) or not _is_covariance(covariance, len(identified)):
         raise BadInputError(
             f"{name}: [covariance] must list the identified parameters and be symmetric,"
-            " without a negative eigenvalue; remove it or run `python -m studies.identification`"
-            " again"
+            " without a negative eigenvalue; remove [covariance], or run"
+            " `python -m studies.identification` again"
         )
     return replace(parameters, covariance=covariance)
 

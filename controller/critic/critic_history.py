@@ -82,7 +82,7 @@ def rows_over_time(
     """
     if reading.lists_functions:
         raise BadInputError(
-            "--basis lists functions, but W has times; give the name of a basis instead"
+            "--basis lists functions, but W is a history over time; give the name of a basis"
         )
     times = np.ravel(numbers_in("time", entries["time"]))
     stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)

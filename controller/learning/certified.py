@@ -276,9 +276,9 @@ def raise_disturbance(
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"delta = {delta:g} is not reached: the game solution, followed downwards from"
-                f" delta = inf, ends at delta = {end:.6g}; choose a delta above it, unless"
-                " `hfa solve` reports a smaller delta_min"
+                f"the law finds no solution for delta = {delta:g}: as delta decreases from inf, the"
+                f" solution ceases to exist at delta = {end:.6g}; choose a larger delta, or compare"
+                " with the delta_min of `hfa solve`"
             )
     return here
 

@@ -175,8 +175,8 @@ class TrimCondition:
             by = self.model.schedule
             describe = self.model.describe
             raise BadInputError(
-                f"condition {self.name}: {name} is given from {describe(by, first)} to "
-                f"{describe(by, last)} of {by}; {describe(by, outside[0])} is outside"
+                f"condition {self.name}: {name} is given for {by} from {describe(by, first)} "
+                f"to {describe(by, last)}; {describe(by, outside[0])} is outside this range"
             )
         return table.at(scheduled)
 

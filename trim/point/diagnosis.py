@@ -40,7 +40,7 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
         reasons.append(f"{equations} equations for {unknowns} unknowns; free more variables")
     idle = _without_effect(problem, z)
     if idle:
-        reasons.append(f"{' and '.join(idle)} affects none of them; free another variable")
+        reasons.append(f"no effect of {' and '.join(idle)}; free another variable")
     elif not can_balance:
         alike = _alike(problem, z)
         if alike:
@@ -105,8 +105,7 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
         parts = np.linalg.norm(before, axis=0) * np.abs(shares)
         significant = np.flatnonzero(parts > _DEPENDENT * parts.max())
         others = [problem.free[kept[i]] for i in significant]
-        verb = "does" if len(others) == 1 else "do"
-        sentences.append(f"{name} moves them only as {' and '.join(others)} {verb}")
+        sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
     if len(kept) == problem.count[0]:
         return []
     return sentences

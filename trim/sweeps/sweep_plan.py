@@ -73,7 +73,7 @@ class SweepPlan:
         lengths = [len(values) for values in axes.values()]
         if self.listed and len({*lengths}) > 1:
             raise BadInputError(
-                f"columns of a list of conditions have {shown(lengths)} values; use equal lengths"
+                f"the columns of a list of points have {shown(lengths)} values; use equal lengths"
             )
         if self.count > MOST_POINTS:
             raise BadInputError(

@@ -99,7 +99,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
         (
             {"dihedral": [0.1, 0.5]},
             load_condition("simvfa-64"),
-            "alpha is given from 0 deg to 20 deg of dihedral",
+            "alpha is given for dihedral from 0 deg to 20 deg",
         ),
         ({"flaps": [0.1]}, LEVEL_FLIGHT, "cannot sweep 'flaps'; choose from speed, alpha"),
         (
