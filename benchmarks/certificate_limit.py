@@ -21,16 +21,16 @@ _OF_RESIDUAL = 6
 def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
     """Return the time of one game's matrix decompositions and products alone, as a limit.
 
-    These are timed:
+    These operations are timed:
 
-    - the balancing of the Hamiltonian,
-    - the eigenvectors of the Hamiltonian and its inverse, for a bound on the distance of its
-      eigenvalues from the imaginary axis; they take less time than its ordered Schur form,
-    - the inverses and products of the doubling iteration, the second derivation,
-    - the eigenvectors of A - B K and their inverse,
-    - the eigenvalues of P.
+    - the balancing of the Hamiltonian
+    - the eigenvectors and the inverse of the Hamiltonian, for a bound on the distance of its
+      eigenvalues from the imaginary axis
+    - the inverses and products of the doubling iteration, the second derivation
+    - the eigenvectors of A - B K and their inverse
+    - the eigenvalues of P
 
-    The products of one doubling, and those of the residual, are computed in one call each.
+    The products of one doubling are computed in one call, as are the products of the residual.
 
     forms: stacks of games of equal size
     """

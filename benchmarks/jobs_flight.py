@@ -56,8 +56,7 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
 
 
 class FlightCase:
-    """The closed loop of paper Section 5.1 at 5 degrees of dihedral, with its data for the C
-    program.
+    """The closed loop of paper Section 5.1 at 5 degrees of dihedral, with data for the C program.
 
     The learning law has settings for which its weights remain bounded.
     """
@@ -223,8 +222,7 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """Return the row of a Monte Carlo run on several processes and its members simulated one by
-    one.
+    """Return the row of a Monte Carlo run on several processes and its members one by one.
 
     The time includes the start of the processes, the compilation of the loop and the storage.
     """

@@ -136,9 +136,7 @@ class RecordCase:
         return np.asarray(((self.measured - y) / self.noise).ravel())
 
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Return a function v -> residuals, in standard deviations, that uses the compiled
-        simulation.
-        """
+        """Return a function v -> residuals that uses the compiled simulation of `hfa.identify`."""
         responses, record = self._responses()
 
         def residuals(v: np.ndarray) -> np.ndarray:
@@ -152,9 +150,7 @@ class RecordCase:
         return residuals
 
     def limit(self) -> Limit:
-        """Return the time of one simulation with sensitivities for each step and one for the
-        covariance.
-        """
+        """Return the time of a simulation with sensitivities for each step and the covariance."""
         responses, record = self._responses()
         start, theta = self.unknown(self.begin)
         seconds = shortest(partial(responses.of, record, start, theta))
@@ -312,8 +308,7 @@ _GOAL = 20.0
 
 
 def _large(quick: bool) -> list[Row]:
-    """Return the row with the time of the identification of 33 coefficients from four records of 20
-    s.
+    """Return the row with the time to identify 33 coefficients from four records of 20 s.
 
     The records have 50 samples a second. The search begins with each coefficient 50 % off.
     """

@@ -48,11 +48,11 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """Return the rows of `hfa trim` and `hfa --help` in new processes and the import of
-    python-control.
+    """Return the rows of `hfa trim` and `hfa --help` in new processes.
 
-    The first round, which writes the bytecode of the modules, is not counted. The limits are the
-    times of Python processes in which NumPy starts no threads, as in `hfa`.
+    The peer is the import of python-control. The first round, which writes the bytecode of the
+    modules, is not counted. The limits are the times of Python processes in which NumPy starts no
+    threads, as in `hfa`.
     """
     repeats = 1 if quick else 5
     environment = dict(os.environ)
@@ -309,7 +309,10 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """Return the row of one trim with its linear model, called from Python, and python-control."""
+    """Return the row of one trim with its linear model, called from Python.
+
+    The peer is python-control.
+    """
     flexible = aircraft()
     system = peer_system()
 

@@ -23,8 +23,7 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """Return the row of one proof of the GTM's region of attraction, from the command to its
-    report.
+    """Return the row of one proof of the GTM's region of attraction by the command.
 
     The limit is the time of the Cholesky factorizations of the interior-point method.
     """

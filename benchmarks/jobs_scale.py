@@ -70,18 +70,14 @@ def _growth(job: str, quick: bool) -> list[Growth]:
 
 
 def _points(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that trims at `count` dihedral angles from 0 to 20 degrees and stores the
-    trims.
-    """
+    """Return a function that stores trims at `count` dihedral angles from 0 to 20 degrees."""
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     plan = SweepPlan({"dihedral": steps}, hfa.aircraft())
     return lambda: stream_sweep(plan, folder / "store.zarr")
 
 
 def _flights(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that simulates `count` flights in turbulence with the exact gain and stores
-    them.
-    """
+    """Return a function that stores `count` flights in turbulence with the exact gain."""
     plan = gain_plan(count, duration=0.1)
     return lambda: stream_members(plan, folder / "store.zarr")
 
@@ -110,8 +106,9 @@ def _states(count: int, folder: Path) -> Callable[[], object]:
 
 
 def random_game(states: int, seed: int = 0) -> hfa.Game:
-    """Return a random game with one input for every three states, at least one, and two
-    disturbances.
+    """Return a random game with one input for every three states and two disturbances.
+
+    A game of one or two states has one input.
     """
     rng = np.random.default_rng(seed)
     inputs = max(1, states // 3)

@@ -176,7 +176,7 @@ def jobs() -> dict[str, str]:
 
 
 def rows_of(job: str, quick: bool) -> list[Row | Growth]:
-    """Measure one job and return its figures."""
+    """Measure one job and return its rows."""
     module = importlib.import_module(f"benchmarks.jobs_{jobs()[job]}")
     found: list[Row | Growth] = module.JOBS[job](quick)
     return found
@@ -197,8 +197,7 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
 
 
 def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
-    """Return the figures of the run with the median ratio, and the extreme ratios of all runs, for
-    JSON.
+    """Return the run with the median ratio, and the extreme ratios of all runs, for JSON.
 
     runs: the same row in each run
     name: name of the job
@@ -276,9 +275,7 @@ def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
 
 
 def limit_text(figure: Mapping[str, Any]) -> str:
-    """Return the ratio of our time to the limit, with the limit's description, or "–" without a
-    limit.
-    """
+    """Return the ratio of our time to the limit, and what the limit is, or "–" without a limit."""
     limit = figure["limit"]
     if limit is None:
         return "–"
@@ -354,7 +351,7 @@ def show(data: Mapping[str, Any]) -> None:
 
 
 def with_table(page: str, table: str) -> str:
-    """Return the page with its table that has the same header replaced by this table."""
+    """Return the page with this table in place of its table with the same header."""
     heads = table.splitlines()[0]
     before, found, after = page.partition(heads)
     assert found, f"the page has no table {heads}"

@@ -21,8 +21,7 @@ class Extras:
     aliases: name in another program -> name in the model
     notes: sentences for every report
     parts: suffix -> linear states. The measurable quantity OUTPUT_suffix is the part of an output
-        that
-        these states, the inputs and the disturbances cause.
+        that these states, the inputs and the disturbances cause.
     variants: names of other equations, which a design may treat differently
 
     range: state -> (largest absolute value, source). Larger values cause a warning.

@@ -43,9 +43,7 @@ class Layout(NamedTuple):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: states, or the outputs that replace them, and
-        inputs.
-        """
+        """Names of the variables of a trim: inputs, and states or the outputs that replace them."""
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
 
@@ -69,7 +67,7 @@ class Layout(NamedTuple):
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
         """Raise BadInputError for a variable that affects the equations only in steps.
 
-        All derivatives with respect to such a variable are 0, although the equations depend on it.
+        All derivatives with respect to such a variable are 0.
 
         jacobian: (m, k), with a column for each of `names`
         """
@@ -125,8 +123,7 @@ class Layout(NamedTuple):
     def in_variables(
         self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
     ) -> list[ca.SX]:
-        """Return x, u, f and the named outputs without disturbance, as functions of a trim's
-        variables.
+        """Return x, u, f and the named outputs without disturbance, in the variables of a trim.
 
         A state in `replaced` is computed from the output y that replaces it, x = (value - y(0)) /
         (dy/dx).
@@ -135,8 +132,7 @@ class Layout(NamedTuple):
         p: parameters
         outputs: names of outputs or states
 
-        Raises BadInputError if a replacing output is not affine in its state or does not depend on
-        it.
+        Raises BadInputError if a replacing output does not depend on its state in an affine way.
         """
         unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
         x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
@@ -170,8 +166,7 @@ def components(vector: Any) -> list[Any]:
 
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Return the symbols [x, u, p, w], and f and the outputs by name as expressions of these
-    symbols.
+    """Return the symbols [x, u, p, w], and f and the outputs by name as expressions.
 
     still: whether the disturbances are 0. The symbol w is then omitted.
 
@@ -244,8 +239,7 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as a scalar expression. Raises BadInputError if it is not a
-    scalar.
+    """Return a rate or an output as a scalar expression. Raises BadInputError for a vector.
 
     kind: "rate" or "output", for messages
     """

@@ -121,8 +121,7 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the entry point for the scheme of a text, else for its longest known suffix, else
-    None.
+    """Return the entry point for the scheme of a text, else for its longest suffix, else None.
 
     The text after a "?" is an argument of the reader.
     """

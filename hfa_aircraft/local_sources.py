@@ -79,11 +79,11 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """Add a file, and the local files that it imports, to `sources` as path -> content. Return
-    `sources`.
+    """Add a file, and the local files that it imports, to `sources`, and return `sources`.
 
     package: package of the file
     folder: folder below which files are local
+    sources: path -> content
     """
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):

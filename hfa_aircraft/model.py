@@ -1,6 +1,4 @@
-"""Declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w): the single source of its equations
-and names.
-"""
+"""Declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w)."""
 
 from __future__ import annotations
 
@@ -50,11 +48,9 @@ class Model(Reported):
     steady: states whose rates are zero in a trim, by default all
     linear: states of the linear model, by default all
     schedule: state, input or parameter over which sweeps, gain schedules and proofs run
-    modes: name of a mode -> states that dominate it; by default derived from names and units of
-        states
-        (`usual_modes`)
-    replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma; the
-        output must be affine in the state
+    modes: name of a mode -> states that dominate it, by default those of `usual_modes`
+    replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma. The
+        output must be affine in the state.
     extras: additional data, set by a reader of files or by the HFA
 
     Raises BadInputError if there are no states, if a name is unknown, declared twice or not an
@@ -177,9 +173,7 @@ class Model(Reported):
         return signals_report(self)
 
     def __reduce__(self) -> Any:
-        """Return the data of a pickle: `extras.made_by` with its arguments, or all fields without
-        it.
-        """
+        """Return the data of a pickle: `extras.made_by` with its arguments, or all fields."""
         extras = self.extras
         if extras.made_by is None:
             return super().__reduce__()
@@ -230,9 +224,7 @@ class Model(Reported):
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: states, or the outputs that replace them, and
-        inputs.
-        """
+        """Names of the variables of a trim: inputs, and states or the outputs that replace them."""
         return self.layout.variables
 
     @cached_property
@@ -242,8 +234,9 @@ class Model(Reported):
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """Names of the quantities that a controller can measure: states, outputs and parts of
-        outputs.
+        """Names of the quantities that a controller can measure.
+
+        They are states, outputs and parts of outputs.
         """
         parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
@@ -297,9 +290,7 @@ class Model(Reported):
         }
 
     def unit(self, name: str) -> str:
-        """Return the unit of a signal, a parameter or a rate. Raises BadInputError for an unknown
-        name.
-        """
+        """Return the unit of a signal or a rate. Raises BadInputError for an unknown name."""
         if name in self.signals:
             return self.signals[name].unit
         refuse_unknown("unknown name", name, (*self.signals, *self.rates))
@@ -311,10 +302,9 @@ class Model(Reported):
 
     @cached_property
     def time_unit(self) -> str:
-        """Unit of time: the first of "min", "h" and "day" that the declared units contain, else
-            "s".
+        """The first of "min", "h" and "day" that the declared units contain, else "s".
 
-        If the declared units also contain "s", the unit of time is "s".
+        If the declared units contain "s", the result is "s".
         """
         bases = set()
         for signal in self.signals.values():
@@ -478,9 +468,7 @@ class Model(Reported):
 
 
 def _is_identifier(name: Any) -> bool:
-    """Return whether a name is an ASCII identifier, is not a Python keyword, and does not begin
-    with _.
-    """
+    """Return whether a name is an ASCII identifier without leading _ and not a keyword."""
     if not isinstance(name, str) or keyword.iskeyword(name):
         return False
     return name.isidentifier() and name.isascii() and name[0] != "_"

@@ -27,9 +27,7 @@ def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarr
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:
-    """Return a value converted from an English unit to SI if the model was converted, else
-    unchanged.
-    """
+    """Return a value in an English unit, converted to SI if the model was converted."""
     return value if model.extras.native is None else value * si_factor(unit)
 
 

@@ -18,9 +18,9 @@ class Signal(NamedTuple):
     The names of the fields are those of FMI 3 and casadi.DaeBuilder.
 
     unit: text, "1" for a dimensionless signal
-    nominal: typical magnitude, > 0; it scales unknowns and residuals of different units
+    nominal: typical magnitude, > 0, which scales unknowns and residuals of different units
     min, max: domain of the equations, and limits of a trim
-    start: value of a parameter; initial value of a trim search for a state or an input
+    start: value of a parameter, or initial value of a state or an input in a trim search
     rate: typical magnitude of a state's rate, by default the nominal
     moving: note on omitted dynamics between an input and the motion
 

@@ -42,7 +42,5 @@ class StatesAndInputs:
         return self.model.units(self.input_names)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the result as an `xarray.Dataset` with names and units. The package xarray is
-        required.
-        """
+        """Return the result as an `xarray.Dataset` with names and units. This needs xarray."""
         return part(PARTS, "dataset.xarray", "to_xarray")(self)

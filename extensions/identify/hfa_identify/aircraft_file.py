@@ -13,11 +13,10 @@ if TYPE_CHECKING:
 
 
 def aircraft_text(found: Identified) -> str:
-    """Return the TOML text of an aircraft file with the estimates, their bands and their
-    covariance.
+    """Return the TOML text of an aircraft file with the estimates, bands and covariance.
 
     The file refers to the aircraft file from which the model was loaded. Estimated errors of
-    columns are in [sensors].
+    columns are in [sensors]. [covariance] is omitted if it is not finite.
 
     Raises BadInputError if the model was not loaded from a file.
     """

@@ -36,8 +36,7 @@ _GONE = 1e-3
 
 
 def white_covariance(fit: Fit) -> np.ndarray:
-    """Return the (p, p) Cramér-Rao bound for white residuals: the inverse of the information
-    matrix.
+    """Return the (p, p) Cramér-Rao bound for white residuals: the inverse information matrix.
 
     The noise variances are those of the residuals, times N / (N - number of unknowns). The variance
     of a parameter is inf if no sample depends on the parameter, or if its information is lost in
@@ -50,17 +49,13 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _enlarged(fit: Fit) -> float:
-    """Return N / (N - number of unknowns), which converts the variance of residuals to that of
-    noise.
-    """
+    """Return N / (N - number of unknowns), the ratio of noise variance to residual variance."""
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> int:
-    """Return the number of fitted unknowns: parameters, and initial states that the records
-    determine.
-    """
+    """Return the number of parameters and of initial states that the records determine."""
     starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
     return len(fit.theta) + int(sum(starts))
 
@@ -190,7 +185,7 @@ def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return Σ_i Σ_j S_i' r(i - j) S_j for one quantity.
 
     S: sensitivities of consecutive samples, (N, p)
-    covariance: r at lags 0, 1, ...; r is 0 at greater lags
+    covariance: r at lags 0, 1, ..., and 0 at greater lags
     """
     from scipy.signal import oaconvolve
 
@@ -325,9 +320,7 @@ def sums_of_products(values: np.ndarray) -> np.ndarray:
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
-    """Return the fraction of lags 1 to `LAGS` with an autocorrelation in the 95 % band of white
-    noise.
-    """
+    """Return the fraction of lags in the 95 % band of white noise, of the first `LAGS` lags."""
     correlation = autocorrelation(residual, present)[1 : LAGS + 1]
     limit = BAND / np.sqrt(max(1, int(present.sum())))
     return float((np.abs(correlation) < limit).mean())
@@ -359,8 +352,7 @@ def unexplained(fit: Fit) -> np.ndarray:
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples of a quantity and its residuals, two lists with an (N,) per
-    record.
+    """Return the measured samples of a quantity, and the residuals, each (N,) per record.
 
     place: index of the quantity
     """

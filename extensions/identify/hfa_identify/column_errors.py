@@ -41,11 +41,9 @@ class ColumnError(Result):
     unit: unit of `value` and `half`.
     moves: parameter that such an error shifts most, relative to the parameter's band.
     bands: shift of this parameter by an error of size `half`, in half-widths of the parameter's
-        band,
-        or None if `value` is None.
+        band, or None if `value` is None.
     shift: shift of this parameter by the estimated error, in half-widths of the parameter's band, 0
-        if
-        `value` is None.
+        if `value` is None.
     """
 
     value: float | None
@@ -132,8 +130,7 @@ def _estimated(search: Search) -> dict[str, SensorError]:
     These errors are omitted:
     - an error that the search estimates
     - an error that the model does not support
-    - the scale error or delay of a constant input; a scale error would act as a second bias, and a
-      delay has no effect
+    - the scale error or delay of a constant input
     """
     responses = search.responses
     steady = search.steady_inputs()
@@ -158,21 +155,20 @@ def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarra
 
 
 def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
-    """Return the derivatives of a record's measured quantities with respect to errors, (N, k,
-    errors).
+    """Return the derivatives (N, k, errors) of a record's measured quantities.
 
     number: index of the record
+    errors: column errors with respect to which the quantities are differentiated
     """
     return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
 
 
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
-    """Return the derivative of a record's measured quantities with respect to one column error, (N,
-    k).
+    """Return the derivative (N, k) of a record's measured quantities by one column error.
 
     An error c changes the column by c d, where d is 1 for a bias, the column for a scale, and minus
-    its time derivative for a delay. The correction of an input also changes the simulation. In
-    turbulence the correction of any column changes the predictions.
+    the column's time derivative for a delay. The correction of an input also changes the
+    simulation. In turbulence the correction of any column changes the predictions.
 
     number: index of the record
     """

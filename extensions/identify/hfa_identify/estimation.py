@@ -372,8 +372,9 @@ def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Yield (name, name, coefficient) of each pair of estimates correlated by more than
-    `_CORRELATED`.
+    """Yield (name, name, coefficient) of each pair of strongly correlated estimates.
+
+    The magnitude of the coefficient is greater than `_CORRELATED`.
 
     C: covariance of the estimates, (p, p)
     """

@@ -60,8 +60,7 @@ def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str
 
 
 def _still(search: Search, name: str) -> str:
-    """Return the state or input on which the effect of a parameter depends most, if it did not
-    move.
+    """Return the motionless state or input on which a parameter's effect depends most, or "".
 
     The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample of the first
     record. The result is "" if the state or input moved in a record, or if the derivative is 0.

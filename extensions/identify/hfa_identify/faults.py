@@ -164,14 +164,16 @@ class _Freed:
 def sensor_fault(
     search: Search, fit: Fit, errors: Mapping[str, ColumnError], freed: Mapping[str, _Freed]
 ) -> str:
-    """Return a sentence on the column error or given parameter that explains the residuals best, or
-    "".
+    """Return a sentence on the column error or given parameter that explains residuals best, or "".
 
-    A column error is considered if its estimate exceeds `_OBVIOUS` standard deviations, or if it
-    exceeds `_SEEN` standard deviations and shifts a parameter by more than `_MATTERS` of its band.
-    The sentence names one alternative if it explains the residuals equally well. If the errors
-    include a delay and the other interpolation of the inputs fits better, the sentence recommends
-    this interpolation.
+    A column error is considered in two cases:
+    - The estimate exceeds `_OBVIOUS` standard deviations.
+    - The estimate exceeds `_SEEN` standard deviations and shifts a parameter by more than
+      `_MATTERS` of the parameter's band.
+
+    The sentence also names an alternative that explains the residuals equally well. If a delay is
+    considered and the other interpolation of the inputs fits better, the sentence recommends this
+    interpolation.
 
     errors: name of a column error -> its estimate by one Newton step from 0
     freed: given parameter -> fit in which it is an unknown, if the records contradict its value
@@ -211,8 +213,7 @@ def sensor_fault(
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with the other interpolation of the inputs: steps for linear, linear for
-    steps.
+    """Return the fit with the other interpolation of the inputs: steps or linear.
 
     The original fit is returned if this search diverges or does not converge.
     """
@@ -232,13 +233,12 @@ def _with_value(search: Search, name: str, value: float) -> str:
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Return whether a column error can be due to a sensor.
+    """Return whether a sensor can have this column error.
 
-    - bias: if it is less than the largest magnitude of the column
-    - scale error: if it is between -0.5 and 1
-    - delay: always
-
-    Greater errors indicate motion that the model lacks.
+    A greater error indicates motion that the model lacks. These errors are plausible:
+    - a bias smaller than the largest magnitude of the column
+    - a scale error between -0.5 and 1
+    - any delay
     """
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
@@ -254,11 +254,11 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
 def _clear(
     search: Search, fit: Fit, names: Sequence[str], tests: int
 ) -> Iterator[tuple[str, _Freed]]:
-    """Yield (name, fit) of each additional unknown whose estimate differs significantly from its
-    value.
+    """Yield (name, fit) of each additional unknown with a significant estimate.
 
-    The probability that chance causes such a difference in any of `tests` unknowns is at most
-    `_CHANCE`. Nothing is yielded if `fit` did not converge.
+    The estimate differs from the initial value of the unknown. The probability that chance causes
+    such a difference in any of `tests` unknowns is at most `_CHANCE`. Nothing is yielded if `fit`
+    did not converge.
 
     names: unknowns to be added to the fit, one at a time
     tests: number of unknowns that are tested in total
@@ -321,12 +321,12 @@ def fault_of_columns(
     errors: Mapping[str, ColumnError],
     progress: Callable[[float, float], None] | None,
 ) -> str:
-    """Return the wrong sign or unit of a column, or the exchange of two, that explains the records,
-    or "".
+    """Return the faults of columns that explain the records, joined by "or", or "".
 
-    A fault explains the records if its correction makes them clearly more likely, or nearly as
-    likely with parameters closer to their initial values. Faults that explain the records equally
-    well are joined by "or". A fit without signs of a faulty column returns "".
+    A fault is a wrong sign or unit of a column, or the exchange of two columns. It explains the
+    records if they are clearly more likely after its correction, or nearly as likely with
+    parameters closer to their initial values. Only faults that explain the records equally well are
+    returned. The result is "" if the fit shows no sign of a faulty column.
 
     fit: None if the simulation diverges
     errors: name of a column error -> its estimate by one Newton step from 0
@@ -386,11 +386,10 @@ def _tried(
     windows: int,
     progress: Callable[[float, float], None] | None,
 ) -> list[tuple[float, _Undone, Search, np.ndarray]]:
-    """Return (level, correction, search, unknowns in calm air) of each candidate, the least level
-    first.
+    """Return (level, correction, search, unknowns in calm air) of each candidate.
 
     The level is L after a few Gauss-Newton steps on short windows, plus a penalty on the change of
-    the parameters. Candidates whose simulation diverges are omitted.
+    the parameters. The least level is first. Candidates whose simulation diverges are omitted.
 
     steps: largest number of Gauss-Newton steps
     windows: approximate largest number of windows

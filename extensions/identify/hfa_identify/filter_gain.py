@@ -1,14 +1,13 @@
-"""Steady-state Kalman gain of a model in turbulence, and its derivatives with respect to the
-unknowns.
+"""Steady-state Kalman gain of a model in turbulence, and its derivatives by the unknowns.
 
 Between samples the covariance P of the predicted states follows P⁺ = Φ P Φ' + Q, with
-Φ = exp(A Δt) and Q = ∫ exp(A s) W exp(A s)' ds. At a sample it decreases by K C P, with
+Φ = exp(A Δt) and Q = ∫ exp(A s) W exp(A s)' ds. At a sample P decreases by K C P, with
 
     S = C P C' + R,   K = P C' S⁻¹,   S = T D T'.
 
 T is unit lower triangular, and D is diagonal. v = T⁻¹ (z - y) are the innovations of the measured
-quantities, processed one after the other. They are uncorrelated with variances D. W is the power of
-the turbulence, and R is the diagonal covariance of the sensor noise.
+quantities, processed one after the other. The innovations are uncorrelated with variances D. W is
+the power of the turbulence, and R is the diagonal covariance of the sensor noise.
 
 Sources: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 5; B. D.
 O. Anderson, International Journal of Control 28 (1978) 295-306 (doubling).
@@ -139,8 +138,7 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
 def _predicted_covariance(
     Phi: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> np.ndarray:
-    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0, computed by
-    doubling.
+    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0.
 
     The result is finite even for a model with a drifting unobservable state, which has no steady P.
     """

@@ -171,8 +171,7 @@ class OutputError:
     by_motion: whether the variance of each quantity's motion replaces its noise variance. Far from
         the minimum, motion is then not treated as noise.
     is_rough: whether integration steps may be long. The sensitivities after the last Gauss-Newton
-        step
-        are then not computed.
+        step are then not computed.
     """
 
     def __init__(
@@ -239,8 +238,7 @@ class OutputError:
     def _lowered(
         self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
     ) -> tuple[int, Fit | None]:
-        """Return the index of the first trial whose step does not raise L, and the fit after this
-        step.
+        """Return the index of the first trial whose step does not raise L, and the fit after it.
 
         Each trial has a damping and a part of the step. The fit is None if every trial raises L or
         fails.
@@ -269,8 +267,9 @@ class OutputError:
         return len(_TRIALS), None
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
-        """Return the simulation and L for these parameters and initial states, marked as not
-        converged.
+        """Return the simulation and L for these parameters and initial states.
+
+        The result is marked as not converged.
 
         steps: number of Gauss-Newton steps so far
 
@@ -416,12 +415,11 @@ class OutputError:
         return normal.information
 
     def _solved(self, found: Fit, damping: float) -> Step:
-        """Return the Gauss-Newton step of the parameters (p,) and of each record's initial state
-        (n,).
+        """Return the Gauss-Newton step of the parameters (p,), and of the initial states (n,) each.
 
         A parameter keeps its value in two cases:
-        - It is at a bound and the step points outward.
-        - The records do not determine it within its bounds.
+        - The parameter is at a bound and the step points outward.
+        - The records do not determine the parameter within its bounds.
 
         damping: Levenberg's factor on the diagonal of the normal equations
         """
@@ -454,7 +452,7 @@ class OutputError:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Return the pseudoinverse of a symmetric matrix, after scaling it to a unit diagonal."""
+    """Return the pseudoinverse of a symmetric matrix, computed with a unit diagonal."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
@@ -476,9 +474,7 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
 
 
 def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution x of matrix x = right, with the matrix scaled to a unit
-    diagonal.
-    """
+    """Return the least-squares solution x of matrix x = right, after scaling to a unit diagonal."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
@@ -490,8 +486,7 @@ _TOGETHER = 64
 
 
 def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return one' other, computed in small blocks so that the linear algebra library uses one
-    thread.
+    """Return one' other, computed in blocks for which the linear algebra library uses one thread.
 
     one, other: tables with many rows and few columns
     """

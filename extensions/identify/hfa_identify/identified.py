@@ -91,13 +91,11 @@ class Identified(Result, Reported):
         Newton step.
     faults: sentences on faults of the records that explain residuals.
     other_minimum: name -> estimate at a second minimum that explains the records equally well,
-        empty
-        if none was found.
+        empty if none was found.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
         if the parts agree.
     turbulence: disturbed state -> standard deviation of its random change in 1 s, empty if
-        turbulence
-        was not estimated.
+        turbulence was not estimated.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
     plan: maneuvers that would narrow the bands further, the best first.
@@ -192,8 +190,7 @@ class Identified(Result, Reported):
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most between the two minima, and its value at the
-        second.
+        """Return the parameter that differs most between the minima, and its value at the second.
 
         The difference is relative to the parameter's band.
         """
@@ -209,8 +206,7 @@ class Identified(Result, Reported):
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 
-        PASS also lists errors of columns that are assumed to be 0 because parameters can compensate
-        them.
+        PASS is followed by the errors of columns that are assumed to be 0.
         """
         stated = self._stated
         if stated:
@@ -228,7 +224,7 @@ class Identified(Result, Reported):
     def _stated(self) -> list[str]:
         """The findings in the first line: the two most important, or one if the line is too long.
 
-        If the records have faults, only faults are listed, because they can cause the other
+        If the records have faults, only faults are listed, because a fault can cause other
         findings.
         """
         findings = list(self.faults[:2]) or list(self.findings)[:2]
@@ -323,8 +319,7 @@ class Identified(Result, Reported):
         )
 
     def _assumed(self) -> list[str]:
-        """Return a list with a sentence on the column errors that are assumed to be 0, or an empty
-        list.
+        """Return a list with a sentence on the column errors assumed to be 0, or an empty list.
 
         The records cannot distinguish these errors from changes of parameters.
         """

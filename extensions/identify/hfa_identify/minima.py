@@ -61,12 +61,11 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
 
 
 def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
-    """Return values of the unknowns (p,) near which a second minimum may lie, the most promising
-    first.
+    """Return values of the unknowns (p,) near which a second minimum may lie, the best first.
 
-    Each differs from the fit in one parameter. The parameter has a value for which the state
-    derivatives along the simulation are similar. If no such value exists, it has the negative of
-    its estimate, provided that L is lower there than at 0.
+    Each differs from the fit in one parameter. This parameter has a value for which the state
+    derivatives along the simulation are similar. Without such a value, the parameter has the
+    negative of its estimate, provided that L is lower there than at 0.
     """
     least = search.level(fit.theta, fit.starts)
     flown = [
@@ -99,8 +98,7 @@ def _with(fit: Fit, place: int, value: float) -> np.ndarray:
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield (multiple, ratio) for each local minimum of `different` other than the one at multiple
-    1.
+    """Yield (multiple, ratio) for each local minimum of `different` away from multiple 1.
 
     The ratio is the value at the minimum divided by the largest value between this minimum and
     multiple 1. Only minima with a ratio below `_FALL` are yielded.

@@ -38,15 +38,14 @@ _MOST = 10
 
 @dataclass(frozen=True)
 class Manoeuvre(Result):
-    """A maneuver that starts at the trim of the identified aircraft, and the bands expected after
-    it.
+    """A maneuver from the trim of the identified aircraft, and the bands expected afterwards.
 
     kind: "doublet", "3-2-1-1" or "multisine".
     input: the input that moves.
     amplitude: amplitude of the input.
     unit: unit of the amplitude.
     seconds: duration of the unit step of a doublet or 3-2-1-1, or of the complete multisine, s.
-    widest: parameter whose band is widest after the maneuver, relative to its value.
+    widest: parameter whose band is widest after the maneuver, relative to the parameter's value.
     before: present half-width of this band, percent of the parameter.
     after: half-width of this band with the maneuver in addition, percent of the parameter.
     """

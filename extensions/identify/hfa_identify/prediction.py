@@ -105,8 +105,7 @@ class Prediction(Simulation):
     y: predicted quantities, (N, k). Each is predicted from all earlier samples and from the
         preceding quantities in the same sample.
     innovations: measured values minus predictions from earlier samples alone, (N, k), 0 for a
-        missing
-        sample.
+        missing sample.
     present: 1 for a measured sample, 0 for a missing one, (N, k).
     """
 
@@ -164,9 +163,7 @@ class Predictions(Responses):
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether a column error can be an unknown, which excludes delays of measured
-        quantities.
-        """
+        """Return whether a column error can be an unknown: not delays of measured quantities."""
         return error.kind != "delay" or error.column in self.model.inputs
 
     def compile(self) -> None:
@@ -190,8 +187,9 @@ class Predictions(Responses):
     # Filter gain.
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the variances of the innovations, (k,), and the derivatives of their logarithms,
-        (k, p).
+        """Return the variances of the innovations, and the derivatives of their logarithms.
+
+        The shapes are (k,) and (k, p).
         """
         gain, slopes = self._gain(theta)
         return gain.variances, slopes.logarithms

@@ -192,8 +192,7 @@ class Responses:
     def _true_inputs(
         self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
     ) -> list[ca.SX]:
-        """Return the true inputs as expressions of the recorded inputs and the unknown errors of
-        columns.
+        """Return the true inputs as expressions of recorded inputs and unknown column errors.
 
         Bias and scale error are corrected exactly, a delay to first order.
 
@@ -276,8 +275,7 @@ class Responses:
     def _delay_slopes(
         self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
     ) -> None:
-        """Apply the delays to the sensitivities in place, and set the derivatives with respect to
-        delays.
+        """Apply the delays to the sensitivities in place, and set the derivatives by delays.
 
         y: quantities without delays, (N, k)
         slopes: sensitivities without delays, (N, k, p + n)
@@ -325,8 +323,9 @@ class Responses:
         return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue at the initial state, 1/s, or 0 if it is
-        not finite.
+        """Return the largest magnitude of an eigenvalue at the initial state, 1/s.
+
+        The result is 0 if the Jacobian is not finite.
         """
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest[None])
@@ -424,9 +423,7 @@ class Responses:
         return states
 
     def _advance(self, steps: int) -> BoundFunction:
-        """Return a function that maps a state to the states after each of `steps` integration
-        steps.
-        """
+        """Return the function of a state -> states after each of `steps` integration steps."""
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
@@ -463,8 +460,7 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state derivatives x', (N, n), and their derivatives dx'/d(x, θ), (N, n, n +
-        p).
+        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p).
 
         states: (N, n)
         inputs: (N, m)

@@ -73,8 +73,9 @@ class Search:
         by_motion: bool = False,
         most_windows: int = 0,
     ) -> Fit:
-        """Return the fit of short windows in calm air, with as few samples as the integration
-        needs.
+        """Return the fit of short windows in calm air, with samples as sparse as permissible.
+
+        The integration step limits the time between samples.
 
         most_steps: largest number of Gauss-Newton steps
         by_motion: whether the variance of the motion replaces the noise variance

@@ -63,9 +63,9 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     The times are those of the measured quantity with the most samples. Samples of other measured
     quantities are assigned to the nearest of these times. Inputs keep their last value.
 
-    table: TOML file that defines the columns, or None, which is refused
+    table: TOML file that defines the columns
 
-    Raises BadInputError if the table is missing, the log or the table is wrong, or pyulog is
+    Raises BadInputError if the table is None, if the log or the table is wrong, or if pyulog is
     missing.
     """
     if table is None:

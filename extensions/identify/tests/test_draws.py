@@ -130,9 +130,7 @@ def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
 
 
 def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
-    """For a gain of the wrong sign, the exit code is 1 and 0 of 10 drawn aircraft are reported as
-    stable.
-    """
+    """For a gain of the wrong sign, the exit code is 1 and no aircraft is reported as stable."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     game = hfa.game(linear, np.ones(8), np.ones(4), delta=np.inf)
@@ -272,11 +270,9 @@ def test_drawn_aircraft_are_flown(folder, capsys):
 
 
 def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
-    """Unstable linear loops of drawn aircraft fail, although their flights of 0.1 s stay within
-    limits.
+    """Unstable linear loops of drawn aircraft fail, although their flights stay within limits.
 
-    This is tested with a gain and with a network of the same slope. With a delay the linear loop is
-    not reported.
+    A gain and a network of the same slope are tested. With a delay the linear loop is not reported.
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))

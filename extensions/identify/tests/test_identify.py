@@ -94,8 +94,7 @@ def true_value(name):
 
 
 def test_the_true_parameters_lie_within_the_bands():
-    """From initial values 50 % off, the estimates agree with the true parameters within their
-    covariance.
+    """From initial values 50 % off, the estimates agree with the true parameters.
 
     (θ - true)' C⁻¹ (θ - true) has a chi-square distribution with 7 degrees of freedom. It exceeds
     24.3 once in 1000 cases. Each band is narrower than 30 % of its estimate.
@@ -329,9 +328,7 @@ def late(values, samples=2):
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
-    """A planted fault of a column is reported, although free parameters can partly compensate the
-    fault.
-    """
+    """A planted fault of a column is reported, although free parameters partly compensate it."""
     wrong = record(seed=11)
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
@@ -438,10 +435,9 @@ def lag(rates, start):
 
 
 def test_signs_that_explain_alike_are_both_named():
-    """For a linear model with a wrong sign of the input, wrong signs of input and state are
-    reported.
+    """For a linear model, a wrong sign of the input and of the state are reported together.
 
-    The record cannot distinguish the two faults.
+    Only the sign of the input is wrong. The record cannot distinguish the two faults.
     """
     model, columns = lag(lambda u, k, x: u - k * x, 1.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
@@ -509,9 +505,7 @@ def test_a_record_without_motion_is_named(coloured, moved):
 
 
 def test_noise_slower_than_the_manoeuvre_fails():
-    """Noise with a time constant of about a second is reported, because it is beyond the
-    correction.
-    """
+    """Noise with a time constant of about a second is reported as beyond the correction."""
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(2000)
     slow = lfilter([1.0], [1.0, -0.985], noise)[-len(columns["x"]) :]
@@ -521,8 +515,7 @@ def test_noise_slower_than_the_manoeuvre_fails():
 
 
 def test_errors_of_sensors_are_estimated():
-    """Planted biases, scale errors and delays are estimated within 1.3 times the width of their
-    bands.
+    """Planted biases, scale errors and delays are within 1.3 band widths of their estimates.
 
     The report prints the bias of an angle in degrees.
     """
@@ -632,7 +625,7 @@ def test_wrong_names_are_refused():
 def written(path, columns, units):
     """Write columns to a CSV file.
 
-    units: column -> unit in degrees, written in the head; its values are converted from radians
+    units: column -> unit in degrees, to which the column is converted from radians
     """
     heads = [f"{name} [{units[name]}]" if name in units else name for name in columns]
     table = np.column_stack(

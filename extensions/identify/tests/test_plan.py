@@ -31,9 +31,7 @@ def planned():
 
 
 def flown(model, manoeuvre):
-    """Return the columns of a simulated doublet or 3-2-1-1 maneuver with noise, sampled every 40
-    ms.
-    """
+    """Return the columns of a simulated doublet or 3-2-1-1 maneuver with noise, at 25 Hz."""
     point = hfa.find_operating_point(model)
     lengths = {"doublet": (1, 1), "3-2-1-1": (3, 2, 1, 1)}[manoeuvre.kind]
     edges = 0.5 + manoeuvre.seconds * np.concatenate([[0], np.cumsum(lengths)])

@@ -94,7 +94,7 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """Return {"min": value, "max": value} of an element, rad, or None if it does not exist.
+        """Return {"min": value, "max": value} of an element, rad, or None without this element.
 
         kind: name of the element
         """
@@ -126,11 +126,12 @@ class Aerodynamics:
         return ca.SX.eye(3)
 
     def _force(self, at_center: bool) -> ca.SX:
-        """Return the force that acts at the reference point or at the center of gravity, body axes,
-        lb.
+        """Return the force at the reference point or at the center of gravity, body axes, lb.
 
         In every frame except BODY, the first component is positive aft and the third is positive
         up.
+
+        at_center: True for the force at the center of gravity
         """
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
         if self._force_frame != "BODY":
@@ -145,9 +146,7 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Return the lift, lb, or the lift of the previous frame in a simulation with JSBSim's
-        frames.
-        """
+        """Return the lift, lb, which in JSBSim's frames is the lift of the previous frame."""
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()
@@ -157,9 +156,7 @@ class Aerodynamics:
         return (self._known_lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
-        """Return the force, lb, and the moment about the center of gravity, ft lb, body axes, (3,)
-        each.
-        """
+        """Return the force, lb, and the moment about the center of gravity, ft lb, body axes."""
         force = self._force(at_center=False)
         sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
         moment = ca.mtimes(self._to_body(self._moment_frame), sums)
@@ -181,7 +178,7 @@ def _frames(element: Element | None) -> tuple[str, str]:
     """Return the frame of the forces and the frame of the moments.
 
     Forces are in WIND, BODY, AXIAL or STABILITY axes, moments in BODY, STABILITY or WIND axes. The
-    first axis that defines a frame determines it.
+    first axis that defines a frame determines the frame.
 
     Raises BadInputError for an unknown frame.
     """

@@ -1,7 +1,4 @@
-"""JSBSim's properties of atmosphere, airflow, velocity and attitude.
-
-They follow `FGStandardAtmosphere` and `FGAuxiliary`.
-"""
+"""Atmosphere, airflow, velocity and attitude (`FGStandardAtmosphere`, `FGAuxiliary`)."""
 
 from __future__ import annotations
 
@@ -86,7 +83,7 @@ def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
 class Winds:
     """Velocity of the air relative to the ground in north, east and down, ft/s, (3,) each.
 
-    steady: steady wind; the states are relative to it
+    steady: steady wind, to which the states are relative
     gusts: gusts at the aircraft, relative to the steady wind, or None in calm air
     """
 

@@ -159,9 +159,7 @@ class Equations:
         return 0.0
 
     def _throttles(self) -> list[str]:
-        """Return the names of the throttles: one for each engine if throttles are separate, else
-        one.
-        """
+        """Return the names of the throttles: one for each engine, or one for all."""
         if self.parts.choices.throttles and self.parts.engines:
             return [f"throttle{file.number}" for file in self.parts.engines]
         return ["throttle"]
@@ -292,9 +290,7 @@ class Equations:
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
-        """Return the height of the aerodynamic reference point above the ground, divided by the
-        span.
-        """
+        """Return the height of the aerodynamic reference point, divided by the span."""
         arm = self.mass.arm(self.reference_point(""))
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
@@ -313,8 +309,7 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Use a throttle's position as the input if the control system does not pass on its
-        command.
+        """Use throttle positions as inputs where the control system ignores the throttle commands.
 
         A note reports this to the user.
         """
@@ -390,7 +385,8 @@ class Equations:
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
         """Define the property named by a function or a table, to be computed when it is first read.
 
-        A property in `copyto` must not be read: BadInputError then asks for the function's name.
+        If a property in `copyto` is read, BadInputError is raised, which asks for the function's
+        name.
 
         number: index of the engine that contains the function, or None
         order: position in JSBSim's order of evaluation
@@ -424,9 +420,7 @@ class Equations:
             self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
-        """Define the properties of an engine, and return a writer whose value is the engine's
-        `Effect`.
-        """
+        """Define the properties of an engine and return the writer of the engine's `Effect`."""
         writer = jets.add_engine(file, around, computing(file, around))
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
@@ -515,11 +509,10 @@ class Equations:
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Solve for the time derivatives of alpha and beta, on which forces may depend, and
-        substitute them.
+        """Solve for the time derivatives of alpha and beta, and substitute them.
 
-        One Newton step is exact for linear equations. Otherwise three steps are made, which
-        suffices for quadratic equations.
+        Forces may depend on these derivatives. One Newton step is exact for linear equations.
+        Otherwise three steps are made, which suffices for quadratic equations.
         """
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
@@ -539,8 +532,7 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Replace the wind parameters by the sum of wind, gust and turbulence that the files set,
-        if any.
+        """Replace the wind parameters by the sum of wind, gust and turbulence set in the files.
 
         Raises BadInputError if this wind depends on the states, which are relative to a steady
         wind.
@@ -565,8 +557,8 @@ class Equations:
     def _stop_clock(self) -> None:
         """Set the simulation time to 0.
 
-        A note is added if the time derivatives depend on the simulation time, but not in steady
-        flight.
+        If the time derivatives depend on the simulation time, but not in steady flight, a note is
+        added.
 
         Raises BadInputError if they depend on the simulation time in steady flight.
         """

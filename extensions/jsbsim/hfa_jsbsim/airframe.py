@@ -64,7 +64,7 @@ class Body:
 
     weight: lb.
     location: structural frame, inches.
-    inertia: matrix about its center of gravity, slug ft².
+    inertia: matrix about the center of gravity of this part, slug ft².
     """
 
     weight: Any
@@ -111,9 +111,12 @@ class Tank:
 
 @dataclass(frozen=True)
 class PointMass:
-    """Point mass: weight in lb, location in inches, and inertia about its center in slug ft².
+    """Point mass.
 
-    has_form: whether the inertia is proportional to the weight. Otherwise it is constant.
+    weight: lb.
+    location: structural frame, inches.
+    inertia: matrix about the center of the point mass, slug ft².
+    has_form: whether the inertia is proportional to the weight. Otherwise the inertia is constant.
     """
 
     weight: float

@@ -96,8 +96,7 @@ def _properties() -> dict[str, str]:
 
 
 def access(name: str) -> str:
-    """Return the access rights of a built-in JSBSim property, "R", "RW" or "W", or "" for other
-    names.
+    """Return the access rights "R", "RW" or "W" of a built-in JSBSim property, "" for other names.
 
     Numbers of engines, tanks and wheels in the name are ignored.
     """

@@ -45,7 +45,7 @@ def add_control_systems(
 ) -> None:
     """Define the properties of all components in these sections.
 
-    commands: symbols of the pilot's commands. An integrator that depends on them has no
+    commands: symbols of the pilot's commands. An integrator that depends on a command has no
         steady-state value.
     """
     order = 0
@@ -105,7 +105,7 @@ def _add_component(
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
     """Remove the outputs of a channel whose property `execute` is 0, so that initial values remain.
 
-    Raises BadInputError if `execute` is never set. If it is not constant, reading one of the
+    Raises BadInputError if `execute` is never set. If `execute` is not constant, reading one of the
     outputs raises BadInputError.
     """
     name = channel.attributes["execute"]

@@ -1,5 +1,6 @@
-"""Engines and thrusters (`FGEngine`, `FGThruster`): turbines, rockets, turboprops, electric
-engines.
+"""Engines and thrusters (`FGEngine`, `FGThruster`).
+
+The kinds are turbines, rockets, turboprops and electric engines. `piston.py` adds piston engines.
 """
 
 from __future__ import annotations
@@ -52,8 +53,7 @@ class EngineFile:
     thruster: element of the thruster: propeller, direct or nozzle.
     location: location of the thruster, structural frame, inches.
     feeds: indices of the tanks that feed the engine.
-    dry_of: "fuel" or "oxidizer" if the tanks that feed the engine contain none in the file, else
-        "".
+    dry_of: "fuel" or "oxidizer" if the feeding tanks contain none in the file, else "".
     """
 
     number: int
@@ -153,8 +153,7 @@ class Effect:
 def read_engine(
     number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
 ) -> EngineFile | Element:
-    """Return the engine of an <engine> element, or the element of an unsupported engine or
-    thruster.
+    """Return the engine of an <engine> element, or the element that is not supported.
 
     opened: function that returns the root of the file that an element names
     """
@@ -480,7 +479,7 @@ def _augmented(
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
-    """Return the value of an engine function, or `default` if it does not exist.
+    """Return the value of an engine function, or `default` if the function does not exist.
 
     Raises BadInputError if IdleThrust or MilThrust does not exist.
     """

@@ -16,8 +16,7 @@ class EquationsOfMotion:
 
     still: function (x, u, p) -> (rates, outputs) as columns, without gusts.
     gusty: function without arguments that builds (x, u, p, w) -> (rates, outputs), called when
-        gusts
-        are first not 0.
+        gusts are first not 0.
     jsbsim_steps: function (step, s) -> simulation of the model with JSBSim's frames
         (`frame.Frames`).
     """

@@ -68,8 +68,7 @@ class _FrameEquations(Equations):
         return self.planet_rates
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set the total force, moment, mass and inertia, and the time derivatives of the engine
-        states.
+        """Set the total force, moment, mass and inertia, and the derivatives of the engine states.
 
         air_force, air_moment: aerodynamic loads, lb and ft lb, body axes, (3,) each
         outside: force and moment of the external reactions
@@ -85,9 +84,7 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """Add the values that are stored for the next frame, and the stored values that they
-        require.
-        """
+        """Add the values stored for the next frame, and the stored values on which they depend."""
         memories = self.properties.memories
         done = 0
         while done < len(memories):
@@ -97,9 +94,7 @@ class _FrameEquations(Equations):
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Do nothing, because forces depend on the derivatives of alpha and beta in the previous
-        frame.
-        """
+        """Do nothing, because the derivatives of alpha and beta are those of the previous frame."""
 
     def _stop_clock(self) -> None:
         """Set the simulation time to 0."""
@@ -289,8 +284,8 @@ class Frames:
     def _end_of_frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return loads, engine states and stored values at the end of a frame, as expressions.
 
-        Turbine shafts and blade angles are advanced before the thrust is computed, propeller speeds
-        after it.
+        Turbine shafts and blade angles advance before the thrust is computed, propeller speeds
+        afterwards.
         """
         equations = self._equations
         kept = [f"memory {name}" for name in equations.properties.memories]

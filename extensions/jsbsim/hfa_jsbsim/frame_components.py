@@ -32,15 +32,12 @@ class _Past:
         return ca.if_else(has_begun > 0.0, value, begin)
 
     def input_of_filter(self, component: Element) -> ca.SX:
-        """Return the input of a filter, 0 in the first frame, in which JSBSim does not read the
-        input.
-        """
+        """Return the input of a filter, 0 in the first frame, in which JSBSim does not read it."""
         return self.unless_first(input_of(component, self._properties), 0.0)
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
-    """Return the factor of both inputs and the factor of the last output of a lag (Tustin's
-    method).
+    """Return Tustin's factors of a lag: for both inputs, and for the last output.
 
     rate: corner frequency, 1/s
     step: s

@@ -108,7 +108,7 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
 
 
 def _is_true(value: Any) -> Any:
-    """Return whether a value is true in JSBSim: its magnitude is at least 1e-9."""
+    """Return whether a value is true in JSBSim, with a magnitude of at least 1e-9."""
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 

@@ -38,7 +38,7 @@ class Choices:
     throttles: whether each engine has a separate throttle.
     engines: whether the lags of engines are states. Otherwise engines follow their throttles at
         once.
-    step: duration of JSBSim's frame, s, if the equations are those of a frame; else 0.
+    step: duration of JSBSim's frame, s, or 0 if the equations are not those of a frame.
     """
 
     partial: bool = False

@@ -98,7 +98,7 @@ def piston_power(
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
-    """Return a number from the engine's file, or the value to which a system sets it.
+    """Return a number from the engine's file, or the value that a system sets instead.
 
     default: value if the file does not contain the number
     """
@@ -224,8 +224,7 @@ def _boosted(
 
 
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear of the
-    supercharger.
+    """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear.
 
     The speed is in rpm and the pressures are in Pa. Below the switch pressure of the air the next
     gear is used. Gears from the first invalid one on have the multiplier 1. The list is empty

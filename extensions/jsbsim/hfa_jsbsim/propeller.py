@@ -151,8 +151,9 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches, which the P-factor displaces with the flow
-    angle.
+    """Return the point where the thrust acts, inches.
+
+    The P-factor displaces this point with the flow angle.
 
     location: location of the propeller, inches
     local: airspeed in the axes of the thruster, ft/s, (3,)

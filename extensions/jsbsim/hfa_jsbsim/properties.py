@@ -110,8 +110,7 @@ class Properties:
     """All properties of an aircraft.
 
     unset: property that is read but never set -> file and line where it is first read. As in JSBSim
-        its
-        value is 0.
+        its value is 0.
     notes: notes for the user.
     interpolate: interpolation of tables.
     centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
@@ -206,8 +205,7 @@ class Properties:
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
     def read_commanded(self, name: str) -> Any:
-        """Return a command as JSBSim copies it to the position, before the control system is
-        evaluated.
+        """Return a command as JSBSim copies it to the position.
 
         In frames, a command that a component sets has the value of the previous frame.
         """
@@ -298,7 +296,7 @@ class Properties:
         where: file and line, for messages
 
         Raises LoopError if the value depends on itself through a component. Raises BadInputError if
-        it depends on itself through functions alone, or if functions are nested too deeply.
+        the value depends on itself through functions alone, or if functions are nested too deeply.
         """
         if writer in self._running:
             if self.centered:

@@ -112,8 +112,9 @@ _CHOICES = {
 
 
 def _choices(text: str, partial: bool) -> Choices:
-    """Return the options in the text after a question mark. Raises BadInputError for an unknown
-    one.
+    """Return the options in the text after a question mark.
+
+    Raises BadInputError for an unknown option.
     """
     made = {"partial": partial}
     for word in text.split("&") if text else []:
@@ -164,11 +165,10 @@ def _in_data(name: str, root: Path | None) -> Path:
 
 
 def data_folder() -> Path | None:
-    """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`, or
-    None.
+    """Return the folder of JSBSim's data, or None.
 
-    The folder is $JSBSIM_ROOT, else that of the installed package jsbsim, which is not imported.
-    The result is None without both.
+    The folder contains `aircraft`, `engine` and `systems`. It is $JSBSIM_ROOT, else the folder of
+    the installed package jsbsim, which is not imported. Without both the result is None.
 
     Raises BadInputError if $JSBSIM_ROOT contains no folder `aircraft`.
     """
@@ -405,8 +405,7 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest speed at which a propeller is in equilibrium, rpm, or 0 without
-        equilibrium.
+        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
 
         values: name -> value; other variables have their declared initial values
         """

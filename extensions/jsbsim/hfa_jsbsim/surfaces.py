@@ -43,10 +43,10 @@ def names_read_by(element: Element) -> list[str]:
 def cut_surfaces(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
 ) -> list[Note]:
-    """Make surfaces inputs whose commands act through an integrator or a closed loop, and return
-    notes.
+    """Make surfaces inputs whose commands act through an integrator or a closed loop.
 
-    Other properties that depend on such a command have their values for centered controls.
+    Other properties that depend on such a command have their values for centered controls. Returns
+    notes for the user.
 
     names: properties on which the aerodynamic forces depend
     inputs: inputs by name. A surface replaces the command of the same name.
@@ -90,8 +90,9 @@ def _surface(name: str) -> str:
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
-    """Return the limits of the component that sets a surface, rad for an angle, infinite if
-    unknown.
+    """Return the limits of the component that sets a surface, infinite if unknown.
+
+    The limits of an angle are in rad.
 
     sign: 1, or -1 if the surface moves opposite to its input
     """

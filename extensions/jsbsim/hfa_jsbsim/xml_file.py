@@ -133,7 +133,7 @@ class Element:
         raise self.error(f'<{self.name}> has the unit "{shortened(own_unit)}"; give it in {unit}')
 
     def as_number(self, text: str) -> float:
-        """Return the number in a text. Raises BadInputError if it is not a finite number."""
+        """Return the number in a text. Raises BadInputError for other text and infinite numbers."""
         value = number_of(text)
         if value is None:
             raise self.error(f"<{self.name}> contains {shortened(text)!r}; give a number")
@@ -147,8 +147,9 @@ class Element:
         return default if child is None else child.number(unit)
 
     def vector(self, unit: str) -> np.ndarray:
-        """Return the numbers in the children x, y, z or roll, pitch, yaw, (3,), 0 for a missing
-        one.
+        """Return the numbers in the children x, y, z or roll, pitch, yaw, (3,).
+
+        A missing child counts as 0.
 
         unit: unit of the result
         """
@@ -196,7 +197,7 @@ _FACTORS = {
 
 
 def number_of(text: str) -> float | None:
-    """Return the number in a text, in C's format, or None if it is not a number."""
+    """Return the number in a text, in C's format, or None for other text."""
     try:
         return float(text) if text.isascii() and "_" not in text else None
     except ValueError:
@@ -345,8 +346,9 @@ class Folders:
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
-        """Return the path of the file that an element names, found in the same folders as in
-        JSBSim.
+        """Return the path of the file that an element names.
+
+        The same folders are searched as in JSBSim.
 
         name: name in the element
 

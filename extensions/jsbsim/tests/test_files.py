@@ -269,8 +269,7 @@ def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
 
 
 def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
-    """If the stick acts through an integrator, the surface is the input, with the limits of
-    <clipto>.
+    """If the stick acts through an integrator, the surface is the input, limited by <clipto>.
 
     In trim, the surface position is the angle of attack with the opposite sign.
     """

@@ -87,8 +87,8 @@ def ours_at(model, point, answer):
 def misses(name, count):
     """Return the largest differences from JSBSim at random points, (4,).
 
-    They are the relative differences of translational acceleration, angular acceleration and
-    thrust, and the largest relative acceleration of a propeller, which is 0 in JSBSim.
+    The first three are the relative differences of translational acceleration, angular acceleration
+    and thrust. The last is the largest relative acceleration of a propeller, which is 0 in JSBSim.
     """
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, count)
@@ -154,9 +154,7 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
 def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
-    """If the elevator is a surface input, the pitch acceleration agrees at JSBSim's surface
-    position.
-    """
+    """If the elevator is a surface input, the pitch acceleration at JSBSim's position agrees."""
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:

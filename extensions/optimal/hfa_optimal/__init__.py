@@ -1,3 +1,1 @@
-"""Optimal flights of a nonlinear aircraft to its trim, proposed by collocation and then
-simulated.
-"""
+"""Optimal flights of a nonlinear aircraft to its trim: proposed by collocation, then simulated."""

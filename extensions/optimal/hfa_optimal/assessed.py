@@ -30,11 +30,10 @@ def best_costs(
     progress: Progress,
     certificate: Path | None = None,
 ) -> BestCosts:
-    """Return the costs of a deployed policy, and of the linear optimum, relative to the best
-    flights.
+    """Return the costs of a deployed policy relative to the best flights.
 
-    The flights begin at `count` random initial conditions in the box of an assessed trim. The best
-    flights are the cheapest that were found.
+    The costs of the linear optimum are included. The flights begin at `count` random initial
+    conditions in the box of an assessed trim. The best flights are the cheapest that were found.
 
     deployed: the policy, with the cost for which it was trained
     assessed: the assessed trim

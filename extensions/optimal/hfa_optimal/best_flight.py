@@ -38,8 +38,7 @@ class PolicyFlight(Result):
     converges: whether the flight converges to the trim.
     cost: cost of the flight, or None if the flight does not converge.
     over_best: cost of the flight divided by the cost of the best flight found, or None if the
-        flight
-        does not converge or no best flight was found.
+        flight does not converge or no best flight was found.
     departure: first departure from the envelope (state, time, value, limit), or None if the flight
         stays within.
     saturated: names of saturated inputs.
@@ -107,9 +106,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def lower_bound(self) -> float | None:
-        """Proved lower bound of the cost from this initial condition, or None without a
-        certificate.
-        """
+        """Proved lower bound of the cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
     @property
@@ -131,9 +128,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs, either on the last two meshes or from different
-        guesses.
-        """
+        """Largest relative difference of the costs on two meshes, or from different guesses."""
         return self.found.spread
 
     @property
@@ -174,9 +169,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def policies(self) -> Sequence[PolicyFlight]:
-        """Flights of policies from the same initial condition. The first is the saturated linear
-        optimum.
-        """
+        """Flights of policies from the same initial condition, first the saturated linear one."""
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
@@ -195,9 +188,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return (self.found.linear, *self.others)
 
     def report(self) -> Report:
-        """Return the report: costs and outcomes of the flight and the policies, bounds and
-        limits.
-        """
+        """Return the report: costs and outcomes of all flights, bounds and limits."""
         rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated("best flight found", self.saturated)]
         for flown, policy in zip(self.compared, self.policies, strict=True):
@@ -300,7 +291,7 @@ def bracket_of(
     """Return the bounds of the least cost from an initial condition.
 
     bound: the proved lower bound
-    z: initial deviations from the trim, (n,)
+    z: initial deviations from the trim, (k,)
     start: the same deviations by name
     cost: cost of the best flight found, or None
     """
@@ -345,23 +336,22 @@ def best_flight(
     limits: Mapping[str, Any] | None = None,
     bound: str | Path | None = None,
 ) -> BestFlight:
-    """Return the flight of least cost ∫ z'Qz + v'Rv dt that was found from an initial condition to
-    a trim.
+    """Return the cheapest flight that was found from an initial condition to a trim.
 
-    z and v are the deviations from the trim. Collocation proposes the flight. The proposal is
-    accepted if a simulation confirms it.
+    The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
+    proposes the flight. The proposal is accepted if a simulation confirms it.
 
     model: the aircraft
     point: trim at which the flight ends
-    initial: state of the linear model -> deviation from the trim, in the units of the model; or
+    initial: state of the linear model -> deviation from the trim, in the units of the model, or
         another trim
-    Q, R: weights, as `hfa.game` accepts them; R is the weight of the moving inputs
+    Q, R: weights, as `hfa.game` accepts them. R is the weight of the moving inputs.
     start: earlier name of `initial`, accepted for one version
     seconds: horizon, s; by default long enough for a negligible cost after it
-    inputs: inputs that move, by default all; the others are constant
+    inputs: inputs that move, by default all. The others are constant.
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
-    bound: certificate of `hfa prove cost`, which is verified; its bound is `.lower_bound` of the
-        result
+    bound: certificate of `hfa prove cost`. It is verified, and its bound is `.lower_bound` of the
+        result.
 
     Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
     is too short, and a certificate about other flights. Raises NoSolutionError if no flight was

@@ -61,8 +61,7 @@ class Proposal(NamedTuple):
     z: deviations of the followed states at the collocation points, (N, DEGREE, followed).
     v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m).
     cost: cost by quadrature at the collocation points, plus the tail. From a `TimeProgram` it is
-        the
-        time, s.
+        the time, s.
     tail: linear cost after the last interval.
     feasible: whether all unknowns are finite and satisfy the collocation equations.
     """
@@ -183,9 +182,7 @@ def adapted_mesh(
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
-    """Return the row that maps values at points to the leading coefficient of the polynomial
-    through them.
-    """
+    """Return the row that maps values at points to the leading coefficient of their polynomial."""
     return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
 
 

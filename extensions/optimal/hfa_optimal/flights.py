@@ -79,9 +79,7 @@ class Flown(NamedTuple):
         return ", ".join(words)
 
     def outcome(self) -> str:
-        """Return the outcome in words, with the state and the limit of a departure from the
-        envelope.
-        """
+        """Return the outcome in words, with the state and limit of a departure."""
         if self.departure is None:
             return "converges" if self.converges else "does not converge"
         left = self.departure.text()

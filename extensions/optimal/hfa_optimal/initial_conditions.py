@@ -41,8 +41,7 @@ class StartFlights(Result):
     cost: cost of the best flight, or None if no flight was found.
     reason: reason why no flight was found, or None if one was found.
     spread: largest relative difference of the costs between meshes or guesses, or None if no flight
-        was
-        found.
+        was found.
     linear_cost: cost z'Pz of the linear model without limits.
     policies: flights of the policies, the saturated linear optimum first.
     bracket: bounds of the least cost, or None without a certificate.
@@ -60,9 +59,7 @@ class StartFlights(Result):
 
     @property
     def lower_bound(self) -> float | None:
-        """Proved lower bound of the cost from this initial condition, or None without a
-        certificate.
-        """
+        """Proved lower bound of the cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
 
@@ -75,8 +72,7 @@ class PolicySummary(Result):
     left: number of flights that left the envelope.
     converged: number of flights that converge to the trim, within the envelope or not.
     median: median of the cost relative to the best flights found, over the flights that converge,
-        or
-        None if none converges.
+        or None if none converges.
     high: 90 % quantile of this relative cost, or None if no flight converges.
     worst: largest value of this relative cost, or None if no flight converges.
     """
@@ -119,16 +115,12 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def refused(self) -> int:
-        """Number of initial conditions without a best flight: none was found, or the simulation
-        refutes it.
-        """
+        """Number of initial conditions from which no flight was found and confirmed."""
         return self.starts - self.found
 
     @property
     def policies(self) -> Sequence[PolicySummary]:
-        """Summary of each policy's flights, over the initial conditions from which a best flight
-        was found.
-        """
+        """Summary of each policy's flights, from initial conditions with a best flight."""
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
@@ -139,16 +131,12 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def _bounded(self) -> list[Bracket]:
-        """Bounds of the least cost for initial conditions with a best flight and a positive lower
-        bound.
-        """
+        """Bounds of the least cost, where a best flight and a positive lower bound exist."""
         brackets = [each.bracket for each in self.flights if each.bracket is not None]
         return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
 
     def report(self) -> Report:
-        """Return the report: number of flights found, cost ratios of the policies, refused flights,
-        limits.
-        """
+        """Return the report: flights found, cost ratios of policies, refused flights, limits."""
         whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
         found = f"found from {self.found}" if self.found else "none found from 0"
         title = f"Best flights, {whose}: {found} of {self.starts}"

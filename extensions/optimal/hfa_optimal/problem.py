@@ -116,8 +116,9 @@ class FlightProblem:
         return [names.index(name) for name in self.followed]
 
     def padded(self, z: np.ndarray) -> np.ndarray:
-        """Return the deviations of the followed states, (..., followed), with the carried states at
-        0.
+        """Return the deviations of the followed states, (..., followed).
+
+        Carried states that `z` lacks are 0.
 
         z: (..., k) or (..., followed)
         """
@@ -185,16 +186,12 @@ class FlightProblem:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """True if the optimizer uses smoothed equations, because the equations have tables or
-        kinks.
-        """
+        """True if the equations have tables or kinks, which are smoothed for the optimizer."""
         return self.smooth_rates is not self.rates
 
     @cached_property
     def smooth_rates(self) -> ca.Function:
-        """The function `rates` with tables and kinks smoothed, or `rates` itself if nothing is
-        smoothed.
-        """
+        """The function `rates` with smoothed tables and kinks, or `rates` itself without kinks."""
         of_states, of_inputs = self.sizes
         pairs = zip(self.state_limits, self.input_limits, strict=True)
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -209,9 +206,7 @@ class FlightProblem:
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """CasADi function (followed states, v) -> dense Jacobian of `smooth_rates`, in nominal
-        values.
-        """
+        """CasADi function (followed states, v) -> Jacobian of `smooth_rates`, in nominal values."""
         at = ca.SX.sym("at", self.smooth_rates.numel_in(0))
         slopes = ca.densify(ca.jacobian(self.smooth_rates(at), at))
         return ca.Function("slopes", [at], [slopes], {"cse": True})

@@ -98,9 +98,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def box(self) -> Mapping[str, float]:
-        """State -> half-width of the box about the trim within which the flight counts as
-        arrived.
-        """
+        """State -> half-width of the box within which the flight counts as arrived."""
         return dict(zip(self.problem.states, arrival_box(self.proposal).tolist(), strict=True))
 
     @property
@@ -111,9 +109,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def saturated(self) -> Sequence[str]:
-        """Inputs that reach their limit in the proposal, which is narrowed by the fraction
-        `reserve`.
-        """
+        """Inputs that in the proposal reach a limit, narrowed by the fraction `reserve`."""
         lowest, highest = self.problem.input_limits
         used = 1.0 - 1.01 * self.reserve
         at_limit = (self.proposal.v <= used * lowest) | (self.proposal.v >= used * highest)
@@ -141,9 +137,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return envelope_pairs(self.problem)
 
     def report(self) -> Report:
-        """Return the report: duration, deviations at start and arrival, saturated inputs, and
-        limits.
-        """
+        """Return the report: duration, deviations, saturated inputs, and limits."""
         rows = []
         most = largest_deviations(self.proposal)
         for name, farthest in zip(self.problem.states, most.tolist(), strict=True):
@@ -200,9 +194,7 @@ def largest_deviations(proposal: Proposal) -> np.ndarray:
 
 
 def arrival_box(proposal: Proposal) -> np.ndarray:
-    """Return the half-widths of the box about the trim within which a flight counts as arrived,
-    (k,).
-    """
+    """Return the half-widths of the box within which a flight counts as arrived, (k,)."""
     return ARRIVED * largest_deviations(proposal)
 
 

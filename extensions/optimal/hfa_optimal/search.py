@@ -1,6 +1,4 @@
-"""Search for the best flight: proposals from several guesses and meshes, confirmed by
-simulation.
-"""
+"""Search for the best flight: proposals from several guesses and meshes, and their simulation."""
 
 from __future__ import annotations
 
@@ -95,9 +93,7 @@ class Found(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs, either on the last two meshes or from different
-        guesses.
-        """
+        """Largest relative difference of the costs on two meshes, or from different guesses."""
         return max(self.spread_of_meshes, self.spread_of_guesses)
 
     @property
@@ -312,8 +308,7 @@ class BestFlights:
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
     ) -> dict[str, Proposal]:
-        """Return name of a guess -> proposal on the coarsest mesh, for the guesses that IPOPT
-        solves.
+        """Return name of a guess -> feasible proposal on the coarsest mesh.
 
         Further guesses are tried if the first guesses lead to different optima or IPOPT fails for
         one.
@@ -357,8 +352,7 @@ class BestFlights:
         adapted: list[tuple[Proposal, Proposal]],
         price: float = 1.0,
     ) -> dict[str, Proposal]:
-        """Return name of a guess -> proposal on the coarsest mesh, for the guesses that IPOPT
-        solves.
+        """Return name of a guess -> feasible proposal on the coarsest mesh.
 
         A first proposal on a geometric mesh is solved again on a mesh that is adapted to this
         proposal.
@@ -401,9 +395,7 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the square roots of the diagonals of P, (k,), and R, (m,): the weights for
-        `adapted_mesh`.
-        """
+        """Weights for `adapted_mesh`: the square roots of the diagonals of P, (k,), and R, (m,)."""
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 
@@ -471,9 +463,7 @@ def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
 
 
 def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Return the names of at most `_FOLLOWED` proposals with different costs, the cheapest
-    first.
-    """
+    """Return the names of at most `_FOLLOWED` proposals with different costs, cheapest first."""
     chosen: list[str] = []
     for name in _cheapest_first(proposals):
         dearest = proposals[chosen[-1]].cost if chosen else 0.0

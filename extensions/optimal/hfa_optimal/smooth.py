@@ -1,6 +1,6 @@
 """Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
 
-Near a kink its two branches are blended. Elsewhere the copy equals the function. The width of the
+Near a kink the two branches are blended. Elsewhere the copy equals the function. The width of the
 blend is a fraction of the spread of the kink's argument over given points, so that the copy does
 not depend on units.
 """
@@ -43,7 +43,7 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 
 @dataclass(frozen=True)
 class _Kink:
-    """Smoothing of a kink, which is where its argument is 0.
+    """Smoothing of a kink at the zero of an argument.
 
     width: half-width, or 0 if the kink has no blend.
     levels: the two values of an argument that has only two values, else None.
@@ -143,8 +143,7 @@ class _Replay:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
-        """Return the value of an instruction, and whether it is a smooth value that replaces a
-        truth value.
+        """Return the value of an instruction, and whether it is a smooth truth value.
 
         number: index of the instruction
         code: code of its operation
@@ -177,8 +176,7 @@ class _Replay:
         return middle + half if code == ca.OP_FMAX else middle - half
 
     def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
-        """Return the value of a logical operation, and whether it is a smooth value between 0 and
-        1.
+        """Return the value of a logical operation, and whether it is a smooth truth value.
 
         With smooth operands a and b:
         - not a is 1 - a

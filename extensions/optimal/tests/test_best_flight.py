@@ -111,8 +111,7 @@ def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
 
 
 def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
-    """The simulation confirms the proposal and refutes one with a wrong cost and one with wrong
-    inputs.
+    """The simulation confirms the proposal, and refutes wrong costs and wrong inputs.
 
     A proposal after which the linear policy leaves the limits must not end there.
     """
@@ -180,9 +179,7 @@ def test_the_initial_condition_has_two_names_for_one_version() -> None:
 
 
 def test_an_input_that_does_not_move() -> None:
-    """An input that is not selected is constant. With both inputs the cost is lower by 10 % or
-    more.
-    """
+    """An input that is not selected is constant. With both inputs the cost is 10 % lower."""
     forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
     model = replace(
         cart(),

@@ -35,8 +35,9 @@ def moved() -> QuickestFlight:
 
 
 def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
-    """The quickest time of a double integrator over the distance d is 2 sqrt(d / u_max), within 0.5
-    %.
+    """The quickest time of a double integrator over a distance d is at least 2 sqrt(d / u_max).
+
+    The time found exceeds this least time by at most 0.5 %.
     """
     least = 2.0 * np.sqrt(8.0 / 2.0)
     assert least <= moved.seconds <= 1.005 * least

@@ -76,8 +76,7 @@ def test_what_cannot_be_smooth_stays():
 
 @pytest.mark.slow
 def test_an_aircraft_with_tables_flies_its_true_equations():
-    """For an aircraft with tables, the simulation with its exact equations has nearly the proposed
-    cost.
+    """For an aircraft with tables, the simulation with exact equations has the proposed cost.
 
     The difference is at most 0.5 %. The smoothed rates differ from the exact rates by less than 5
     %.

@@ -19,8 +19,7 @@ _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 
 
 def spread_of_file(path: str, model: Model) -> ParameterSpread:
-    """Return the uncertain parameters given by [covariance] in an aircraft file, in the model's
-    units.
+    """Return the uncertain parameters given by [covariance] in an aircraft file.
 
     Raises BadInputError if [covariance] is missing or is not a covariance of parameters.
     """

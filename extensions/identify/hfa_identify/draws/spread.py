@@ -79,9 +79,7 @@ class Draws(Result):
 
     @property
     def first_line(self) -> str:
-        """One line with the numbers of trimmed or stable aircraft and, with a gain, its largest
-        cost.
-        """
+        """Numbers of trimmed and stable aircraft in one line, with the largest cost of a gain."""
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
             return (
@@ -204,8 +202,9 @@ class DrawnAircraft:
         return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
 
     def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
-        """Return the number of stable loops A - B K, and the band of the eigenvalues' largest real
-        part.
+        """Return the number of stable loops, and the band of the eigenvalues' largest real part.
+
+        The loops are A - B K.
 
         own: largest real part for the given aircraft, 1/s
         drawn: linear models of the drawn aircraft

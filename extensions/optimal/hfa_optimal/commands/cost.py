@@ -32,9 +32,7 @@ _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Arguments of `hfa prove cost`: flights whose cost is bounded from below, or a certificate to
-    verify.
-    """
+    """Arguments of `hfa prove cost`."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)

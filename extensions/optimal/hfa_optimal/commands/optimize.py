@@ -35,7 +35,7 @@ _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Arguments of `hfa optimize`: one initial condition or many, and the final trim."""
+    """Arguments of `hfa optimize`."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -116,9 +116,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return replace(self, at=at, hold={**self.hold, **held})
 
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
-        """Return the initial trim if --to is given, else the initial deviations from the final
-        trim.
-        """
+        """Return the initial trim if --to is given, else the initial deviations."""
         if self.to:
             return self.operating_point(problem.model)
         return self.deviations
@@ -209,8 +207,9 @@ def _one(
     pilots: list[Pilot],
     bound: CostStatement | None,
 ) -> int:
-    """Search for the best flight from one initial condition, print its report, return the exit code
-    0.
+    """Search for the best flight from one initial condition, and print its report.
+
+    Returns the exit code 0.
     """
     from hfa_optimal.best_flight import BestFlight, bracket_of
     from hfa_optimal.search import AFTER
