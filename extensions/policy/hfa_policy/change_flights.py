@@ -152,8 +152,9 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """Return the gain K of the sampled optimum u = -K x at the first trim, or None without an
-        optimum.
+        """Return the gain K of the sampled optimum u = -K x at the first trim, or None.
+
+        The result is None without an optimum. Weights of outputs are ignored.
         """
         from scipy.linalg import LinAlgError, solve_discrete_are
 
@@ -242,8 +243,9 @@ class ChangeFlights:
         limits.
 
         Both results are (N,). The cost is the sum of x'Qx + u'Ru over the windows, with the largest
-        deviations from trim in each window. For a flight that leaves the limits, the cost of that
-        window is also counted for each remaining window.
+        deviations from trim in each window. Weights of outputs are ignored. For a flight that
+        leaves the limits, the cost of that window is also counted for each remaining window. All
+        costs are limited to [`_LEAST`, `_MOST`].
 
         owners: (N,), index of each flight's trim
         seconds: duration of a flight, s

@@ -304,8 +304,7 @@ class Deployed:
 
     @cached_property
     def command_slopes(self) -> ca.Function:
-        """Function (X, U, trim) -> (commanded U, its derivatives with respect to X (m, n) and U (m,
-        m)).
+        """Function (X, U, trim) -> (commanded U, derivatives by X (m, n), derivatives by U (m, m)).
 
         The argument U is the input just before the sample.
         """

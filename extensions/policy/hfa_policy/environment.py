@@ -95,7 +95,8 @@ def vector_environment(
 
     The other arguments are those of `environment`.
 
-    Raises BadInputError if Stable-Baselines3 is missing, and the errors of `environment`.
+    Raises BadInputError if Stable-Baselines3 is missing or `count` is not a positive integer, and
+    the errors of `environment`.
 
     >>> import hfa
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP

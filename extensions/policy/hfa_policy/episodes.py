@@ -38,9 +38,10 @@ class Stepped(NamedTuple):
 
     observations: (N, k), of all samples of the history, the oldest first.
     rewards: (N,), negative cost of the sample.
-    lost: (N,), True if the aircraft is outside its limits or its state is not a number.
+    lost: (N,), True if the aircraft is outside its limits, or if a command or the next state is not
+        a number.
     over: (N,), True if the duration of the episode has elapsed.
-    left: index of a lost episode -> text with the state, its limit and the time.
+    left: index of a lost episode -> text with the reason and the time.
     """
 
     observations: np.ndarray

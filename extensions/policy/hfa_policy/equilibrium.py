@@ -36,8 +36,8 @@ class Frames(NamedTuple):
     K: (m', k), -∂u/∂x, with x the linear states at the present sample.
     K_inputs: (m', m'), ∂u/∂u_before, with u_before the inputs just before that sample.
     past: (m', p), derivatives of u with respect to the earlier observations, the oldest first.
-    C: (observations, k), slopes of an observation with respect to the states.
-    D: (observations, m'), slopes of an observation with respect to the inputs.
+    C: (observations, k), slopes of an observation with respect to the linear states.
+    D: (observations, m'), slopes of an observation with respect to the commanded inputs.
     """
 
     K: np.ndarray

@@ -116,7 +116,10 @@ class SampledFlight:
 
     @property
     def early(self) -> float:
-        """Time after a sample, s, during which the earlier of two delayed commands still acts."""
+        """Time after a sample, s, during which the earlier of two delayed commands still acts.
+
+        The time is 0 for a delay of complete samples.
+        """
         rest = self.delay - self.whole * self.dt
         return rest if rest > _WHOLE * self.dt else 0.0
 
@@ -216,7 +219,7 @@ class SampledFlight:
     def window(self, flights: int, seconds: float) -> Window:
         """Return the function that advances rows by a window.
 
-        The function is machine code if flights * seconds / dt is at least `COMPILE_FROM`.
+        The function is compiled if flights * seconds / dt is at least `COMPILE_FROM`.
 
         flights: number of flights
         seconds: duration of a flight, s

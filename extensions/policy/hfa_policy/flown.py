@@ -116,7 +116,8 @@ class DeployedPolicy(Policy):
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
     """Return the policy of a deployment file about a trim.
 
-    Warnings and errors are those of `flown_deployment`.
+    Warnings are those of `flown_deployment`. Raises the errors of `Deployment.load` and
+    `flown_deployment`.
     """
     return flown_deployment(Deployment.load(path), point, f"of {path}")
 
@@ -165,7 +166,8 @@ def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: Operatin
     """Return the scenario with the duration, tick and step that a policy requires.
 
     The duration is a whole number of ticks. With moving air or actuators, a step is at most
-    `_FINE`. Otherwise the steps are those of `hfa assess`.
+    `_FINE`. Otherwise the steps are those of `hfa assess`. Raises BadInputError unless sample time
+    and delay are multiples of a microsecond.
     """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)

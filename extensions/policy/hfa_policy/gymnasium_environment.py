@@ -133,6 +133,9 @@ class AircraftEnvironment(gymnasium.Env):
         elapsed, and `info`.
 
         action: (m,), clipped to the box
+
+        Raises BadInputError if the action has another shape, contains NaN, or does not consist of
+        numbers.
         """
         if type(action) is not np.ndarray or action.dtype.kind != "f":
             action = numbers_in("an action", action)

@@ -20,7 +20,7 @@ _MOST_PARTS = 1000
 
 
 def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
-    """Return the number of integration steps in a sample, at least 1.
+    """Return the number of integration steps in a sample, from 1 to `_MOST_PARTS`.
 
     The number follows from the fastest mode of the aircraft over the trims.
 

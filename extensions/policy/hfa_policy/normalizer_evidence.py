@@ -114,7 +114,7 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
     original observation. With a VecNormalize, each column of the last observation is a linear
     function of the original one. Without a VecNormalize, the original is the observation one sample
     earlier. With too few environments for a linear function, only implausibly large changes are
-    evidence.
+    evidence. Without a stored last and original observation, the result is NONE.
     """
     if stored.last is None or stored.last_original is None:
         return _Training.NONE
@@ -175,7 +175,7 @@ def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
     At equal checkpoints, the normalizer has counted one observation per environment more than the
     policy. A second call of `learn` restarts the policy's count. The result is therefore False if
     the normalized last observations agree with those of the policy. The result is also False if the
-    counts or the last observations are unknown.
+    normalizer's count or the policy's last observations are unknown.
     """
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False

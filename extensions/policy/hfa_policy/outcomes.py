@@ -131,7 +131,8 @@ class Outcome(Result):
     starts: number of flights.
     returned: number of flights that converged. Such a flight is within the ball about the
         equilibrium at the end, or earlier for half a period of the slowest oscillation and two
-        windows. If a mode diverges, only the end counts.
+        windows. If a mode diverges, only the end counts, and the distance must not grow before the
+        end.
     lost: number of flights that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
@@ -305,7 +306,8 @@ class FlownRows:
         """Return the distance from the equilibrium and the swing of each flight in a window.
 
         The distance (N,) is the largest in the window. The swing (N, k) is half the range of each
-        linear state. Both are in half-widths of the ball in which a flight counts as converged.
+        linear state, or 0 for a state that does not count. Both are in half-widths of the ball in
+        which a flight counts as converged.
 
         rows: rows of the flights after the window
         flying: indices of the flights
@@ -367,8 +369,9 @@ class FlownRows:
         return cycling
 
     def swings(self) -> np.ndarray:
-        """Half the range of each linear state in the last window, (N, k), or 0 for a state out of
-        reach.
+        """Half the range of each linear state in the last window, (N, k).
+
+        The value is 0 for a state that does not count.
         """
         _, _, low_X, high_X, *_ = self.flight.slices
         moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
@@ -546,8 +549,9 @@ def ends_from_trim(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate flights that begin at their trims, for at most `seconds`.
 
-    Returns the final X (N, n) and the final acting inputs (N, m). The flights end early if no state
-    changes by more than `_STILL` of its nominal value from the start to the end of a window.
+    Returns the final X (N, n) and the final acting inputs (N, m). All flights end early if no state
+    of any flight changes by more than `_STILL` of its nominal value from the start to the end of a
+    window.
     """
     model = points[0].model
     still = _STILL * np.array([model.signals[name].nominal for name in model.states])

@@ -116,8 +116,8 @@ def left_alone(
 ) -> OwnMode | None:
     """Return the slow mode of the aircraft that the policy hardly changes, or None.
 
-    The slowest eigenvalue of the sampled loop differs by at most 10 % from the eigenvalue of this
-    mode.
+    The eigenvalue of this mode is the closest to the slowest eigenvalue of the sampled loop. The
+    difference is at most 10 %.
 
     slowest: eigenvalue of the sampled loop with the largest absolute value
     dt: sample time, s

@@ -176,7 +176,8 @@ class _Trial:
     def named(self) -> Iterator[Mistake]:
         """Yield the best change of each kind, the best first, at most `_MOST_NAMED`.
 
-        Nothing is yielded if the delay alone explains the flights.
+        A change that costs `_AS_GOOD` times as much as the best change is omitted. Nothing is
+        yielded if the delay alone explains the flights.
         """
         if self._is_only_late():
             return
@@ -238,9 +239,13 @@ class _Trial:
     def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
         """Return whether a change is to be reported.
 
-        The change must be clearly better than the file as written, and the training's record must
-        not contradict it. Unless this record supports the change, neither a change of gain nor the
-        absence of control may be about as good.
+        - Most flights converge with the change, and it is clearly better than the file as written.
+        - The training's record does not contradict the change.
+        - Unless this record supports the change, neither a change of gain nor the absence of
+          control is about as good.
+        - A change of order reduces the cost to a third. Its flights converge if they end in the box
+          (`Flown.into_box`).
+        - A change of a map is clearly better than weaker actions.
 
         flown: results with the change
         of_gains: results of the file as written, without control, and with other gains
@@ -277,9 +282,9 @@ class _Trial:
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
         """Return a list with the longest shorter sample time at which the policy is clearly better.
 
-        At this sample time, the flights are good, and their cost is at most a third. The list is
-        empty if no sample time qualifies. A sample time does not qualify if a change of gain has
-        clearly lower cost, because the gain of the policy is then too high.
+        At this sample time, most flights converge, and their cost is at most a third. The list is
+        empty if no sample time qualifies. A sample time does not qualify if a change of gain, at
+        either sample time, has clearly lower cost, because the gain of the policy is then too high.
 
         of_gains: results at the sample time of the file, the first of the file as written
         """

@@ -114,7 +114,9 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entry of an action with the box of the entry `place`."""
+    """Return the entry of an action with the box of `place`, or without a box if that entry lacks
+    one.
+    """
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 

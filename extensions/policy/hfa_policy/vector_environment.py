@@ -55,9 +55,9 @@ class AircraftVectorEnvironment(VecEnv):
         """Advance all episodes by one sample and restart the episodes that ended.
 
         Returns observations, rewards, flags of ended episodes, and an `info` for each episode. For
-        an ended episode, `info` contains the last observation, whether the duration elapsed, and
-        return, length and time of the episode. If the aircraft left its limits, `info` also
-        contains the reason.
+        an ended episode, `info` contains the last observation, whether the duration elapsed, the
+        episode's return and length, and the time since the environment was created. If the aircraft
+        left its limits, `info` also contains the reason.
         """
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)

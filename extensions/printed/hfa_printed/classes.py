@@ -322,7 +322,8 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
     """Return the known mistake that explains the printed answer, or "".
 
-    A mistake must explain every digit, or most of the error of a learned answer.
+    The other time also counts as a mistake. A mistake must explain every digit, or most of the
+    error of a learned answer.
 
     P: P of the exact answer
     """

@@ -103,9 +103,10 @@ class Plant:
     def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
         """Return a stack of plants, one for each value of an entry.
 
-        A, B, E, Q and R are (N, ...). In Q and R the mirrored entry is changed too.
+        A, B, E, N, Q and R of the result have a first axis for the values. In Q and R the mirrored
+        entry is changed too.
 
-        values: (N,)
+        values: (count,)
         """
         fields: dict[str, Any] = {}
         for key in "ABENQR":

@@ -117,7 +117,9 @@ class View(NamedTuple):
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:
-    """Yield mistakes of weights: order, missing factor 2, half the cost, or two exchanged weights.
+    """Yield mistakes of weights: order, missing factor 2, half the cost, two exchanged weights.
+
+    Half the cost alone is omitted.
 
     weights: (M,)
     exact: exact P, (n, n)

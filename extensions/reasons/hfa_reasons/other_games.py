@@ -356,9 +356,9 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
     """Return the parameter of a family for which the difference from the critic is smallest, or
     None.
 
-    The search is by least squares, within the limits of the family. The result is None if the
-    relative difference is above `explained`, and above `_REACHED` times that at the best initial
-    value.
+    The search is by least squares, within the limits of the family. The result is None if no game
+    exists at the initial values. The result is also None if the relative difference is above
+    `explained`, and above `_REACHED` times that at the best initial value.
 
     explained: part of the difference that the search may leave
     """

@@ -147,7 +147,7 @@ def fill_store(
     progress: called with (chunks done, total chunks), first at the start
 
     Raises BadInputError if the store exists and `resume` is False, or if `resume` is True and the
-    store is damaged or belongs to another job or version.
+    store is missing, damaged, or of another job or version.
     """
     store = path.resolve()
     chunks = job.chunks
@@ -241,7 +241,10 @@ def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
 
 
 def _zarr() -> ModuleType:
-    """Import Zarr without its environment variables, which could change the format of a store."""
+    """Return Zarr, imported without its environment variables.
+
+    These variables could change the format of a store. They are removed from the process.
+    """
     for name in [name for name in os.environ if name.startswith("ZARR_")]:
         del os.environ[name]
     import zarr

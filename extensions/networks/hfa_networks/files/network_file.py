@@ -385,7 +385,7 @@ def _unknown_place(norm: Layer) -> BadInputError:
 
 
 def _follows(before: Layer, layer: Layer) -> bool:
-    """Return whether the numbers in the names of two layers are consecutive.
+    """Return whether two layers have names of one kind with consecutive last numbers.
 
     No activation acts between such layers, because a torch.nn.Sequential counts activations too.
     """

@@ -539,7 +539,7 @@ def _evaluated(
     """Return the outputs of a node and the precision of its constant.
 
     The precision is "float64" if the node contains no constant. Raises BadInputError for an
-    unsupported operator.
+    unsupported operator, input or attribute, and for a result that is too large.
 
     operators: name -> function of the operator
     arrays: name -> array of each result so far

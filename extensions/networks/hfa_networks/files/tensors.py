@@ -42,7 +42,8 @@ _TYPES = {
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
     """Return name -> array of a state dict, in the order of the file.
 
-    Raises BadInputError for a torch file that was not written by torch 1.6 or later.
+    Raises BadInputError for a torch file that was not written by torch 1.6 or later or contains
+    TorchScript, and for an archive that unpacks to more than `LARGEST` bytes.
 
     content: bytes of the file
     suffix: suffix of the file, such as ".npz"

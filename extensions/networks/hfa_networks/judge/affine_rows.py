@@ -55,8 +55,8 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
     monomials. Each monomial is one node, so common terms of two polynomials cancel. The rows
     represent the expression that CasADi stores, including simplifications that CasADi made.
 
-    Raises NotReadError if the function has other operations than +, -, *, division by a constant,
-    powers, tanh, min, max, |t|, sign and comparisons, or if it is too large.
+    Raises NotReadError if the function is too large, or has other operations than +, -, *, division
+    by a constant, small integer powers, tanh, min, max, |t|, sign, comparisons, not and conditions.
     """
     if function.n_instructions() > _INSTRUCTIONS:
         raise NotReadError

@@ -192,7 +192,7 @@ class InSteps:
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
         """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*) with F = A + E L* - B K.
 
-        The result is None if an eigenvalue of √α F is not inside the unit circle.
+        The result is None if √α F is not finite or has an eigenvalue outside the open unit disk.
         """
         from scipy.linalg import solve_discrete_lyapunov
 
