@@ -395,6 +395,14 @@ class GameStatement:
     delta_min: tuple[float, float] | None = None
     modes: tuple[int, int] | None = None
 
+    @property
+    def hurwitz(self) -> bool | None:
+        """True if A - B K is proved Hurwitz, False if proved not Hurwitz, None if neither."""
+        least, most = self.loop
+        if most == 0:
+            return True
+        return False if least > 0 else None
+
     @classmethod
     def read(cls, entries: Fields, model: Model | None) -> GameStatement:
         """Return the statement of a certificate.

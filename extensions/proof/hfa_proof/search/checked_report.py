@@ -199,13 +199,10 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
     ]
     least, most = statement.loop
     count = count_said(Run(0.0, 0.0, least, most))
-    hurwitz = None
     lines = ["open: whether A - B K with the critic's K is Hurwitz"]
-    if most == 0:
-        hurwitz = True
+    if statement.hurwitz:
         lines = ["A - B K with the critic's K is Hurwitz"]
-    elif least > 0:
-        hurwitz = False
+    elif statement.hurwitz is False:
         lines = [f"A - B K with the critic's K is not Hurwitz: {count} unstable"]
     of_value = " and ".join(name for name in ("P", "W") if name in statement.critic)
     if statement.gain_of_value:
@@ -213,7 +210,7 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
     elif of_value:
         lines.append(f"the critic's K is not the gain of its {of_value}")
     data["distances"] = dict(statement.distances)
-    data["closed_loop_hurwitz"] = hurwitz
+    data["closed_loop_hurwitz"] = statement.hurwitz
     if statement.delta_min is not None and statement.modes is not None:
         above, value = statement.delta_min
         data["delta_min_above"] = above

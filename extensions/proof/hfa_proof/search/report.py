@@ -303,7 +303,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
     if above is not None:
         bracket = f"above {at_least(above, 10)}, at most {at_most(most, 10)}"
     width = "" if above is None else f"{(most - above) / most:.2g}"
-    words = {True: "proved", False: "open"}
+    words = {True: "proved", False: "refuted", None: "open"}
     least_modes, most_modes = data["unstable_modes_between"]
     statements = [
         ("the stabilizing solution exists and is unique", words[data["worst_case_hurwitz"]]),

@@ -53,7 +53,7 @@ class ProofData(Result):
     relative_radius: relative radius of the enclosure of P.
     positive_definite: whether P is proved positive definite.
     worst_case_hurwitz: whether A - S P is proved Hurwitz.
-    closed_loop_hurwitz: whether A - B K is Hurwitz; false is proved too.
+    closed_loop_hurwitz: true if A - B K is proved Hurwitz, false if proved not Hurwitz.
     delta_min_above: proved lower bound of delta_min.
     delta_min_at_most: proved upper bound of delta_min.
     unstable_modes: number of unstable modes of A, null if only bounds are proved.

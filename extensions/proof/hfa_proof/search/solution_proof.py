@@ -359,7 +359,10 @@ def prove_solution(
     loop, loop_lines = bounds_of_modes(A - B * matrix(K))
     modes, mode_lines = bounds_of_modes(exact.doubles[0])
     bracket = prove_delta_min(exact, minimum_delta(game), progress)
-    proved = loop == (0, 0) and bracket is not None and game.delta > bracket.value
+    decimals = exact.trim is not None
+    statement = GameStatement(exact.plant, exact.weights, decimals, critic, True, distances, loop)
+    is_above = bracket is not None and game.delta > bracket.value
+    proved = is_above and statement.hurwitz is True
     data: Content = {
         "schema": SCHEMA,
         "statement": "solution",
@@ -368,15 +371,13 @@ def prove_solution(
         "relative_radius": distances["P"][1],
         "positive_definite": True,
         "worst_case_hurwitz": True,
-        "closed_loop_hurwitz": loop == (0, 0),
+        "closed_loop_hurwitz": statement.hurwitz,
         "delta": game.delta if math.isfinite(game.delta) else None,
         "delta_min_above": None if bracket is None else bracket.refused,
         "delta_min_at_most": None if bracket is None else bracket.value,
         "unstable_modes": modes[0] if modes[0] == modes[1] else None,
         "unstable_modes_between": list(modes),
     }
-    decimals = exact.trim is not None
-    statement = GameStatement(exact.plant, exact.weights, decimals, critic, True, distances, loop)
     if bracket is None or not proved:
         return Proof(statement, {}, data)
     statement = replace(statement, delta_min=(bracket.refused, bracket.value), modes=modes)
@@ -439,19 +440,14 @@ def prove_critic(
         "solution": _solution_content(box),
         "loop": [vars(line) for line in lines],
     }
-    hurwitz = None  # open: a mode may be on the imaginary axis
-    if loop[0] > 0:
-        hurwitz = False
-    elif loop[1] == 0:
-        hurwitz = True
     data = {
         "schema": SCHEMA,
         "statement": "critic",
-        "proved": hurwitz is True,
+        "proved": statement.hurwitz is True,
         "distances": {
             name: {"at_least": low, "at_most": high} for name, (low, high) in bounds.items()
         },
-        "closed_loop_hurwitz": hurwitz,
+        "closed_loop_hurwitz": statement.hurwitz,
     }
     return Proof(statement, witness, data)
 

@@ -53,6 +53,19 @@ def test_the_enclosure_holds_the_sixty_digits() -> None:
     assert max(float(entry.rad()) for entry in P.entries()) < 1e-25
 
 
+def test_open_stability_of_a_solution_is_null(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If no line is found for A - B K, its stability is open (null), not refuted (false)."""
+    # The planted fault: a search that finds no line.
+    monkeypatch.setattr(
+        "hfa_proof.search.solution_proof.bounds_of_modes",
+        lambda A: ((0, A.parts[0].nrows()), []),
+    )
+    proof = prove_solution(scalar_game(2.0))
+    assert not proof.proved
+    assert proof.data["closed_loop_hurwitz"] is None
+    assert ("A - B K is Hurwitz", "open") in proof.report().parts[0].rows
+
+
 def test_a_root_that_does_not_stabilize_is_told() -> None:
     """The root of p² - 2 p - 1 = 0 that does not stabilize is refused.
 
