@@ -75,15 +75,18 @@ def panel_loads(
     L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
     D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
 
+    L_w and L_t are the lifts of wing and tail, S and S_t their areas, c is the chord, and C_Lw =
+    L_w/(q_i S). q_i = ½ρV_i² contains the speed V_i relative to the air at the panel. The drag
+    contains q = ½ρV² with the speed V of the aircraft, and the tail has no drag, as in the
+    published matrices.
+
     flow: air relative to the panel: V_i, α_i, sideslip
-    speed: V of the aircraft, ft/s
+    speed: V, ft/s
     aileron: δ_a, rad
     elevator: δ_e, rad
     density: ρ, slug/ft^3
     p: parameters
 
-    q_i = ½ρV_i² contains the local speed. The drag contains q = ½ρV² with the speed of the
-    aircraft, and the tail has no drag, as in the published matrices.
     Source: Gibson et al. 2011, Eqs. 36-43.
     """
     area = p.panel_span * p.chord
@@ -149,6 +152,10 @@ def sum_of_panels(
     D = -(X cos α + Z sin α),  L = X sin α - Z cos α,
     M = M_c + 2 π M_o + l_b (Z_tc + 2 Z_to cos η) + z_c X_c - 2 l X_o,
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
+
+    X, Y and Z are the forward, sideward and downward forces, M the pitching moment and H the hinge
+    moment. η is the dihedral, θ the pitch angle, s and m are the span and mass of a panel, l_b is
+    the boom length, and z_c the distance of the center panel below the center of mass.
 
     x: states
     u: inputs; the throttle determines the thrust

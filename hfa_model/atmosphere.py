@@ -22,7 +22,10 @@ _KILOGRAM_PER_SLUG = 14.593902937206364
 
 
 def density(altitude: Quantity) -> Quantity:
-    """Return the density ρ(h) = p(H) / (R T(H)), slug/ft^3, with H = r h / (r + h).
+    """Return the density ρ(h) = p(H) / (R T(H)), slug/ft^3, at the geopotential altitude H = r h /
+    (r + h).
+
+    p is the pressure, T the temperature, R the gas constant of air, and r the radius of the earth.
 
     altitude: geometric altitude h, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
 
@@ -59,6 +62,8 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
 def temperature(altitude: Quantity) -> Quantity:
     """Return the temperature T(h) = T_0 - λ min(H, 11 km), K.
 
+    T_0 is the temperature at sea level, λ the lapse rate, and H the geopotential altitude.
+
     altitude: as for `density`
 
     Source: U.S. Standard Atmosphere, 1976, Eq. 23.
@@ -67,7 +72,7 @@ def temperature(altitude: Quantity) -> Quantity:
 
 
 def speed_of_sound(altitude: Quantity) -> Quantity:
-    """Return the speed of sound a(h) = sqrt(1.4 R T(h)), ft/s.
+    """Return the speed of sound a(h) = sqrt(1.4 R T(h)), ft/s, with the gas constant R of air.
 
     altitude: as for `density`
 

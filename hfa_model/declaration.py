@@ -77,18 +77,18 @@ def check_in_range(x: State) -> None:
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
     """Return state -> (lowest, highest) for simulations that begin near a trim.
 
-    x: the trimmed state
-    p: parameters
-
-    speed: half to twice the trimmed speed, ft/s
+    speed: half to twice the trimmed speed V, ft/s
     altitude: within 1000 ft of the trim
     pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the angle of attack at the tail, one boom
-        length behind, is α_max
+        length l_b behind, is α_max
     dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the angle of attack at one third of the
-        outer panel's span is α_max
+        outer panel's span s is α_max
 
     The equations are not valid beyond these rates. The limits of alpha, pitch and dihedral are in
     `STATE_SIGNALS`.
+
+    x: the trimmed state
+    p: parameters
     """
     steepest_descent = x.speed * math.tan(STATE_SIGNALS.alpha.max)
     pitch_rate = steepest_descent / p.boom_length

@@ -99,14 +99,21 @@ class Flow(NamedTuple):
 
 
 def center_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-    """Return z_c = (s/3) sin η, ft, the distance of the center panel below the center of mass."""
+    """Return z_c = (s/3) sin η, ft, the distance of the center panel below the center of mass.
+
+    dihedral: η, rad
+    p: parameters, with the span s of a panel
+    """
     return p.panel_span / 3 * ca.sin(dihedral)
 
 
 def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
     """Return z_o = -(s/6) sin η, ft, the distance of an outer panel below the center of mass.
 
-    It is negative if the panel is above the center of mass.
+    The distance is negative if the panel is above the center of mass.
+
+    dihedral: η, rad
+    p: parameters, with the span s of a panel
     """
     return -p.panel_span / 6 * ca.sin(dihedral)
 
@@ -114,10 +121,11 @@ def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
 def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
     """Return the speed of the center of mass relative to the air at a panel, ft/s.
 
-    V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), which is V in still air.
+    V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), which is V in still air, with the
+    climb angle γ = θ - α.
 
-    x: states
-    wind: w, h and o at the panel
+    x: states, with the speed V over ground
+    wind: updraft w, headwind h and outward wind o at the panel
     """
     if _is_still(wind):
         return x.speed
@@ -131,7 +139,11 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
 def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
     """Return the angle of attack of the center of mass in the air of the center panel, rad.
 
-    α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), which is α in still air.
+    α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), which is α in still air,
+    with the pitch angle θ.
+
+    x: states
+    winds: updraft w and headwind h at the center panel; other winds have no effect
     """
     wind = winds.center
     if _is_still(wind):
@@ -156,7 +168,8 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -
     v = 0,
     w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
 
-    with the wind w, h at the center panel. Source: Gibson et al. 2011, Eqs. 75-76.
+    with the updraft w and headwind h at the center panel, the pitch rate q, the dihedral η, the
+    span s of a panel, and z_c as in `center_height`. Source: Gibson et al. 2011, Eqs. 75-76.
     """
     wind = winds.center
     forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
@@ -172,8 +185,9 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) ->
     w_o = w_h cos η - o sin η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
 
-    with the wind w, h, o at the outer panels. w_h is the downward velocity of the hinge relative to
-    the air. Source: Gibson et al. 2011, Eqs. 69, 77-78.
+    with the updraft w, headwind h and outward wind o at the outer panels, the pitch rate q, the
+    dihedral η, the span s of a panel, and z_o as in `outer_height`. w_h is the downward velocity of
+    the hinge relative to the air. Source: Gibson et al. 2011, Eqs. 69, 77-78.
     """
     wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
@@ -199,14 +213,20 @@ def _is_still(wind: Wind) -> bool:
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the forward airspeed of the center of mass, V cos α - w sin θ + h cos θ, ft/s."""
+    """Return the forward airspeed of the center of mass, V cos α - w sin θ + h cos θ, ft/s.
+
+    wind: updraft w and headwind h
+    """
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
     )
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the downward airspeed of the center of mass, V sin α + w cos θ + h sin θ, ft/s."""
+    """Return the downward airspeed of the center of mass, V sin α + w cos θ + h sin θ, ft/s.
+
+    wind: updraft w and headwind h
+    """
     return (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
@@ -215,7 +235,9 @@ def _downward(x: State[Quantity], wind: Wind) -> Quantity:
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
     """Return the downward airspeed of a hinge, ft/s.
 
-    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the span s of a panel.
+
+    wind: updraft w and headwind h
     """
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

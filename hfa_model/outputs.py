@@ -73,31 +73,34 @@ def outputs_of(moment: Moment) -> dict[str, Quantity]:
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
-    """Return V (α' - q), ft/s^2, the acceleration of the center of mass normal to its path.
-
-    It is positive downward.
-    """
+    """Return V (α' - q), ft/s^2, the acceleration of the center of mass normal to its path,
+    positive downward."""
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
 def _load_factor(m: Moment) -> Quantity:
-    """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight."""
+    """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight.
+
+    L is the lift, T the thrust, and m_tot the mass of the aircraft.
+    """
     return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
 
 
 def _center_load_factor(m: Moment) -> Quantity:
-    """Return n_c = cos θ - a_z / g of the center panel, with its downward body-axis acceleration
-    a_z."""
+    """Return the load factor n_c = cos θ - a_z / g of the center panel.
+
+    θ is the pitch angle, and a_z the downward acceleration of the panel in body axes.
+    """
     descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
     return ca.cos(m.x.pitch) - descent / m.p.gravity
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
-    """Return n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel, normal to the
-    panel.
+    """Return the load factor n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel,
+    normal to the panel.
 
-    Its lateral position is y = (s/2)(1 + cos η). Therefore a_y = y'' = -(s/2)(sin η η'' + cos η
-    η'²).
+    The lateral position of the panel is y = (s/2)(1 + cos η). Therefore a_y = y'' = -(s/2)(sin η
+    η'' + cos η η'²). a_z is the downward acceleration of the panel in body axes, and s its span.
     """
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)
@@ -132,7 +135,7 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 def _elastic_moment(m: Moment) -> Quantity:
     """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge.
 
-    Unlike H, it includes the spring and the damper.
+    Unlike the hinge moment H of the loads, the result includes the damper k_c and the spring k_k.
     """
     return (
         m.loads.hinge_moment

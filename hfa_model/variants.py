@@ -43,17 +43,23 @@ class Published:
     name = "published"
 
     def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return the lever arm l = s/2 - (s/3) sin η of the outer panels' forward force, ft."""
+        """Return the lever arm l = s/2 - (s/3) sin η of the outer panels' forward force, ft.
+
+        dihedral: η, rad
+        p: parameters, with the span s of a panel
+        """
         return p.panel_span / 2 - p.panel_span / 3 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
-        """Return the factor π = 1 on the outer section moments."""
+        """Return 1, the factor on the section moments of the outer panels in the pitching
+        moment."""
         return 1.0
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
         """Return the inertial coupling moment about a hinge, ft lbf.
 
-        (m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²].
+        (m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²], with the mass m and
+        span s of a panel.
         """
         sin_eta = ca.sin(x.dihedral)
         cos_eta = ca.cos(x.dihedral)
@@ -64,11 +70,11 @@ class Published:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return d3 = I_xx + m s²/4 + (m s²/6) cos(η²), slug ft^2, with the roll inertia I_xx of a
-        panel.
+        """Return d3 = I_xx + m s²/4 + (m s²/6) cos(η²), slug ft^2.
 
-        The paper prints cos² η. Only the cosine of the squared angle reproduces the printed
-        matrices, and the released simulation up to 45 deg (`docs/validation.md`).
+        I_xx, m and s are the roll inertia, mass and span of a panel. The paper prints cos² η. Only
+        the cosine of the squared angle reproduces the printed matrices, and the released simulation
+        up to 45 deg (`docs/validation.md`).
         """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral**2)
@@ -84,21 +90,25 @@ class Newton:
     def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
         """Return the lever arm l = (s/6) sin η of the outer panels' forward force, ft.
 
-        It is the height of an outer panel above the center of mass.
+        The lever arm is the height of an outer panel above the center of mass.
+
+        dihedral: η, rad
+        p: parameters, with the span s of a panel
         """
         return p.panel_span / 6 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
-        """Return the factor π = cos η on the outer section moments.
+        """Return cos η, the factor on the section moments of the outer panels in the pitching
+        moment.
 
-        The spanwise axis of an outer panel is inclined by η to the pitch axis.
+        The spanwise axis of an outer panel is inclined by the dihedral η to the pitch axis.
         """
         return ca.cos(dihedral)
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
         """Return the inertial coupling moment about a hinge, ft lbf.
 
-        (m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²].
+        (m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²], with the mass m and span s of a panel.
         """
         cos_eta = ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
@@ -107,10 +117,10 @@ class Newton:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """Return d3 = I_xx + m s²/4 - (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a
-        panel.
+        """Return d3 = I_xx + m s²/4 - (m s²/6) cos² η, slug ft^2.
 
-        The negative term is due to the motion of the center of mass when the panel rotates.
+        I_xx, m and s are the roll inertia, mass and span of a panel. The negative term is due to
+        the motion of the center of mass when the panel rotates.
         """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2

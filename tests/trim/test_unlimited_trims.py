@@ -48,10 +48,8 @@ TURNING = Model(
 
 @pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
 def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
-    """The bank satisfies tan(bank) = V turn / g and is below 90 deg.
-
-    Newton's method alone would converge to a bank several revolutions away.
-    """
+    """The bank satisfies tan(bank) = V turn / g and is below 90 deg, and the report states which
+    variables have no limits."""
     point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
     assert point["lift"] > 0.0

@@ -76,8 +76,10 @@ def check_history(
 
 
 def _section(table: ErrorTable) -> Section:
-    """Return a section of the report with some rows and the settling time, and all rows as
-    records."""
+    """Return a section of the report with the settling time and the errors at some times.
+
+    The records of the section contain the errors at all times.
+    """
     columns = np.column_stack([table.times, *table.errors.values()])
     some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
     rows = [(f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()]
