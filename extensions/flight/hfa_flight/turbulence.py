@@ -129,7 +129,8 @@ class Turbulence:
         seed: seed of the noise
 
         Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
-        this level there, or if the model supports no component.
+        this level there, if the speed is neither in ft/s nor in m/s, or if the model supports no
+        component.
         """
         model = point.model
         feet = _feet(model)
@@ -169,7 +170,8 @@ class Turbulence:
     def _altitude(self, point: OperatingPoint) -> float:
         """Return the altitude at which the turbulence is evaluated, in the unit of the model.
 
-        Raises BadInputError if neither the turbulence nor the trim specifies one.
+        Raises BadInputError if `altitude` is None and the model has no altitude, or if the altitude
+        of the trim is the default of the model.
         """
         if self.altitude is not None:
             return self.altitude
@@ -352,12 +354,12 @@ class TurbulentAir(Gust):
 
 @dataclass(frozen=True)
 class AirFilter:
-    """Filter x' = A x + B n, (u, v, w, p, q, r) = C x.
+    """Filter x' = A x + B ν, (u, v, w, p, q, r) = C x.
 
-    n is white noise with a one-sided power spectral density of 1 per rad/s.
+    ν is white noise with a one-sided power spectral density of 1 per rad/s.
 
     A: (n, n)
-    B: (n, 4)
+    B: (n, 4), or (n, 3) without wing span
     C: (6, n)
     interval: duration of a tick, s
     """

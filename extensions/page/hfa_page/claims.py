@@ -49,7 +49,7 @@ class Claims(NamedTuple):
 
     @property
     def others(self) -> str:
-        """Text with the number of claims of each other verdict."""
+        """Text with the number of claims of each verdict except "not confirmed"."""
         counts = self.data["verdicts"].items()
         words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
         return ", ".join(words)
@@ -66,9 +66,9 @@ class Claims(NamedTuple):
 
 
 def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
-    """Return the section on the claims, which states whether they are for this page's matrices.
+    """Return the section on the claims, with a sentence on whether they used this page's matrices.
 
-    Without claims, it states how to compute them.
+    Without claims, the section states how to compute them.
     """
     if claims is None:
         how = (
@@ -120,11 +120,7 @@ def load_claims(path: Path) -> Claims:
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
-    """Return a table with one row for each claim.
-
-    A row contains the verdict, the claim, the criterion, and the measured numbers of the law in
-    question and of the laws compared with it.
-    """
+    """Return a table with one row for each claim: verdict, text, criterion and measured numbers."""
     rows = []
     for claim in claims:
         findings = claim["findings"]

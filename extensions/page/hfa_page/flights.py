@@ -45,7 +45,7 @@ class StoredFlights(NamedTuple):
     def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
         """Return whether the stored linear models equal those of the page at all shared angles.
 
-        It is False if no angle is shared.
+        Returns False if no angle is shared.
 
         A_and_B: dihedral angle, deg -> (A, B)
         """

@@ -57,7 +57,7 @@ _POLICY = (
 
 
 def main_report(job: MainJob) -> Report:
-    """Return the report that follows the slider on the page. Its data contain every number."""
+    """Return the report below the slider of the page. The data of the report contain every number."""
     regeneration = job.regeneration.report()
     swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
@@ -180,7 +180,8 @@ def point_report(job: MainJob, angle: Angle) -> Report:
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     """Return the report of the linear model.
 
-    If the paper prints this model, the printed entries are below the computed ones.
+    If the paper prints this model and the report is in the paper's units, the printed entries are
+    below the computed entries.
     """
     bands = (
         entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
@@ -225,10 +226,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """Return the first paragraph of the page as HTML.
-
-    It states the verdict on hfa, the verdicts on the paper's claims, and the results of the checks.
-    """
+    """Return the first paragraph of the page as HTML: verdict, verdicts on the claims, and checks."""
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)

@@ -48,13 +48,13 @@ MOST_ASKED = 20
 class Angle:
     """Trim and linear model at a dihedral angle.
 
-    For a requested angle, it also has the exact solution of the paper's game, and the verdict on a
-    critic learned with the default law.
+    A requested angle also has the exact solution of the paper's game, and the verdict on a critic
+    learned with the default law.
 
     dihedral: rad
     condition: condition of the trim
     model, solution, check: None if not computed
-    reason: why the first missing of them could not be computed, or ""
+    reason: why model, solution or check could not be computed, or ""
     """
 
     dihedral: float
@@ -84,7 +84,7 @@ def trimmed_angle(
 ) -> Angle:
     """Trim and linearize at a dihedral angle, rad, and return the result.
 
-    If there is no trim, the result contains only the reason.
+    Without a trim, the result has the reason in place of a linear model.
 
     outputs: outputs of the linear model
     flight: condition of the trim
@@ -101,7 +101,8 @@ def trimmed_angle(
 def with_game(angle: Angle) -> Angle:
     """Return the angle with the solution of its game, and the verdict on a learned critic.
 
-    An angle without a trim is returned unchanged. If there is no solution, the reason is stored.
+    An angle without a trim is returned unchanged. If there is no solution or learning fails, the
+    reason is stored.
     """
     model = angle.model
     if model is None:

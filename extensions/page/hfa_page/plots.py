@@ -71,8 +71,8 @@ _HOVER = (
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """Picture that consists of Plotly figures on an HTML page. Outside HTML, Matplotlib draws
-    it.
+    """Picture that consists of Plotly figures on an HTML page, and of a Matplotlib figure
+    elsewhere.
     """
 
     figures: tuple[PlotlyFigure, ...]
@@ -177,9 +177,9 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """Return the traces that depend on the trim, which are empty without a trim.
+    """Return the traces that depend on the trim: panels, lift, weight, hinges, and values as text.
 
-    They draw the panels, lift, weight, hinges, and the values of forces and moments.
+    The traces are empty without a trim.
     """
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]

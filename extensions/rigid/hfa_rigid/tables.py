@@ -10,15 +10,15 @@ import numpy as np
 
 
 class Interpolator:
-    """Interpolates tables at expressions. Tables are constant beyond the first and last breakpoint.
+    """Interpolates tables at expressions.
 
-    On each axis, one comparison for each breakpoint selects the cell. The line of the cell, a level
-    and a slope, is selected by these comparisons, which are 0 or 1 and have zero derivatives. The
-    derivative of a table therefore costs as much as that of y0 + t (y1 - y0), independent of the
-    size of the table. If a comparison is replaced by a smooth function with values between 0 and 1,
-    the lines of both cells are blended, and the table becomes smooth. At a breakpoint, the slope is
-    that of the cell to the right. Tables over the same expression and breakpoints share the
-    comparisons.
+    Tables are constant beyond the first and last breakpoint. At a breakpoint, the slope is that of
+    the cell to the right.
+
+    The cell of an argument is selected by comparisons, which are 0 or 1 and have zero derivatives.
+    The cost of a table's derivative is therefore independent of the size of the table. If a smooth
+    function with values between 0 and 1 replaces the comparisons, the table becomes smooth. Tables
+    over the same expression and breakpoints share the comparisons.
     """
 
     def __init__(self) -> None:

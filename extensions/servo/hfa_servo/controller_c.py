@@ -73,7 +73,7 @@ class CommandedPolicy(NamedTuple):
 
     policy: the controller
     filtered: symbols of [r; r']
-    filtered_rate: their rates
+    filtered_rate: rates of [r; r']
     goal: symbols of the unfiltered commands
     """
 
@@ -90,9 +90,8 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 
 
 def longest_step(controller: ScheduledController) -> float:
-    """Return the longest permitted integration step, s.
-
-    It is 1 ms, or less if the fastest mode of the controller requires it.
+    """Return the longest permitted integration step, s: 1 ms, or 1/|λ| of the fastest eigenvalue λ
+    if shorter.
     """
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 

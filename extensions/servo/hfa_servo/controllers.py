@@ -134,7 +134,7 @@ def design_controller(
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
     """Issue one warning if entries of A or B are means of two slopes at a kink.
 
-    It names the first such linear model and states how many there are.
+    The warning names the first linear model with a kink and the number of such models.
     """
     kinked = [linear for linear in linear_models if linear.kinks]
     if kinked:
@@ -148,9 +148,11 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
     """Return the controller of a design for one linear model.
 
-    It is the gain u = -K z, or the central controller of the game with the sensors. The integrals,
-    e' = y - r, are its last states, and it feeds them back. For a loop-shaping design, it is the
-    robust controller.
+    - With [shaping]: the robust controller (`_shaped`).
+    - With sensors: the central controller of the game.
+    - Otherwise: the gain u = -K z.
+
+    Without [shaping], the last states of the controller are the integrals e' = y - r.
 
     Raises NoSolutionError if the controller is not certified.
     """
@@ -280,7 +282,7 @@ def _followed_model(
 
 
 def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
-    """Return the names of the controller's states, the names of its commands, and its command
+    """Return the names of the controller's states, the names of its commands, and the command
     filter.
 
     The filter is (bandwidth, damping), or () if there is none.
@@ -306,7 +308,8 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 def _measurements(design: Design) -> tuple[str, ...]:
     """Return the names of the signals that the controller measures.
 
-    They are the sensors, or without sensors all states, and the integrated outputs.
+    They are the sensors except integrals, or without sensors the plant states, and the integrated
+    outputs.
     """
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]

@@ -147,7 +147,8 @@ class Design:
     variants: name of a model's equations -> the design for these equations
     model: the model whose names are used
 
-    Raises BadInputError if a name is unknown or given twice, or a number is out of range.
+    Raises BadInputError if a name is unknown or given twice, a number is out of range, or an input
+    has no weight.
     """
 
     name: str
@@ -191,8 +192,8 @@ class Design:
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
         """Raise BadInputError if the loop-shaping settings are incomplete or inconsistent.
 
-        Faults are an unknown name, an input without an actuator or rate weight, and a table that
-        does not match the breakpoints.
+        The message names an unknown name, an input without an actuator or rate weight, or an entry
+        with a wrong number of values.
 
         where: beginning of the message, "design NAME:"
         """
@@ -420,9 +421,8 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of `whole`, replaced by those of `changes`.
-
-    Inner tables are merged in the same way.
+    """Return the entries of `whole`, replaced by those of `changes`, with inner tables merged
+    likewise.
     """
     merged = {**whole, **changes}
     for key, change in changes.items():

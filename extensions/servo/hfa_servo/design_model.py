@@ -109,7 +109,8 @@ class DesignModel(Reported):
         """Raise BadInputError unless [A B; C D], with the rows of the integrated outputs, has full
         row rank.
 
-        Without full rank, the plant has a transmission zero at 0.
+        Without full rank, the plant has a transmission zero at 0. Nothing is raised if [A B] alone
+        has no full rank, because the solver reports a mode at 0.
         """
         names = self.design.integrals
         plant = len(self.states) - len(names)

@@ -258,8 +258,7 @@ class GeneralizedPlant(Reported):
     def minimum_delta(self) -> DeltaMin:
         """Return the smallest δ for which `solve_plant` finds a controller.
 
-        It is found by bisection of log δ to the relative accuracy `TOLERANCE`. Raises
-        NoSolutionError if no δ permits a controller.
+        The relative accuracy is `TOLERANCE`. Raises NoSolutionError if no δ permits a controller.
         """
         check_modes(self)
         without = conditions(self, math.inf)
@@ -510,12 +509,12 @@ def central_controller(
 
 
 def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
-    """Return the Dk that minimizes D11 + D12 Dk D21 and makes the controller central.
+    """Return the Dk that minimizes the gain of D11 + D12 Dk D21 and makes the controller central.
 
-    In orthonormal coordinates of z and w, D11 has four blocks D11, D12, D21 and D22, the last of
-    which both u and y reach. There, Dk is
+    In orthonormal coordinates of z and w, D11 = [[a, b], [c, d]], where u and y reach only the
+    block d. There, Dk is
 
-      -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12.
+      -d - c a' (δ² I - a a')⁻¹ b.
     """
     m = plant.D12.shape[1]
     p = len(plant.D21)
@@ -548,9 +547,8 @@ def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
 def loop_checks(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> tuple[Check, ...]:
-    """Return the checks that the closed loop is stable and that its gain is below δ.
-
-    A, B, C, D are those of the closed loop. The gain is checked by the bounded-real lemma.
+    """Return the checks that a closed loop A, B, C, D is stable and, for δ < inf, has a gain below
+    δ.
     """
     abscissa = spectrum(A).abscissa
     found = [
@@ -569,10 +567,9 @@ def loop_checks(
 
 
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
-    """Return the L2 gain from w to z with the H2-optimal controller.
+    """Return the L2 gain from w to z with the H2-optimal controller, an upper bound of δ_min.
 
-    It is at least δ_min and has its units, so that the search for δ_min starts above it. It is inf
-    if rounding hides the H2-optimal controller.
+    Returns inf if rounding hides the H2-optimal controller.
     """
     values = []
     for side in plant.sides:
@@ -636,10 +633,10 @@ _EQUATIONS = ("control Riccati equation", "filter Riccati equation")
 
 
 def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
-    """Return whether the conditions for a controller are satisfied, and if not, the first that
-    fails.
+    """Return whether the conditions for a controller are satisfied, with the first that is not.
 
-    The conditions are evaluated without certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
+    `exists` is None if rounding leaves a condition undecided. The conditions are evaluated without
+    certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
     """
     if not delta > plant.floor * (1.0 + SHARP):
         surely = delta < plant.floor * (1.0 - SHARP)
@@ -673,10 +670,11 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
     """Return whether ρ(XY) < δ², given that X and Y exist.
 
     With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that [[X1'X2,
-    X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] is positive definite. Its signs are visible even if X or Y is too
-    large for double precision. If X or Y is singular, the matrix is never positive definite, and
-    the question remains open. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for
-    the γ-iteration in H-infinity control, Linear Algebra and its Applications 425 (2007).
+    X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] is positive definite. The signs of its eigenvalues are visible even
+    if X or Y is too large for double precision. If X or Y is singular, the matrix is never positive
+    definite, and the answer is undecided unless X or Y is 0. Source: Benner, Byers, Mehrmann and
+    Xu, A robust numerical method for the γ-iteration in H-infinity control, Linear Algebra and its
+    Applications 425 (2007).
     """
     assert control.subspace is not None
     assert filter_.subspace is not None
@@ -700,7 +698,7 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
 def _coupling_by_radius(
     forms: list[NormalForm], X: np.ndarray, Y: np.ndarray, delta: float
 ) -> Answer:
-    """Return whether ρ(XY) < δ², or that the error of ρ hides it.
+    """Return whether ρ(XY) < δ², or None if the error of ρ hides the answer.
 
     ρ(XY) = max a'X a over all a with a a' <= Y. To first order, a change dX of X adds a'(dX)a at
     the maximizing a. A change dY of Y adds b'(dY)b, with b = X a ρ^-½.
@@ -721,8 +719,6 @@ def _coupling_by_radius(
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
     """Return whether the closed loop with the controller of X and Y is verified to have a gain
     below δ.
-
-    If so, all conditions are satisfied, whatever the errors in X and Y.
     """
     try:
         controller = central_controller(plant, X, Y, delta)

@@ -65,10 +65,7 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 
 
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
-    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ.
-
-    The norm is computed from the closed loop. It is inf if the loop is unstable.
-    """
+    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ, with inf for an unstable loop."""
     n, m = B.shape
     p = len(C)
     closed = np.block([[A, -B @ found.F], [found.H @ C, A - B @ found.F - found.H @ C]])

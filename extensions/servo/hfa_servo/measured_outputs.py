@@ -51,9 +51,9 @@ def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
     """Return matrix @ moved, or 0 if the matrix is zero.
 
     moved: actuator positions or rates, empty if the flight has none
-    what: their name, for the message
+    what: "positions" or "rates", for the message
 
-    Raises BadInputError if they are needed and the flight has none.
+    Raises BadInputError if the matrix is not zero and `moved` is empty.
     """
     if not matrix.any():
         return ca.SX(0)

@@ -74,8 +74,13 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     def breakpoints(self, design: Any) -> np.ndarray:
         """Return the values of the scheduling variable at which controllers are computed, (N,).
 
-        They are from --at, or else from the design, or else a default range. The unit is that
-        declared by the model.
+        The unit is that declared by the model. The values come from the first of these sources:
+
+        - the option --at,
+        - the breakpoints of a loop-shaping design,
+        - the default range, if the model names its scheduling variable.
+
+        Raises BadInputError if there is no source.
         """
         by = self.model.schedule
         if self.at is not None:
