@@ -260,10 +260,10 @@ def test_steps_in_motion_and_gust(
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
 def test_the_steady_limit(degrees: float) -> None:
-    """A trim equals the trim with quasi-steady loads, finite span and downwash.
+    """The inputs of a trim equal those with quasi-steady loads, finite span and downwash.
 
-    The two lag states of each strip are equal, and those of tip and gust are 0. Without finite span
-    the elevator changes.
+    The two lag states of each strip are equal. lag_tip_1 and gust_outer_1 are 0. Without finite
+    span, the center elevator changes by more than 0.3 deg.
     """
     condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
     whole = find_operating_point(UNSTEADY, condition)

@@ -114,10 +114,7 @@ def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
 
 
 def test_continuous_game_without_solution_not_end_discounted_verdict() -> None:
-    """A wrong discounted critic fails, even if the continuous-time game has no solution.
-
-    Only the diagnosis uses the continuous-time game.
-    """
+    """A wrong discounted critic fails, even if the continuous-time game has no solution."""
     game = game_at(15.0).with_delta(110.0)
     exact = solve_discounted(game, 0.9, 0.01)
     assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok

@@ -53,9 +53,9 @@ def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
 
 
 def test_one_state_without_disturbance_is_root_of_quadratic():
-    """P and K of a scalar game without disturbance equal the closed form.
+    """P of a scalar game without disturbance is the positive root of a quadratic equation.
 
-    P is the positive root of a quadratic equation.
+    K equals the closed form, and L is 0.
     """
     a = 1.02
     b = 0.01
@@ -340,10 +340,9 @@ def test_inputs_that_cost_nearly_nothing_are_solved(seed):
 
 
 def test_smallest_delta_of_fast_sampling_of_continuous_time():
-    """With fast sampling, the smallest delta is √dt times the smallest delta in continuous time.
+    """With fast sampling, the smallest delta is √dt times that in continuous time, within 0.5 %.
 
-    The result is certain: a check that fails because of rounding is not taken as proof that no
-    value exists.
+    The smallest delta is not marked as uncertain.
     """
     rng = np.random.default_rng(2)
     A, B, E = (rng.standard_normal((4, size)) for size in (4, 1, 1))
@@ -355,11 +354,7 @@ def test_smallest_delta_of_fast_sampling_of_continuous_time():
 
 @pytest.mark.parametrize("pole", [1.5, -1.5, 4.0])
 def test_mode_grows_and_costs_nothing_costs_what_stops(pole):
-    """For an unstable mode without weight, x⁺ = a x + u and Q = 0, P is a² - 1, the cost of
-    stabilizing it.
-
-    Value iteration from 0 would remain at 0.
-    """
+    """For an unstable mode x⁺ = a x + u with Q = 0, P is a² - 1 and the spectral radius is 1/|a|."""
     game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
     solution = solve_discounted(game, 1.0)
     assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=FEW_ROUNDINGS)
@@ -402,7 +397,7 @@ def test_sampling_keeps_the_digits_of_a_short_step():
     """P - P(dt = 0) is proportional to dt at 1e-7 s, where rounding of A alone would change P by
     1e-9.
 
-    The smallest delta is √dt times the one in continuous time.
+    The smallest delta is √dt times that in continuous time, and is not marked as uncertain.
     """
     game = _game(3)
     exact = solve_game(game).P

@@ -192,9 +192,9 @@ def solution_of_plant(
 ) -> PlantSolution:
     """Return the certified controller of a generalized plant.
 
-    delta: bound of the gain; by default `USUAL_MARGIN` times the smallest
+    delta: bound of the gain; by default `USUAL_MARGIN` times delta_min, or 1 if delta_min is 0
     origin: name of the plant
-    notes: notes on its file
+    notes: notes on the file of the plant
 
     Raises NoSolutionError with the assumption or the condition that fails.
     """

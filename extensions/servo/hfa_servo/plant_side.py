@@ -49,8 +49,8 @@ class Side(NamedTuple):
     N: np.ndarray
 
     def reduced(self) -> Reduced:
-        """The problem without cross terms: only v has a cost, and the remaining cost depends on
-        x and w.
+        """Return the problem without cross terms: only v has a cost, and the remaining cost depends
+        on x and w.
         """
         past, rest = self._split()
         into = self.B @ past

@@ -288,8 +288,11 @@ def check_margins(
     """Return the margins of a controller about the trims at several scheduling values.
 
     scheduling_values: (N,)
-    bandwidths: bandwidths, rad/s, of actuators of orders 1 and 2, equal at all inputs; empty for no
-      actuators
+    bandwidths: bandwidths of the actuators, rad/s, equal at all inputs; empty for no actuators.
+        Each
+      bandwidth is used with the orders 1 and 2, or with order 2 alone if the controller measures
+        the
+      rate of an actuator.
 
     Raises BadInputError if the controller was made for another model or other scheduling values.
     """

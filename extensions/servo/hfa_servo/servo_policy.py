@@ -147,8 +147,8 @@ def servo_policy(
 ) -> ServoPolicy:
     """Return the policy of a controller about a trim of its model, with commands.
 
-    Its `fastest` is the fastest mode of the controller in open loop, such as an estimator mode,
-    which the closed loop hardly changes. It is 0 for a gain without memory.
+    `fastest` of the policy is the magnitude of the fastest eigenvalue of A, or 0 for a gain without
+    memory.
 
     Raises BadInputError if the controller was made for another model or other values of the
     scheduling variable, or does not accept a command.

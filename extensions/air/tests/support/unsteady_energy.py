@@ -1,7 +1,7 @@
 """A second derivation of the `unsteady` dynamics, from energies.
 
-It uses the kinetic energy of the air carried by wings and tails and the work of the loads. Only
-positions are given; velocities and accelerations follow by differentiation.
+The derivation uses the kinetic energy of the air carried by wings and tails and the work of the
+loads. Velocities and accelerations follow from positions by differentiation.
 
   T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span
 

@@ -104,11 +104,11 @@ class _Number(float):
 def attribute(value: Any, name: str, *more: str) -> Any:
     """Return an attribute of a result that the result's class does not define.
 
-    The functions in `_SOURCES` are tried in order.
+    The first function of `_SOURCES` that finds the attribute decides.
 
     more: further attribute names for the message
 
-    Raises AttributeError with the most similar attributes if none of them finds it.
+    Raises AttributeError with the most similar attributes if no function finds it.
     """
     for source in _SOURCES:
         found = source(value, name)

@@ -16,11 +16,11 @@ from trim.linear.reduction import Names, chosen
 def of_control(model: LinearModel, name: str) -> Any:
     """Return the function or attribute of python-control with this name for a model, or None.
 
-    It may belong to StateSpace, to python-control or to its MATLAB interface. A call of the
-    function accepts inputs= and outputs=, which select transfer functions. They may also be named
-    input= and output=, or be the first texts of the call. If the first arguments of the function
-    are matrices, as in ctrb(A, B), they are the matrices of the model. An error of python-control
-    becomes a BadInputError.
+    The name is that of an attribute of StateSpace or of a function of python-control or its MATLAB
+    interface. A call of the returned function accepts inputs= and outputs=, which select transfer
+    functions. The first texts of a call are also inputs and outputs. If the first parameters of the
+    function are matrices, as in ctrb(A, B), they are the matrices of the model. An error of
+    python-control becomes a BadInputError.
     """
     import control
     from control import matlab
