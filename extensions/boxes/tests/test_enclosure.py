@@ -56,9 +56,9 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
 
 
 def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
-    """The enclosure of exp(y²) contains its value at the end of a box about y = 0.
+    """The enclosure of exp(y²) contains the value at the end of a box about y = 0.
 
-    The linear part of y² is 0 there.
+    The linear part of y² is 0 at the center of the box.
     """
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [ca.exp(y**2)]), "f"), 1)

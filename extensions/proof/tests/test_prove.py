@@ -51,7 +51,8 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
     """A certificate of each kind is verified without further options.
 
-    The lines of the title have at most 100 columns.
+    The data contains the version, command and date of the certificate. The lines of the title have
+    at most 100 columns.
     """
     result = hfa("prove", "--check", str(certificates[kind]), "--json", "-o", "check.md")
     assert result.code == 0

@@ -99,7 +99,10 @@ class Piece(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, n: int) -> Piece:
-        """Return the piece of a certificate. Raises Malformed for the first wrong entry."""
+        """Return the piece of a certificate.
+
+        Raises Malformed for the first wrong entry.
+        """
         M = entries.array("M", n, n)
         terms = entries.terms("W", n, HIGHEST)
         for number, (value, powers) in enumerate(terms):

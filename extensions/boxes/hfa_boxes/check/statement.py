@@ -60,7 +60,10 @@ class Gain(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, plant: Plant) -> Gain:
-        """Return the policy stored in a certificate. Raises Malformed for the first wrong entry."""
+        """Return the policy stored in a certificate.
+
+        Raises Malformed for the first wrong entry.
+        """
         K = entries.array("K", len(plant.inputs), len(plant.states))
         terms = terms_by_input(entries, "terms", plant, HIGHEST_POLICY)
         entries.close()

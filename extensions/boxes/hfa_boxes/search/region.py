@@ -86,6 +86,8 @@ class RegionSearch:
     degree: highest degree of V
     progress: called with the current step
     save: called with each larger region that is proved
+
+    Raises Rejected if no equilibrium near the trim is proved.
     """
 
     def __init__(

@@ -173,9 +173,11 @@ class ScheduleWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: ScheduleStatement) -> ScheduleWitness:
-        """Return the witness of a certificate. Raises Malformed for the first wrong entry.
+        """Return the witness of a certificate.
 
         statement: the statement, which determines the sizes of the matrices
+
+        Raises Malformed for the first wrong entry.
         """
         flight = statement.flight
         actuators = statement.actuators
@@ -222,9 +224,11 @@ class SolutionBox:
 
     @classmethod
     def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
-        """Return the enclosure stored in a certificate. Raises Malformed for the first wrong entry.
+        """Return the enclosure stored in a certificate.
 
         orders: number of coefficients of P in s
+
+        Raises Malformed for the first wrong entry.
         """
         units = entries.array("units", n)
         require(bool(np.all(units > 0.0)), "units")
@@ -294,9 +298,11 @@ class GameWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: GameStatement) -> GameWitness:
-        """Return the witness of a certificate. Raises Malformed for the first wrong entry.
+        """Return the witness of a certificate.
 
         statement: the statement, which determines the sizes of the matrices
+
+        Raises Malformed for the first wrong entry.
         """
         n = len(statement.weights.Q)
         trim = None
@@ -331,9 +337,11 @@ class ModelsWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: ModelsStatement) -> ModelsWitness:
-        """Return the witness of a certificate. Raises Malformed for the first wrong entry.
+        """Return the witness of a certificate.
 
         statement: the statement, which determines the sizes of the matrices
+
+        Raises Malformed for the first wrong entry.
         """
         n = len(statement.weights.Q)
         cells = []

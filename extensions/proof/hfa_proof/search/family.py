@@ -193,6 +193,8 @@ class TrimSearch:
     family: the trims
     low, high: ends of the interval
     measured: outputs of the linear models
+
+    Raises BadInputError if an equation that depends on no unknown is not satisfied.
     """
 
     def __init__(

@@ -119,7 +119,10 @@ def prove_models(
 
 
 class GridSearch:
-    """Cells of an interval, in increasing order, and grids whose breakpoints are ends of cells."""
+    """Cells of an interval, in increasing order, and grids whose breakpoints are ends of cells.
+
+    family, low, high, tolerance: as for `prove_models`
+    """
 
     def __init__(self, family: Family, low: float, high: float, tolerance: float) -> None:
         self.family = family

@@ -164,6 +164,8 @@ class ScheduleSearch:
 
         A stable loop is proved with a decay rate, or with Lyapunov functions if the actuators are
         uncertain.
+
+        Raises BadInputError if the matrix of the loop overflows.
         """
         linear = self.linear_model(box)
         if isinstance(self.loop.actuators, UncertainActuators):
@@ -276,7 +278,10 @@ class ScheduleSearch:
         return data
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """Return the linear model on a box. Raises Rejected if the box is too wide."""
+        """Return the linear model on a box.
+
+        Raises Rejected if the box is too wide.
+        """
         if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
             raise Rejected("the parameter errors are enclosed only on narrower boxes")
         return self.trims.linear_model(box)

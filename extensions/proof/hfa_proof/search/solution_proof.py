@@ -453,7 +453,10 @@ def prove_critic(
 
 
 def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
-    """Return whether K follows from the critic's P and W, by the test of the checker."""
+    """Return whether K follows from the critic's P and W, by the test of the checker.
+
+    Return False for a critic that has only K.
+    """
     if len(parts) == 1:
         return False
     try:

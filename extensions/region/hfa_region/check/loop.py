@@ -144,8 +144,11 @@ class RegionLoop:
     """The closed loop of a statement in coordinates y, z = T y.
 
     statement: V, rho and the loop
-    T: (n, n), invertible
+    T: (n, n)
     order: highest degree D of all Taylor polynomials
+
+    Raises Rejected if T is not proved invertible or no equilibrium is proved. Raises BadInputError
+    if the equations are not supported.
     """
 
     def __init__(self, statement: RegionStatement, T: np.ndarray, order: int) -> None:

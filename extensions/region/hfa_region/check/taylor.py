@@ -100,6 +100,7 @@ class Taylor:
         """Return the enclosure of f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D.
 
         f_k is the k-th derivative over k!, c = g(0), δ = g(y) - c, and ξ is in the range of g.
+
         Raises Undecided unless f is proved smooth on the range of g.
         """
         order = self.order

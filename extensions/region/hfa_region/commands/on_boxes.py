@@ -67,7 +67,10 @@ def prove_gain_on_boxes(
 
 
 def prove_on_boxes(request: RegionRequest) -> int:
-    """Prove the region of a network or a deployment file on boxes and return the exit code."""
+    """Prove the region of a network or a deployment file on boxes and return the exit code.
+
+    Raises BadInputError if an option applies only to sums of squares.
+    """
     from controller.riccati.gare import solve_game
 
     request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; leave it out")

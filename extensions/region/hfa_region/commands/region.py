@@ -133,7 +133,7 @@ def region(request: RegionRequest) -> int:
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate by sums of squares and return the exit code."""
+    """Verify a certificate of a region proved by sums of squares and return the exit code."""
     from hfa_proof.subject import compare
     from hfa_region.check.certificate import check_certificate
     from hfa_region.commands.given import given_for

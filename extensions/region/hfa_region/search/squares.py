@@ -147,10 +147,7 @@ class Squares:
         identity.values.append(values)
 
     def cost(self, columns: np.ndarray, values: np.ndarray) -> None:
-        """Add Σ value x_column to the objective, which is minimized.
-
-        Without such terms the margin is maximized.
-        """
+        """Add Σ value x_column to the objective, which is minimized."""
         for column, value in zip(columns.tolist(), values.tolist(), strict=True):
             self._costs[column] = self._costs.get(column, 0.0) + value
 
