@@ -21,7 +21,8 @@ _COLUMNS = 100
 class Field(NamedTuple):
     """Treatment of a field of a statement.
 
-    subject: name of the field in the first line of a report; "" for a claim, which is not compared
+    subject: name of the field in the first line of a report, or "" for a claim, which is not
+        compared
     shown: whether a report shows the field, apart from the digest
     """
 

@@ -87,8 +87,8 @@ def check_certificate(
 ) -> VerifiedBoxes:
     """Return the region of attraction that a certificate proves.
 
-    policy: the user's policy, state deviations -> input deviations; None if the certificate stores
-        the coefficients of the policy
+    policy: the user's policy, state deviations -> input deviations, or None if the certificate
+        stores the coefficients
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model or
@@ -108,7 +108,7 @@ def read_content(
 
     content: the entries of the file
     model: the user's aircraft, if the certificate concerns one
-    policy: the user's policy, or None if the certificate stores its coefficients
+    policy: the user's policy, or None if the certificate stores the coefficients
 
     Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
     another model or policy.

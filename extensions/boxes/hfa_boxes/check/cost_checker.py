@@ -32,8 +32,7 @@ _MOST_BOXES = 1_000_000_000
 class CostWitness:
     """Evidence for a lower bound, not part of the claim.
 
-    solved: names of the unknown states and inputs at the equilibrium; all others have the values of
-        the statement
+    solved: names of the unknown states and inputs at the equilibrium
     boxes: number of boxes of each piece after which the checker stops
     """
 

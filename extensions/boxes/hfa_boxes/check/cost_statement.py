@@ -26,9 +26,8 @@ class CostStatement:
     ∫ z'Qz + v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
 
     plant: the model, whose state limits are the envelope
-    equilibrium: moving state or input -> value; the proved equilibrium is within `SAME_TRIM`
-        nominal
-        values of these values and of the trim
+    equilibrium: moving state or input -> value, within `SAME_TRIM` nominal values of the proved
+        equilibrium
     Q: (n, n), symmetric, positive semidefinite
     R: (m, m), symmetric, positive semidefinite
     pieces: polynomials W with levels, each proved separately

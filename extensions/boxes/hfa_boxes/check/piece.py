@@ -88,8 +88,8 @@ class Piece(NamedTuple):
     """The set of deviations z with W(y) <= c and |y_i| < 1, y = M z.
 
     M: (n, n)
-    W: polynomial in y without terms of degree 0 and 1; products of coefficients and powers are
-        exact in doubles
+    W: polynomial in y without terms of degree 0 and 1, with products of coefficients and powers
+        that are exact in doubles
     c: level
     """
 

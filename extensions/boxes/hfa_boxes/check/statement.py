@@ -84,11 +84,10 @@ class BoxStatement:
     {V <= rho} without the condition |y_i| <= 1, because V > rho outside the cube.
 
     loop: the model with its policy and saturated inputs
-    policy: SHA-256 of the policy's instructions, or its coefficients
-    equilibrium: moving state -> value; the proved equilibrium differs by at most `SAME_TRIM`
-        nominal values
+    policy: SHA-256 of the policy's instructions, or the coefficients
+    equilibrium: moving state -> value, within `SAME_TRIM` nominal values of the proved equilibrium
     piece: V and its level, in coordinates y = M z
-    extents: moving state -> bounds of its deviation in the set
+    extents: moving state -> bounds of the deviation in the set
     """
 
     loop: Loop
@@ -113,8 +112,8 @@ class BoxStatement:
 
         content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
-        policy: the user's policy, state deviations -> input deviations; None if the certificate
-            stores its coefficients
+        policy: the user's policy, state deviations -> input deviations, or None if the certificate
+            stores the coefficients
 
         Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
         another model or policy.

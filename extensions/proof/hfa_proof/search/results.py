@@ -37,15 +37,14 @@ class ProofData(Result):
     actuators: bandwidth, effectiveness and delay, with --bandwidth.
     lyapunov: Lyapunov function for a moving scheduling variable, with --rate.
     kind: schedule, game or models, for a checked certificate.
-    parameters: parameters of the aircraft, for a checked certificate.
+    parameters: name of the parameter set, or the parameters, for a checked certificate.
     parameter_hash: hash of the parameters, for a checked certificate.
     written: version, command and date in the file, not verified, for a checked certificate.
     statement_sha256: SHA-256 of the JSON text of the statement, for a checked certificate.
     claim: every field of the statement, for a checked certificate.
     not_given: fields that were not compared, because no option gave them, for a checked
         certificate.
-    limits: lowest and highest value of each input and unknown of the trims, for a checked
-        certificate.
+    limits: lowest and highest value of each limited signal of the trims, for a checked certificate.
     spread: half-widths of the parameters, for a checked certificate.
     game: Q, R, E and delta, for a checked certificate.
     error: proved bounds of the interpolation errors, for checked models.

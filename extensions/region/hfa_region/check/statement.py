@@ -64,7 +64,7 @@ class RegionStatement:
     loop: the model with its policy and saturated inputs
     terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V
-    extents: moving state -> bounds of its deviation in the set
+    extents: moving state -> bounds of the deviation in the set
     """
 
     loop: SaturatedLoop
