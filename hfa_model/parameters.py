@@ -225,7 +225,8 @@ _packaged = cache(_read)  # read once, because the files do not change
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
     """Return whether a matrix is a covariance matrix (size, size).
 
-    It must be symmetric, and its correlations must have no negative eigenvalue beyond rounding.
+    A covariance matrix is symmetric and finite, and the matrix of its correlations has no negative
+    eigenvalue beyond rounding.
     """
     if matrix.shape != (size, size) or not np.array_equal(matrix, matrix.T):
         return False

@@ -115,7 +115,7 @@ class Regeneration(ByValue, Result, Reported):
         """Return a report with the verdict, the checks and the entries with the largest
         differences.
 
-        Its data contain all entries.
+        The data of the report contain all entries.
         """
         angles = [f"{pair.published.dihedral_deg:g} deg" for pair in self.pairs]
         rows = []

@@ -231,7 +231,8 @@ def single_parts(
     plant: names and units of the plant
     functions: basis of W
 
-    Raises BadInputError if there are none, or an array has a wrong shape or a number out of range.
+    Raises BadInputError if the file has no such entry, or an array has a wrong shape or a number
+    out of range.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:

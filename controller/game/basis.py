@@ -44,7 +44,7 @@ class Basis(Reported):
 
     @property
     def quadratic_size(self) -> int:
-        """Number of quadratic monomials, n(n+1)/2. They are the first of the basis."""
+        """Number of quadratic monomials, n(n+1)/2, with which the basis begins."""
         return self.states * (self.states + 1) // 2
 
     @cached_property

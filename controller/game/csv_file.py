@@ -20,7 +20,7 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     """Return name -> matrix of each file, and the names and units of states and inputs.
 
     The names are stored as "states" and "inputs", the units as "state_units" and "input_units".
-    Each is omitted if the files do not contain it. Raises ValueError that names the fault.
+    Entries that the files do not contain are omitted. Raises ValueError that names the fault.
 
     files: name of the matrix -> file
     """

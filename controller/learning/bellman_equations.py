@@ -205,7 +205,7 @@ class StackEquations:
         """Return the stability margin, the negative of the largest real part of the eigenvalues,
         1/s.
 
-        It is positive for a stable closed loop.
+        The margin is positive for a stable closed loop.
         """
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 
@@ -228,9 +228,9 @@ class StackEquations:
         e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V with ∇V = ∂ψ'W (paper Eq. 33 with the extremal policies).
 
         residual_norm: |e| divided by |z'Qz|
-        settling_residual: |e| divided by the magnitude of the terms that cancel in e, in [0, 1]. It
-            decides whether a critic has settled. If Q is small compared with the value, rounding
-            alone would make `residual_norm` exceed the limit.
+        settling_residual: |e| divided by the magnitude of the terms that cancel in e, in [0, 1].
+            This residual decides whether a critic has settled. If Q is small compared with the
+            value, rounding alone would make `residual_norm` exceed the limit.
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts

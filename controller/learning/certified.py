@@ -205,7 +205,8 @@ def stabilizing_step(
 def discount_at(progress: float, start: float) -> float:
     """Return the discount β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s.
 
-    It falls from β₀ at p = 0 to 0 at p = 1. It changes slowly where P changes fast (β below 1).
+    The discount falls from β₀ at p = 0 to 0 at p = 1. For β below 1, where P changes fast, the
+    discount changes slowly.
 
     progress: p
     start: β₀
@@ -430,8 +431,8 @@ class CertifiedLaw:
     def start(self) -> Memory:
         """Return the initial memory: W(0), the normalization n_j, and the initial discount.
 
-        The discount is 0 if W(0) stabilizes the plant, otherwise large enough to make it
-        stabilizing.
+        The discount is 0 if W(0) stabilizes the plant. Otherwise W(0) stabilizes the plant with
+        this discount.
         """
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)

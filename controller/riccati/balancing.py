@@ -140,9 +140,9 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     S: (..., n, n)
     Q: (..., n, n)
 
-    The units are powers of two, so that the change of units causes no rounding. They depend on the
-    game and not on P, so that an entry of P that is zero up to rounding remains small. Without a
-    cost (Q = 0) they make |S P| = |A|. Source: Benner, Symplectic balancing of Hamiltonian
+    The units are powers of two, so that the change of units causes no rounding. The units depend on
+    the game and not on P, so that an entry of P that is zero up to rounding remains small. Without
+    a cost (Q = 0) the units make |S P| = |A|. Source: Benner, Symplectic balancing of Hamiltonian
     matrices, SIAM J. Sci. Comput. 22 (2001).
     """
     n = A.shape[-1]

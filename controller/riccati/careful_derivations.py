@@ -38,9 +38,9 @@ def by_schur(form: NormalForm) -> np.ndarray:
 def unrefined(form: NormalForm) -> np.ndarray:
     """Return X, (n, n), by the Schur form to about ten digits, for a search.
 
-    It is much faster than `by_schur`. If Q = 0 and A is Hurwitz, X is exactly 0, because the Schur
-    form would return rounding errors. Raises NoSolutionError if the stable subspace [V1; V2] does
-    not have dimension n, or V1 is singular.
+    If Q = 0 and A is Hurwitz, X is exactly 0, because the Schur form would return rounding errors.
+    Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, or V1 is
+    singular.
     """
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)

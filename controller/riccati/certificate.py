@@ -219,8 +219,8 @@ def sought_reach(form: NormalForm) -> np.ndarray:
 def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
     """Return a lower bound of the least reach of each game, (N,), from its closed loop.
 
-    For w*w = 1 and Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI). Its norm is at least the
-    distance of λ from the eigenvalues of A - B K, divided by the condition number of the
+    For w*w = 1 and Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI). The norm of this row is at
+    least the distance of λ from the eigenvalues of A - B K, divided by the condition number of the
     eigenvectors (Bauer and Fike). Rounding is subtracted. Relative to |A| + |B| + |λ| the bound is
     least if |λ| is the decay rate plus the largest eigenvalue magnitude.
     """

@@ -27,8 +27,9 @@ LOSS_TOLERANCE = 1e-10
 class FlightCost(Result):
     """Cost of u = -K z above the optimum, in percent of the optimal cost z'P*z.
 
-    Both costs are those under the worst disturbance of the policy. The excess is inf if the cost
-    has no bound, because the L2 gain is not below delta or the loop is unstable.
+    The costs of the policy and of the optimum are those under the worst disturbance of each. The
+    excess is inf if the cost has no bound, because the L2 gain is not below delta or the loop is
+    unstable.
 
     worst: largest over the initial conditions
     mean: mean over initial conditions of equal optimal cost
@@ -107,8 +108,7 @@ def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None
     F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
 
     This is the cost equation of K minus the cost equation of K*, so that small losses keep their
-    digits. It is solved by Newton steps from D = 0. The result is None if the cost has no bound or
-    the steps do not converge.
+    digits. The result is None if the cost has no bound or the steps do not converge.
 
     exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing

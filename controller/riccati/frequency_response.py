@@ -29,9 +29,9 @@ def level_crossings(
 ) -> np.ndarray:
     """Return all frequencies at which a singular value of C (jω I - A)⁻¹ B + D may equal a level.
 
-    They are in rad/s, ascending: |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian,
-    whether or not it is on the axis. The level must not be a singular value of D. Source: Zhou,
-    Doyle and Glover, Section 4.7.
+    The frequencies, in rad/s and ascending, are |Im λ| of every eigenvalue λ of the bounded-real
+    Hamiltonian, whether or not it is on the axis. The level must not be a singular value of D.
+    Source: Zhou, Doyle and Glover, Section 4.7.
     """
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
     by_output = np.linalg.solve(free, D.T @ C)

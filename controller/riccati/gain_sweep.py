@@ -53,8 +53,8 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
     """Return frequencies that resolve every resonance, rad/s, ascending.
 
-    They are 0, a logarithmic grid from 1 % of the smallest to 100 times the largest eigenvalue
-    magnitude, and points around each resonance that begin within its width.
+    The frequencies are 0, a logarithmic grid from 1 % of the smallest to 100 times the largest
+    eigenvalue magnitude, and points around each resonance that begin within its width.
     """
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))

@@ -140,7 +140,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     game: the game
     progress: called by the search for delta_min, which runs only if there is no solution
 
-    Raises NoSolutionError with one line. It names the mode for which no delta has a solution, or
+    Raises NoSolutionError with one line that names the mode for which no delta has a solution, or
     the failed test of the certificate and delta_min.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 

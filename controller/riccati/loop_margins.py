@@ -125,10 +125,9 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
 
 
 def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function ω (N,) -> M(jω) (N, m, m), fast for many frequencies.
+    """Return the function ω (N,) -> M(jω) (N, m, m).
 
-    A is made triangular once, by its complex Schur form. Each frequency then takes n² operations
-    instead of n³.
+    With the complex Schur form of A, each frequency takes n² operations instead of n³.
     """
     from scipy.linalg import schur
 
@@ -152,7 +151,7 @@ def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
     """Return all frequencies, rad/s, at which Re M or Im M of one loop may be 0.
 
-    They are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
+    The frequencies are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
 
     sign: 1 for Re M, -1 for Im M
     """

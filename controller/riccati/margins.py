@@ -209,7 +209,7 @@ def _above(
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """Return log D, (m,), of the diagonal D > 0 with the smallest σ_max(D M D⁻¹).
 
-    This σ_max is an upper bound of μ(M), exact for m <= 3. It is minimized by BFGS with a line
+    This σ_max is an upper bound of μ(M), exact for m <= 3. BFGS minimizes this bound, with a line
     search that does not need smoothness, because the two largest singular values are often equal at
     the minimum. Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton,
     Mathematical Programming 141 (2013), 135-163.

@@ -88,7 +88,7 @@ class NormalForm:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, game: Game) -> NormalForm:
-        """Return the normal form of one game. It is cached for each game."""
+        """Return the normal form of one game, cached for each game."""
         return cls.of_plants(game.A, game.B, game)
 
     @classmethod

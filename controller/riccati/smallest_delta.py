@@ -262,9 +262,9 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
     """Return each eigenvalue of A and its largest change by rounding of A, to first order.
 
-    The change is y'|D|x / |y'x| for a change D of the entries by rounding. It is at most
-    `_NEAR_AXIS` times the norm `size` of A, which is used if A is defective. Source: Golub and Van
-    Loan, Section 7.2.2.
+    The change is y'|D|x / |y'x| for a change D of the entries by rounding. The result is limited to
+    `_NEAR_AXIS` times the norm `size` of A, which is also the result for a defective A. Source:
+    Golub and Van Loan, Section 7.2.2.
     """
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size

@@ -143,7 +143,7 @@ def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Analysed
     """Return the linear-quadratic regulator u = -K z, called as lqr(linear, Q, R) or lqr(A, B, Q,
     R).
 
-    It is the solution of `hfa.game(linear, Q, R)`, which has no disturbance.
+    The regulator is the solution of the game without disturbance, `hfa.game(linear, Q, R)`.
 
     linear: the linear model, with A and B; or A
     more: B after A; then Q and R, as for `hfa.game`

@@ -24,7 +24,7 @@ SIDES = (0, 1, -1)
 class Body(NamedTuple):
     """Force (lbf) without weight, moment (ft lbf) and inertia (slug ft^2) of the aircraft.
 
-    They are in body axes, about the center of mass.
+    The axes are the body axes in the center of mass.
     """
 
     force: np.ndarray
@@ -105,9 +105,9 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
     """Return the largest errors of V', α', q' compared with the rigid body, (3,).
 
-    They are relative to the rate or, near zero, to its scale.
+    Each error is divided by the rate or, near zero, by the scale of the rate.
 
-    change: applied to each random state
+    change: function that is applied to each random state
     """
     worst = np.zeros(3)
     scales = np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])

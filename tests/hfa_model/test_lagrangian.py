@@ -47,8 +47,8 @@ def disagreement(
 ) -> State:
     """Return the largest difference of each rate between `judge` and the equations of a variant.
 
-    It is relative to the rate or, near zero, to its scale. Random states, inputs, winds and
-    parameters (20 % standard deviation) are used.
+    Each difference is divided by the rate or, near zero, by the scale of the rate. Random states,
+    inputs, winds and parameters (20 % standard deviation) are used.
     """
     closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
     random = np.random.default_rng(5)

@@ -94,7 +94,7 @@ def velocity_of_panel(
 ) -> np.ndarray:
     """Return the velocity of a panel, (north, east, down), ft/s.
 
-    It is the velocity of the center of mass plus the rate of the panel's relative position.
+    The result is the velocity of the center of mass plus the rate of the panel's relative position.
 
     height, side: as for `place_of_panel`
     """

@@ -100,7 +100,7 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
     """Return the largest relative difference of q' and η'' between the aircraft and
     `accelerations`.
 
-    It is taken over 100 random states and inputs.
+    100 random states and inputs are compared.
     """
     differences = []
     for state, control in zip(*random_points(100, seed=4), strict=True):

@@ -30,7 +30,7 @@ def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
 def inertial(x: State, rate: State) -> np.ndarray:
     """Return the accelerations north, up, in pitch and in dihedral, (4,).
 
-    They are the same for every observer in uniform motion.
+    These accelerations are equal for all observers in uniform motion.
     """
     gamma = x.pitch - x.alpha
     gamma_rate = rate.pitch - rate.alpha

@@ -442,7 +442,7 @@ OWN = ("--aircraft", "examples/f16.py:F16")
 def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
     """The commands trim, linearize, sweep and solve accept the F-16 and the names of its variables.
 
-    They refuse options that apply only to the flexible aircraft.
+    The commands refuse options that apply only to the flexible aircraft.
     """
     assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
     assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture supports only the HFA")

@@ -136,9 +136,10 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
 def bode_frequencies(model: LinearModel) -> np.ndarray:
     """Return frequencies for a Bode plot, rad per unit of time.
 
-    They extend from a tenth of the smallest to ten times the largest magnitude of the eigenvalues
-    of A that are not 0. If all eigenvalues are 0, they extend from 0.01 to 100. They are dense near
-    each eigenvalue, so that the phase of lightly damped modes is resolved.
+    The frequencies extend from a tenth of the smallest to ten times the largest magnitude of the
+    eigenvalues of A that are not 0. If all eigenvalues are 0, the frequencies extend from 0.01 to
+    100. The frequencies are dense near each eigenvalue, so that the phase of lightly damped modes
+    is resolved.
     """
     frequencies = np.abs(np.linalg.eigvals(model.A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]

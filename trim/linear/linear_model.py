@@ -161,8 +161,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return the model from named inputs to named outputs: linear["pitch_rate",
         "elevator_center"].
 
-        The outputs are named first. Each is a name or a list of names. Raises BadInputError if the
-        model does not have such a name, or a name is repeated.
+        The outputs are named first. Inputs and outputs are each a name or a list of names. Raises
+        BadInputError if the model does not have such a name, or a name is repeated.
         """
         from trim.linear.reduction import chosen
 

@@ -25,7 +25,8 @@ def linearize(
 
     A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0.
 
-    They are computed by algorithmic differentiation. At a kink an entry is the mean of two slopes.
+    The derivatives are computed by algorithmic differentiation. At a kink an entry is the mean of
+    two slopes.
 
     model: model of the aircraft
     point: its operating point

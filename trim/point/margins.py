@@ -42,7 +42,7 @@ class Margin(Result):
     def distance(self) -> float:
         """Distance to the nearer limit, min(value - lowest, highest - value).
 
-        It is negative beyond the limit, and infinite without limits.
+        The distance is negative beyond the limit, and infinite without limits.
         """
         return min(self.value - self.lowest, self.highest - self.value)
 
@@ -62,7 +62,7 @@ class Margin(Result):
     def share(self) -> float:
         """distance / (highest - lowest): 0 at a limit, 0.5 halfway.
 
-        It is 0 if the range is infinite and the distance is finite.
+        The share is 0 if the range is infinite and the distance is finite.
         """
         return self.distance / (self.highest - self.lowest)
 

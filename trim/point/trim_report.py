@@ -90,8 +90,8 @@ class Performance(Result):
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """Return the report of a trim.
 
-    It contains every variable with its limits, the nearest limits, the verdict on each equation,
-    other trims found, the rates that are not balanced, and the outputs or the model's own
+    The report contains every variable with its limits, the nearest limits, the verdict on each
+    equation, other trims found, the rates that are not balanced, and the outputs or the model's own
     description (`Extras.describe_trim`). Angles are in degrees in the text and in radians in the
     data.
     """
@@ -218,7 +218,7 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
 def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[OperatingPoint]:
     """Return further solutions of a condition with as many equations as unknowns.
 
-    They are found by Newton's method from the declared initial values and from `STARTS` points
+    Newton's method searches for them from the declared initial values and from `STARTS` points
     within the limits. An example is the back side of the power curve. More solutions may exist. The
     list is empty if the numbers of equations and unknowns differ.
     """

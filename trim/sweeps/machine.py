@@ -253,7 +253,7 @@ class CompiledSystem(SharedSystem):
     def residual_rows(self) -> RowsOf:
         """Function of rows (z, c) that returns the residuals r and their Jacobian J.
 
-        It is machine code if the system is compiled.
+        The function is machine code if the system is compiled.
         """
         return super().residual_rows if self.machine is None else self.machine.residuals
 
@@ -261,7 +261,7 @@ class CompiledSystem(SharedSystem):
     def linear_rows(self) -> RowsOf:
         """Function of rows (z, c) that returns x, u, watched outputs, A, B and the residuals.
 
-        It is machine code if the system is compiled.
+        The function is machine code if the system is compiled.
         """
         return super().linear_rows if self.machine is None else self.machine.linear
 

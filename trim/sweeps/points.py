@@ -257,12 +257,12 @@ def _starts(
 ) -> np.ndarray:
     """Return the initial unknowns of each point, (N, k).
 
-    They are a Taylor polynomial about the solution at the center of the point's cell: quadratic for
-    a single variable, linear for several. The cells are fixed for a model, so that no row depends
-    on its neighbors. The searches for the centers begin at the model's initial point. Terms that
-    change by more than `_STEEPEST` over a cell are omitted, because they may lead to another
-    solution. If all unknowns are inputs, there is one solution, and the searches begin at the same
-    point as single trims, with bit-identical results.
+    The initial unknowns are a Taylor polynomial about the solution at the center of the point's
+    cell: quadratic for a single variable, linear for several. The cells are fixed for a model, so
+    that no row depends on its neighbors. The searches for the centers begin at the model's initial
+    point. Terms that change by more than `_STEEPEST` over a cell are omitted, because they may lead
+    to another solution. If all unknowns are inputs, there is one solution, and the searches begin
+    at the same point as single trims, with bit-identical results.
     """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
@@ -322,7 +322,7 @@ def _settle_from_neighbours(
 ) -> None:
     """Repeat Newton's method for unsolved points, from the solutions of solved neighbors.
 
-    It is repeated until no further point converges. z and settled are changed in place.
+    The repetition ends when no further point converges. z and settled are changed in place.
 
     z: (N, k), unknowns
     c: (N, ..), constants

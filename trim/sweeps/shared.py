@@ -37,8 +37,8 @@ class SharedSystem(TrimSystem):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the linear models and residuals for unknowns z (N, k) and constants c (N, ..).
 
-        They are x, u and the w watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and the
-        residuals r (N, e).
+        The result consists of x, u and the w watched outputs (N, n + m + w), A (N, n, n), B (N, n,
+        m) and the residuals r (N, e).
         """
         (flat,) = self.linear_rows(z, c)
         n = len(self.model.states)

@@ -72,8 +72,8 @@ def balanced_box(game: Game) -> Box:
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """Return |value - exact| / |exact| in Frobenius norms.
 
-    It is inf if a number of `value` is not finite, or if exact is 0 and value is not. Raises
-    BadInputError for different shapes.
+    The result is inf if a number of `value` is not finite, or if exact is 0 and value is not.
+    Raises BadInputError for different shapes.
 
     >>> import numpy as np
     >>> from verification import relative_error
@@ -100,7 +100,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
     """Return max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|).
 
-    It is inf if a difference is not finite, or if exact is 0 and a difference is not.
+    The result is inf if a difference is not finite, or if exact is 0 and a difference is not.
     """
     largest = float(np.abs(exact).max(initial=0.0))
     if not np.all(np.isfinite(difference)):

@@ -71,7 +71,7 @@ def slopes(
 ) -> np.ndarray:
     """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows).
 
-    They are 2 for an exact J and 1 for a wrong one.
+    The slopes are 2 for an exact J and 1 for a wrong one.
 
     planted: (row, column) of an entry of J that is changed, or None
     """

@@ -85,10 +85,8 @@ def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
 
 
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
-    """Participation is |∂λ_i/∂a_kk|, normalized to the sum 1.
-
-    It is compared with a small change of the diagonal of A.
-    """
+    """The participation equals |∂λ_i/∂a_kk|, normalized to the sum 1 and computed by
+    differences."""
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6

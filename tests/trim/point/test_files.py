@@ -31,8 +31,8 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
 
 
 def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_path: Path) -> None:
-    """The report of a loaded point prints its states and inputs. Its data still contain the
-    residuals."""
+    """The report of a loaded point prints its states and inputs. The data of the report also
+    contain the residuals."""
     point.save(tmp_path / "point.json")
     report = OperatingPoint.load(tmp_path / "point.json", hfa.aircraft()).report()
     assert report.text().count("\nstate") == len(point.states)

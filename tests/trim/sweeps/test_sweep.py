@@ -145,7 +145,7 @@ def eigenvalues_in(line: str) -> list[complex]:
 def over_two(published_aircraft: Model) -> Sweep:
     """Return a sweep over speed and altitude.
 
-    Its fast modes are complex pairs at one altitude only.
+    The fast modes are complex pairs at one altitude only.
     """
     grid = {
         "dihedral": [20 * DEGREE],
@@ -484,8 +484,8 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
 def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
     """A store contains the same numbers as the sweep in memory, and its condition.
 
-    It cannot be resumed with another condition, limit, initial guess or order of variables, because
-    the initial guess affects the last bits.
+    A store cannot be resumed with another condition, limit, initial guess or order of variables,
+    because the initial guess affects the last bits.
     """
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)

@@ -132,7 +132,7 @@ def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
     """Return weights with a Bellman residual of 0 on 15 samples, and their largest relative
     residual.
 
-    They are found by Newton steps of least norm from the LQR.
+    Newton steps of least norm, beginning at the LQR, lead to these weights.
     """
     z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(value(game)))
     weights = weights_of(value(game.with_delta(math.inf)) * 1.2)
