@@ -100,7 +100,7 @@ def check_cost_certificate(
     """Return the lower bound that a certificate proves.
 
     model: the user's aircraft, or None if the certificate concerns a built-in model
-    agrees: called with the statement before the proof, raises if the user's data differ
+    agrees: called with the statement before the proof, to raise an error if the user's data differ
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
     Raises Rejected if an entry is not understood or the statement is not proved.

@@ -21,7 +21,7 @@ Limits = Mapping[str, tuple[float, float]]
 class Plant:
     """Plant x' = f(x, u) with inputs within their limits.
 
-    model: the equations, whose linear model has the moving states
+    model: the equations. The states of the linear model are the moving states.
     parameters: every parameter of the model -> value
     trim: moving state -> trim value, x0
     inputs: input -> trim value, u0

@@ -122,7 +122,7 @@ class Fit:
     c: level
     wanted: flights at which W is to be large
     beyond: largest z'P z of samples as a multiple of c, above which W > c is required
-    tell: called with the number of programs before each linear program, may raise an error
+    tell: called with the number of programs before each linear program. The callback may raise.
     """
 
     def __init__(

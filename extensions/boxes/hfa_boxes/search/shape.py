@@ -112,7 +112,7 @@ class Bound(NamedTuple):
 
     level: level of V at the obstacle, inf if none was found
     place: deviation z (n,) of the obstacle, or None if none was found
-    rises: False if V' < 0 at the obstacle, which then exceeds a limit, or if none was found
+    rises: whether V' >= 0 or V' is undefined at the obstacle, False if none was found
     """
 
     level: float
@@ -444,7 +444,7 @@ class Growth:
 
     samples: evaluation of the loop
     shape: the first V, scaled to the largest set that samples allow
-    tell: called with a description before each linear program, may raise an error
+    tell: called with a description before each linear program. The callback may raise.
     """
 
     def __init__(self, samples: Samples, shape: Shape, tell: Callable[[str], None]) -> None:

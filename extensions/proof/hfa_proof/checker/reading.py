@@ -1,4 +1,4 @@
-"""Reader of the entries of a certificate, which refuses entries of a wrong type or unread."""
+"""Reader of the entries of a certificate, which refuses wrong types and unread entries."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Fields:
         return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
 
     def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
-        """Return a list of strings, each of which must be in `allowed`."""
+        """Return the strings of a list, each of which must be in `allowed`."""
         entries = self.value(name, lambda value: isinstance(value, list))
         for entry in entries:
             require(isinstance(entry, str) and entry in allowed, self._called(name), entry)

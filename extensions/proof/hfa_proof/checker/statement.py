@@ -374,8 +374,8 @@ class GameStatement:
     """Claim about the exact solution of a game and the distance of a critic from it.
 
     plant: flight at one scheduling value, whose linear model is used, or matrices
-    decimals: True if `distances` and `loop` are claimed for every decimal number that rounds to the
-        stored doubles, False if only for the doubles, which alone `delta_min` and `modes` concern
+    decimals: whether `distances` and `loop` are claimed for every decimal number that rounds to the
+        stored doubles. `delta_min` and `modes` are claimed for the doubles only.
     critic: K (m, n), and P (n, n) or W (weights, 1) if the critic has them
     gain_of_value: whether K is claimed to equal R⁻¹ B' P of the critic's P and W, within
         `SAME_GAIN`

@@ -199,7 +199,7 @@ def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, An
     """Return the game of the aircraft with first-order actuators, whose positions have no weight.
 
     slowest: bandwidth, rad/s
-    changes: weights that the user typed, without R the usual R is multiplied by `_SLOWER`
+    changes: weights that the user typed. Without R, the usual R is multiplied by `_SLOWER`.
     """
     n, m = game.B.shape
     A = np.block([[game.A, game.B], [np.zeros((m, n)), -slowest * np.eye(m)]])

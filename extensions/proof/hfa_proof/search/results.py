@@ -23,7 +23,8 @@ class ProofData(Result):
     one_branch: whether the trims of all boxes are on one branch.
     decay_rate: proved decay rate where the loop is stable, 1/s.
     loop: intervals with the number of unstable modes of the loop, and open intervals.
-    modes: intervals with the number of unstable modes of A, and open intervals with bounds of it.
+    modes: intervals with the number of unstable modes of A, and open intervals with bounds of the
+        number.
     refuted: intervals where the loop is proved unstable.
     not_covered: effects that the statement does not cover.
     boxes: enclosures of A and B, or the number of boxes.

@@ -35,7 +35,7 @@ def starts_lost(
     disturbances, the worst disturbance for V acts all the time, and the second number is 0.
 
     statement: a proved statement
-    farther: factor on the initial conditions, above 1 if leaving the set is not to be counted
+    farther: factor on the initial conditions. Above 1, leaving the set is not counted.
     """
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
