@@ -79,9 +79,7 @@ def _is_whole(text: str) -> bool:
 
 
 def _name(result: type[Result]) -> str:
-    """Return the name of a class's format without prefix and version, such as "trim" for
-    hfa.trim/1.
-    """
+    """Return the name of a class's format, such as "trim" for hfa.trim/1."""
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 

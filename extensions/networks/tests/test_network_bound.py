@@ -62,10 +62,9 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
-    """No sample in a box exceeds the bound over the box, and the lower bound is at most the upper
-    bound.
+    """No sample in a box exceeds the upper bound over the box.
 
-    For small boxes, both bounds agree to 1 %.
+    The lower bound is at most the upper bound. For small boxes, both bounds agree to 1 %.
     """
     if of_gradient and activation in ("relu", "clip"):
         return  # its gradient has steps

@@ -75,8 +75,9 @@ def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
 
 @pytest.mark.parametrize("write", [safetensors_file, np.savez])
 def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) -> None:
-    """Layers of .npz and safetensors files whose names and widths permit several orders are
-    refused.
+    """Layers whose names and widths permit several orders are refused.
+
+    The files are in the formats .npz and safetensors.
     """
     layers = square_layers("hidden", "embed", "out")
     path = "letters.npz" if write is np.savez else "letters.safetensors"

@@ -127,8 +127,9 @@ def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.nd
 
 @pytest.mark.parametrize("library", [rsl_rl, rl_games, skrl, clean_rl])
 def test_policies_of_other_libraries_are_read(library) -> None:
-    """Policies of several libraries give the outputs of their formulas, for single states and for
-    rows.
+    """Policies of several libraries give the outputs of their formulas.
+
+    The outputs are compared for single states and for rows.
     """
     tensors, part, policy = library()
     stored = network_in(torch_file("a.pt", tensors), STATES, "tanh", {"policy": part})

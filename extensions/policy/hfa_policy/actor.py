@@ -205,8 +205,7 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
-    """Raise BadInputError unless a function has the numbers of inputs and outputs of the
-    deployment.
+    """Raise BadInputError unless a function has as many inputs and outputs as the deployment.
 
     what: name of the function in the message
     observations: required number of inputs

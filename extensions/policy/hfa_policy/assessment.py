@@ -133,10 +133,10 @@ class AssessedPoint(Result):
 
     @property
     def chatters(self) -> bool:
-        """True if the loop is unstable at its equilibrium, yet every flight stays in a small ball
-        about it.
+        """True if the loop is unstable at its equilibrium, but every flight stays near it.
 
-        An example is a loop at a kink of a network.
+        The flights stay in a small ball about the equilibrium. An example is a loop at a kink of a
+        network.
         """
         if self.equilibrium is None or self.flights is None or not self.radius >= 1.0:
             return False
@@ -175,8 +175,9 @@ class AssessedPoint(Result):
 
     @property
     def input_margins(self) -> list[dict[str, float]]:
-        """Return gain_low, gain_high, phase_deg and disk of each commanded input, or [] without
-        margins.
+        """Return gain_low, gain_high, phase_deg and disk of each commanded input.
+
+        The result is [] without margins.
         """
         if self.margins is None:
             return []

@@ -165,10 +165,10 @@ class Assessment(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """Verdict and first finding, and the second finding if the line then has at most 100
-        columns.
+        """Verdict, the first finding, and the second finding if space permits.
 
-        If the second finding does not fit, its part before a bracket is added if this part fits.
+        The second finding is included if the line then has at most 100 columns. If the second
+        finding does not fit, its part before a bracket is added if this part fits.
         """
         is_linear = LINEAR in self.deployed.model.extras.notes
         subject = " on the linear plant" if is_linear else ""
@@ -184,10 +184,10 @@ class Assessment(Result, Reported):
 
     @property
     def further(self) -> list[str]:
-        """Findings that are not in the first line, in the order of `headlines`, followed by the
-        assumed trim.
+        """Findings that are not in the first line, followed by the assumed trim.
 
-        If the first line omits only the bracket of a finding, the content of the bracket is listed.
+        The order is that of `headlines`. If the first line omits only the bracket of a finding, the
+        content of the bracket is listed.
         """
         line = self.first_line
         found = []
@@ -245,10 +245,10 @@ class Assessment(Result, Reported):
         return [point.rough for point in self.points if point.rough is not None]
 
     def _leaving_roughly(self) -> str:
-        """Return a phrase on the flights with noise or in moving air that leave the envelope, or
-        "".
+        """Return a phrase on flights with disturbances that leave the envelope, or "".
 
-        The phrase gives the number of these flights and the earliest departure.
+        The disturbances are noise or moving air. The phrase gives the number of these flights and
+        the earliest departure.
         """
         departures = [flown.departure for flown in self._rough if flown.departure is not None]
         if not departures:
@@ -260,10 +260,10 @@ class Assessment(Result, Reported):
         return f"{_leaving(count, total, flights)} ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
-        """Return a phrase on the mode with the fastest growth that the policy does not control, or
-        "".
+        """Return a phrase on the fastest-growing mode that the policy does not control.
 
-        A mode that decays at a trim at which the policy holds is not reported.
+        The phrase is "" without such a mode. A mode that decays at a trim at which the policy holds
+        is not reported.
         """
         found = [(point.own_mode, point) for point in self.points]
         modes = [(mode, point) for mode, point in found if mode is not None]
@@ -341,11 +341,10 @@ class Assessment(Result, Reported):
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
-        """Return a phrase on the shortest unstable delay over the trims that hold, or "" if none
-        holds.
+        """Return a phrase on the shortest unstable delay over the trims that hold.
 
-        If no examined delay destabilizes a loop, the phrase gives the longest delay that was
-        examined at all these trims.
+        The phrase is "" if no trim holds. If no examined delay destabilizes a loop, the phrase
+        gives the longest delay that was examined at all these trims.
         """
         holding = [point for point in self.points if point.holds and point.delays is not None]
         limits = [point.delays.limit for point in holding if point.delays is not None]
@@ -422,10 +421,10 @@ class Assessment(Result, Reported):
         return f"{count} of {starts} flights stay inside but do not converge within {seconds:.3g} s"
 
     def _flown_costs(self) -> str:
-        """Return a phrase on costs relative to the best flights found, at the trim with the worst
-        median.
+        """Return a phrase on costs relative to the best flights found.
 
-        The phrase is "" without best flights.
+        The costs are those at the trim with the worst median. The phrase is "" without best
+        flights.
         """
         flown = [point.best for point in self.points if point.best is not None]
         if not flown:
@@ -555,9 +554,7 @@ class Assessment(Result, Reported):
         return Table(header, rows)
 
     def figure(self) -> Figure:
-        """Return a figure of the spectral radius versus delay, and of flight outcomes or disk
-        margins.
-        """
+        """Return a figure of spectral radius versus delay, and of flights or disk margins."""
         from hfa_policy.assessment_figure import drawn_assessment
 
         return drawn_assessment(self, new_figure(9.0, 4.0))

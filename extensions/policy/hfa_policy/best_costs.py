@@ -72,8 +72,9 @@ class BestCosts(Result):
     brackets: Sequence[Bracket] = ()
 
     def sentence(self) -> str:
-        """Return a phrase on the costs of the policy and of the linear optimum relative to the best
-        flights.
+        """Return a phrase on the costs relative to the best flights.
+
+        The costs are those of the policy and of the linear optimum.
         """
         if self.policy_over_best is None:
             return f"none of the {self.found} flights with a best flight ends at the trim"
@@ -86,8 +87,9 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """Return a phrase on the policy's costs relative to the lower bounds, or "" without lower
-        bounds.
+        """Return a phrase on the policy's costs relative to the lower bounds.
+
+        The phrase is "" without lower bounds.
         """
         if not self.brackets:
             return ""

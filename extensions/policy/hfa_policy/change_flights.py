@@ -239,8 +239,7 @@ class ChangeFlights:
     def _costs_and_kept(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray, seconds: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Simulate the rows in place. Return the cost of each flight and whether it stays within
-        limits.
+        """Simulate the rows in place, and return costs and whether flights stay within limits.
 
         Both results are (N,). The cost is the sum of x'Qx + u'Ru over the windows, with the largest
         deviations from trim in each window. Weights of outputs are ignored. For a flight that

@@ -69,8 +69,9 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
-    """Return the LQR problem of the linearization at the equilibrium, with Q and R of the
-    deployment.
+    """Return the LQR problem of the linearization at the equilibrium.
+
+    Q and R are those of the deployment.
     """
     Q, R = weights_at(deployed, equilibrium)
     if equilibrium.basis is not None:

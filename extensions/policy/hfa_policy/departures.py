@@ -64,10 +64,10 @@ def first_departure(
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
-    """Raise BadInputError for a trim at the limit of a state whose rate depends on other linear
-    states.
+    """Raise BadInputError for a trim at the edge of the envelope.
 
-    Flights with small deviations from such a trim leave the envelope immediately.
+    At such a trim, a state whose rate depends on other linear states is at its limit. Flights with
+    small deviations from such a trim leave the envelope immediately.
     """
     for point in points:
         model = point.model

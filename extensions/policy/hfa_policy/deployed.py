@@ -250,8 +250,9 @@ class Deployed:
 
     @cached_property
     def inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs of the aircraft; commanded inputs are within their
-        limits.
+        """Function (a, X, U, trim) -> all inputs of the aircraft.
+
+        Commanded inputs are within their limits.
         """
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
@@ -290,8 +291,9 @@ class Deployed:
 
     @cached_property
     def command(self) -> ca.Function:
-        """Function (X, U, trim) -> commanded U, with equal observations in all samples of the
-        history.
+        """Function (X, U, trim) -> commanded U.
+
+        The observations are equal in all samples of the history.
         """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)

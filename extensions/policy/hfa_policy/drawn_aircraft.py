@@ -21,8 +21,7 @@ def drawn_policy(
     assessed: Sequence[AssessedPoint],
     request: Any,
 ) -> Draws:
-    """Return the stability and the linear cost of the sampled loop on `request.draws` random
-    aircraft.
+    """Return stability and linear cost of the sampled loop on `request.draws` random aircraft.
 
     An aircraft counts as trimmed if the policy has an equilibrium at every trim. An aircraft counts
     as stable if the sampled loop is also stable at every trim.

@@ -220,8 +220,9 @@ class Episodes:
             self.frames[:, -newest:] = self._observed
 
     def left(self, number: int) -> str:
-        """Return as text why an episode was terminated: the violated limit or the missing number,
-        and the time.
+        """Return as text why and when an episode was terminated.
+
+        The reason is the violated limit or the value that is not a number.
 
         number: index of the episode
         """
@@ -237,8 +238,9 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """Return the function that advances all rows by one sample, on several threads for many
-        rows.
+        """Return the function that advances all rows by one sample.
+
+        Many rows are computed by several threads.
         """
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
@@ -283,8 +285,9 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Return the number of a row's entries for the lowest X, the highest X and the remaining
-    samples.
+    """Return the number of entries of a row for its ends.
+
+    The entries are the lowest X, the highest X and the number of remaining samples.
     """
     return 2 * len(flight.deployed.model.states) + 1
 
@@ -372,8 +375,9 @@ class EpisodeAir:
         self._states[numbers] = _rowwise(self._stationary[owners], draw)
 
     def step(self) -> np.ndarray:
-        """Advance the turbulence by one sample and return the disturbances during that sample, (N,
-        k).
+        """Advance the turbulence by one sample.
+
+        Returns the disturbances during that sample, (N, k).
         """
         owners = self._owners
         draw = self._random.standard_normal(self._states.shape)

@@ -227,10 +227,10 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs at z, and their slopes by linear states and by earlier
-        inputs.
+        """Return the commanded inputs at z, and their slopes.
 
-        The earlier inputs act just before the sample.
+        The slopes are derivatives by linear states and by earlier inputs. The earlier inputs act
+        just before the sample.
         """
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
@@ -239,10 +239,10 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual at z and its Jacobian with respect to linear states and commanded
-        inputs.
+        """Return the residual at z and its Jacobian.
 
-        Both are nan if the equations of motion have no finite value.
+        The Jacobian is with respect to linear states and commanded inputs. Both are nan if the
+        equations of motion have no finite value.
         """
         X, U = self._parts(z)
         count = len(self.moving)

@@ -109,9 +109,9 @@ def _command(policy: DeployedPolicy) -> ca.Function:
 
 
 def _identifier(name: str) -> str:
-    """Return a name with each group of other characters than letters, digits and _ replaced by one
-    _.
+    """Return a name with forbidden characters replaced by _.
 
-    Leading and trailing _ are removed.
+    Each group of characters other than letters, digits and _ becomes one _. Leading and trailing _
+    are removed.
     """
     return re.sub(r"\W+", "_", name).strip("_")

@@ -68,9 +68,7 @@ class DeployedPolicy(Policy):
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured deviations of the states) -> deviations of the
-        inputs.
-        """
+        """Return the function (tick, measured deviations of states) -> deviations of inputs."""
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
         states = np.array(self.point.states)

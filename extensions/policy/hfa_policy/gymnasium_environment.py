@@ -149,8 +149,9 @@ class AircraftEnvironment(gymnasium.Env):
         return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
-        """Return the picture of the episode so far, (height, width, 3), or None without a
-        render_mode.
+        """Return the picture of the episode so far, (height, width, 3).
+
+        The result is None without a render_mode.
         """
         if self.render_mode is None:
             return None

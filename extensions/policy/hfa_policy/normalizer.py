@@ -157,8 +157,9 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Return stored observations as an array (E, width) of doubles, or None if they have another
-    shape.
+    """Return stored observations as an array (E, width) of doubles, or None.
+
+    The result is None if the observations have another shape.
     """
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None

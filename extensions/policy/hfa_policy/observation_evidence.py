@@ -69,8 +69,9 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the deployment file specifies absolute values, False for deviations from the
-        trim.
+        """True if the deployment file specifies absolute values.
+
+        False for deviations from the trim.
         """
         return bool(self.about != "trim")
 
@@ -119,8 +120,7 @@ class _Observed(NamedTuple):
         return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
 
     def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the mean of the record is clearly outside the limits of the observed
-        state.
+        """Return whether the record's mean is clearly outside the limits of the state.
 
         The result is False for a formula.
         """
@@ -130,8 +130,9 @@ class _Observed(NamedTuple):
         return _outside(seen, *self.model.limits[self.state])
 
     def wrong_scale(self, record: _Record) -> str:
-        """Return the reason why the scale differs from the training's scale, or "" if it may be
-        equal.
+        """Return the reason why the scale differs from the training's scale.
+
+        The result is "" if both scales may be equal.
         """
         if not record.is_of_many:
             return ""
@@ -197,8 +198,9 @@ def _exchanged_with(
 
 
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
-    """Return the mistake of an observation that contradicts its record for several possible
-    reasons.
+    """Return the mistake of an observation that contradicts its record.
+
+    Several reasons are possible.
 
     exchanged: names of observations with which it may be exchanged
     """
@@ -238,10 +240,10 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return mean and standard deviation of the training's observations, (k,) each, or None if
-    unknown.
+    """Return mean and standard deviation of the training's observations, (k,) each.
 
-    The third value is True for statistics of many observations.
+    The result is None if both are unknown. The third value is True for statistics of many
+    observations.
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0

@@ -135,8 +135,9 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the largest change of an observation relative to its range in a box, for each mode,
-    (r,).
+    """Return the largest change of an observation for each mode, (r,).
+
+    The change is relative to the range of the observation in a box.
 
     modes: (k, r), a column for each mode
     box: half-widths of the box, (k,)

@@ -100,8 +100,9 @@ def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Ite
 
 
 def _flies_well(point: AssessedPoint) -> bool:
-    """Return whether the policy holds at a trim, most flights converge, and the equilibrium is near
-    it.
+    """Return whether the policy performs well at a trim.
+
+    The policy holds, most flights converge, and the equilibrium is near the trim.
     """
     if not point.holds or point.flights is None:
         return False
@@ -115,7 +116,10 @@ def _brings_most_back(flown: Flown) -> bool:
 
 
 def _harms(flown: Flown) -> bool:
-    """Return whether many flights leave the envelope."""
+    """Return whether many flights leave the envelope.
+
+    At most the fraction `_KEEPS` of the flights stays within the envelope.
+    """
     return flown.kept <= _KEEPS * len(flown.costs)
 
 
@@ -217,8 +221,9 @@ class _Trial:
         ]
 
     def _is_only_late(self) -> bool:
-        """Return whether most flights converge without the delay, or False if the file has no
-        delay.
+        """Return whether most flights converge without the delay.
+
+        The result is False if the file has no delay.
         """
         if self.card.delay == 0.0:
             return False
@@ -307,18 +312,19 @@ class _Trial:
     # Comparison with the training's record.
 
     def _nearer(self, repair: Repair) -> float:
-        """Return how much a change reduces the misfit to the training's record, or 0 without a
-        record.
+        """Return how much a change reduces the misfit to the training's record.
+
+        The result is 0 without a record.
         """
         if observations_of_training(self.card) is None:
             return 0.0
         return self._misfit(self.card) - self._misfit(repair.deployment)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Return Σ |log(size of the initial observations / size in training)| over the
-        observations.
+        """Return the misfit Σ |log(size of the initial observations / size in training)|.
 
-        A size is the root mean square about the training's mean.
+        The sum is over the observations, at the trim with the worst flights. A size is the root
+        mean square about the training's mean.
         """
         seen = observations_of_training(deployment)
         assert seen is not None

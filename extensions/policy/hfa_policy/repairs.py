@@ -114,15 +114,17 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entry of an action with the box of `place`, or without a box if that entry lacks
-    one.
+    """Return the entry of an action with the box of `place`.
+
+    Without a box in `place`, the result has no box.
     """
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the change that converts the actions on angles from degrees to radians, if such actions
-    exist.
+    """Yield the change of actions on angles from degrees to radians.
+
+    Nothing is yielded without such actions.
     """
     card = deployed.deployment
     angles = [name for name in card.action if deployed.model.unit(name) in ("rad", "deg")]

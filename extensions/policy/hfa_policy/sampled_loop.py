@@ -58,8 +58,9 @@ class Chain(NamedTuple):
 
     @property
     def slowest(self) -> complex:
-        """Eigenvalue of the closed loop with the largest absolute value, or inf if the matrix is
-        not finite.
+        """Eigenvalue of the closed loop with the largest absolute value.
+
+        The value is inf if the matrix is not finite.
         """
         closed = self.closed
         if not np.isfinite(closed).all():
@@ -158,10 +159,9 @@ class Delays(NamedTuple):
 
 
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Return the effect of delays up to the first unstable one that is not below the deployed
-    delay.
+    """Return the effect of delays up to the first unstable one.
 
-    With a longer delay, the loop may be stable again.
+    This delay is not below the deployed delay. With a longer delay, the loop may be stable again.
 
     dt, deployed_delay: s
     """

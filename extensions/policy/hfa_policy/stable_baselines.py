@@ -304,8 +304,9 @@ def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
 
 
 def is_stable_baselines(path: Path) -> bool:
-    """Return whether a file is a zip that contains `data` and `policy.pth`, as Stable-Baselines3
-    writes.
+    """Return whether a file is a zip of Stable-Baselines3.
+
+    Such a zip contains `data` and `policy.pth`.
     """
     try:
         with zipfile.ZipFile(regular_file(path)) as archive:

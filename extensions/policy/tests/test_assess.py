@@ -37,10 +37,10 @@ def good():
 
 
 def test_the_first_line_is_verdict_and_two_findings(good):
-    """The first line contains the verdict and two findings. Further findings follow on separate
-    lines.
+    """The first line contains the verdict and two findings.
 
-    A requirement that is not satisfied is the second finding. All lines have at most 100 columns.
+    Further findings follow on separate lines. A requirement that is not satisfied is the second
+    finding. All lines have at most 100 columns.
     """
     lines = good.report().title.split("\n")
     assert lines[0] == "PASS: holds from 45 to 60 m/s at 50 Hz; unstable with 20 ms of delay"
@@ -187,8 +187,9 @@ def test_flights_are_decided_by_their_seed():
 
 
 def test_normalizer_files_do_not_show_note_and_data(capsys):
-    """If the files do not show whether a normalizer was used, a warning is printed and is in the
-    JSON.
+    """Files that do not show whether a normalizer was used cause a warning.
+
+    The warning is printed and is in the JSON.
     """
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
@@ -241,8 +242,9 @@ def test_the_nonlinearity_is_found_where_it_was_planted():
 
 
 def test_box_and_needs_are_those_of_the_command():
-    """`hfa.assess` accepts a box and requirements. A wrong name or half-width of the box is
-    refused.
+    """`hfa.assess` accepts a box and requirements.
+
+    A wrong name or half-width of the box is refused.
     """
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
@@ -298,8 +300,9 @@ def test_aircraft_of_one_input_is_assessed_and_flown(delay):
 
 
 def kinked_model():
-    """Return the GTM with a speed rate that decreases with |pitch rate|, and thus a kink at every
-    trim.
+    """Return the GTM with a kink at every trim.
+
+    The rate of the speed decreases with |pitch rate|.
     """
     gtm = model_of(GTM)
 
@@ -312,10 +315,10 @@ def kinked_model():
 
 
 def test_slopes_at_a_kink_are_those_of_linearize():
-    """At a kink, the equilibrium has the A and B of `linearize`, which are those of the smooth
-    model.
+    """At a kink, the equilibrium has the A and B of `linearize`.
 
-    At a kink of the policy, K is the mean of both slopes. A finding names the first kink.
+    These A and B are those of the smooth model. At a kink of the policy, K is the mean of both
+    slopes. A finding names the first kink.
     """
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])

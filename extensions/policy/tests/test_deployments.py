@@ -430,8 +430,9 @@ def test_a_file_does_not_name_its_own_class(folder):
 
 
 def test_stacks_of_frames_actors_crossq_refused_in_words():
-    """A policy for a stack of frames is refused with the `history` to give. A CrossQ actor is
-    refused.
+    """A policy for a stack of frames is refused with the `history` to give.
+
+    A CrossQ actor is refused.
     """
     from hfa_policy.stable_baselines import _algorithm
 

@@ -32,9 +32,9 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
 
 
 def test_points_are_what_assess_takes() -> None:
-    """Points are operating points, a single operating point, values of the scheduling variable, or
-    None.
+    """The points of an environment may be given in four forms.
 
+    The forms are a list of operating points, one point, values of the scheduling variable, or None.
     An empty list, text, and the trim of another aircraft are refused.
     """
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
@@ -321,10 +321,10 @@ def test_what_an_environment_leaves_out_is_a_warning() -> None:
 
 
 def test_weights_of_the_cost_are_those_of_a_game() -> None:
-    """Q and R given as matrices, diagonals or by name give the reward of a deployment with this
-    cost.
+    """Q and R give the reward of a deployment with this cost.
 
-    A matrix that is not diagonal is refused, as is R together with a deployment.
+    The weights are given as matrices, diagonals or by name. A matrix that is not diagonal is
+    refused, as is R together with a deployment.
     """
     model = aircraft("ppo_gtm")
     n, m = len(model.linear), len(model.inputs)

@@ -96,9 +96,7 @@ def test_sample_time_of_parts_of_microsecond_is_refused():
 
 
 def card_without_normalizer(folder):
-    """Write a deployment file without the VecNormalize of its policy's training, and return its
-    path.
-    """
+    """Write a deployment file without its policy's VecNormalize, and return its path."""
     right = (FOLDER / "ppo_gtm.toml").read_text()
     named = 'normalizer = "ppo_gtm.pkl"'
     assert named in right

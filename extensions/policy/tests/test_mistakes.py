@@ -70,8 +70,9 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """Last observations that are linear in the original ones, apart from clipped values, prove a
-    normalizer of SAC.
+    """Observations that are linear in the original ones prove a normalizer of SAC.
+
+    Clipped values are excepted.
     """
     original = np.random.default_rng(1).normal(size=(8, 4))
     last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
@@ -405,9 +406,7 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
 
 
 def test_optimum_of_changed_flights_is_that_of_scipy():
-    """Flights with the exact optimum as a deployment cost as much as with the sampled optimum, to 3
-    %.
-    """
+    """The exact optimum as a deployment costs as much as the sampled optimum, to 3 %."""
     model = model_of(F16)
     deployed = optimum_on_f16().on(model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)

@@ -83,10 +83,10 @@ def test_a_delay_is_chain_of_python_controls_delays(case, samples):
 
 
 def test_half_sample_delay_half_sample_at_twice_rate(case):
-    """The spectral radius with half a sample of delay equals that of a loop at half the sample
-    time.
+    """Half a sample of delay is compared with a loop at half the sample time.
 
-    In the loop for comparison, the delay is one sample and the command changes every second sample.
+    The spectral radii are equal. In the loop for comparison, the delay is one sample and the
+    command changes every second sample.
     """
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)

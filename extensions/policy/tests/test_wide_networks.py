@@ -125,8 +125,9 @@ def test_flight_that_cycles_is_not_flown_to_end():
 
 
 def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
-    """A flight that settles at another equilibrium ends early, with the outcome of the full
-    duration.
+    """A flight that settles at another equilibrium ends early.
+
+    The outcome is that of the full duration.
     """
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))

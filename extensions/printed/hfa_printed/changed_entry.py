@@ -257,8 +257,9 @@ def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
 
 
 def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
-    """Yield the digits with the point at each position, including one place before and after the
-    digits.
+    """Yield the digits with the point at each position.
+
+    The positions include one place before and one after the digits.
     """
     plain = digits.replace(".", "")
     yield f"0.0{plain}"

@@ -172,8 +172,9 @@ def _sizes(comparison: Comparison) -> np.ndarray:
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """Return the class and its reason if a changed entry or a known mistake explains the answer, or
-    None.
+    """Return the class and its reason if the search explains the answer, or None.
+
+    A changed entry or a known mistake explains the answer.
 
     changed: changed entries of the plant that make every digit right
     mistake: known mistake, or ""
@@ -237,11 +238,10 @@ def _by_rounding(used: float) -> tuple[Class, str]:
 
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
-    """Return the least s for which rounding of the plant explains every printed digit, to first
-    order.
+    """Return the least s for which rounding of the plant explains every digit.
 
-    Each entry of the plant with decimals may change by up to s half units. The result is inf if no
-    changes explain the digits.
+    The effect of rounding is computed to first order. Each entry of the plant with decimals may
+    change by up to s half units. The result is inf if no changes explain the digits.
 
     P: P of the exact answer
     """

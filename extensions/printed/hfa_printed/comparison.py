@@ -145,8 +145,9 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _mirrored(position: Position) -> Position:
-    """Return the position in the upper triangle for an entry of P or H, or another position
-    unchanged.
+    """Return the position in the upper triangle for an entry of P or H.
+
+    Another position is returned unchanged.
     """
     if position.block in _SYMMETRIC and position.row > position.column:
         return Position(position.block, position.column, position.row)

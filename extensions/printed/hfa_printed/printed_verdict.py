@@ -73,7 +73,9 @@ class PrintedVerdict(Result, Reported):
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
     def report(self) -> Report:
-        """Return the report: class, reason, changed entries of the plant, and the entries farthest
+        """Return the report on the printed answer.
+
+        The report contains class, reason, changed entries of the plant, and the entries farthest
         off.
         """
         comparison = self.classified.comparison

@@ -442,8 +442,9 @@ def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, coun
 
 
 def test_one_wrong_entry_of_learned_table_is_named(tmp_path: Path) -> None:
-    """An entry of a learned answer that is three times too large is named in at least 18 of 20
-    answers.
+    """One wrong entry of a learned answer is named.
+
+    The entry is three times too large. The entry is named in at least 18 of 20 answers.
     """
     rng = np.random.default_rng(5)
     named = 0

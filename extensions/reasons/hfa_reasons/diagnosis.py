@@ -146,10 +146,10 @@ def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
 
 
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
-    """Return the text of the hypothesis that explains most of the error, with the remaining error,
-    or "".
+    """Return the text of the hypothesis that explains most of the error, or "".
 
-    The error is measured relative to each entry first, then with the weights of the view.
+    The text includes the remaining error. The error is measured relative to each entry first, then
+    with the weights of the view.
     """
     for weighted in (view.relative(), view):
         cause = named(weighted, hypotheses, _WITH_NOISE)
@@ -294,8 +294,9 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return the views of P and of K, with weights by balanced units. The first is None without a
-    P.
+    """Return the views of P and of K, with weights by balanced units.
+
+    The first is None without a P.
 
     P, K: the exact matrices
     """
@@ -330,8 +331,9 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """Return a sentence on the largest weight of a function that is not quadratic, or "" if all are
-    0.
+    """Return a sentence on the largest weight of a function that is not quadratic.
+
+    The result is "" if all these weights are 0.
     """
     if critic.weights is None or critic.basis is None:
         return ""
@@ -346,8 +348,9 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """Return a sentence if P is a root of the Riccati equation that does not stabilize, otherwise
-    "".
+    """Return a sentence on P as another root of the Riccati equation, or "".
+
+    Such a root does not stabilize the loop.
     """
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
@@ -370,8 +373,9 @@ def _of_network(
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
-    """Return the mistake that explains most of a network's error, at the origin or over the box, or
-    "".
+    """Return the mistake that explains most of a network's error, or "".
+
+    The error is at the origin or over the box.
 
     others: view -> hypotheses that the critic solves another game
     """

@@ -76,8 +76,9 @@ class View(NamedTuple):
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Return the error of each informative entry under a hypothesis, (entries,), in comparable
-        units.
+        """Return the error of each informative entry under a hypothesis, (entries,).
+
+        The errors are in comparable units.
 
         - Another game: the critic's matrix is compared with the matrix of the game.
         - Other mistakes: the matrix with the mistake reversed is compared with the exact one.

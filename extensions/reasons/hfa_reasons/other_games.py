@@ -335,8 +335,9 @@ def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
 def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
-    """Yield the sentence and the solution for a game with this diagonal of "Q" or "R", if one
-    exists.
+    """Yield the sentence and the solution for a game with this diagonal of "Q" or "R".
+
+    Nothing is yielded if no solution exists.
 
     noun: "state" or "input"
     """
@@ -353,8 +354,7 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """Return the parameter of a family for which the difference from the critic is smallest, or
-    None.
+    """Return the parameter of a family whose game is closest to the critic, or None.
 
     The search is by least squares, within the limits of the family. The result is None if no game
     exists at the initial values. The result is also None if the relative difference is above

@@ -429,8 +429,9 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
 
 
 def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
-    """A discount is named for a plausible rate, but not for P = Q / 5e4, which fits a very large
-    one.
+    """A discount is named for a plausible rate.
+
+    No discount is named for P = Q / 5e4, which fits a very large rate.
     """
     assert named(game, from_value(game, game.Q / 5e4)) == ""
     slow = discounted(game, 0.3)

@@ -24,8 +24,9 @@ class SweepArray(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes by the CF conventions, with `units_of` in place of `units` if the units
-        differ.
+        """Attributes by the CF conventions.
+
+        If the units differ, `units_of` is in place of `units`.
         """
         kind = "units" if self.units == "1/s" else "units_of"
         return {"long_name": self.meaning, kind: self.units}

@@ -185,10 +185,10 @@ def _serve(connection: Any) -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Context manager that provides an executor of the Dask cluster whose scheduler has this
-    address.
+    """Context manager that provides an executor of a Dask cluster.
 
-    Raises BadInputError if Dask is missing, the scheduler does not respond or it has no workers.
+    `address` is the address of the scheduler. Raises BadInputError if Dask is missing, the
+    scheduler does not respond or it has no workers.
     """
     try:
         from dask.distributed import Client

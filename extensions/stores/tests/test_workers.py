@@ -81,8 +81,9 @@ def test_no_worker_starts_without_free_file_handles() -> None:
 
 @pytest.mark.slow
 def test_task_kills_workers_of_cluster_is_one_line() -> None:
-    """A cluster returns all results. A task that kills the workers of a cluster raises
-    NoSolutionError.
+    """A cluster returns all results.
+
+    A task that kills the workers of a cluster raises NoSolutionError.
     """
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")

@@ -473,8 +473,9 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError unless a network has one input for each state, or for a Q each state and
-    input.
+    """Raise BadInputError unless a network has one input for each state.
+
+    A Q must have one input for each state and input of the plant.
 
     width: number of inputs of the network
     states, inputs: number of states and of inputs of the plant; inputs = 0 excludes a Q

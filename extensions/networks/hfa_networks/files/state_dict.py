@@ -165,8 +165,7 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
 
 
 def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> None:
-    """Raise BadInputError if a tensor that is not read may act on the inputs or outputs of a
-    network.
+    """Raise BadInputError if an unread tensor may act on the inputs or outputs of a network.
 
     Other linear layers are accepted as a separate network, unless their sizes fit before, after or
     in parallel to this network. Unused layers with one output are accepted as a critic. Unused
@@ -208,8 +207,9 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
 
 
 def roots(tensors: Iterable[str]) -> list[str]:
-    """Return the tensors' names without layer number and "weight" or "bias", each once and not
-    empty.
+    """Return the tensors' names without layer number and "weight" or "bias", each once.
+
+    Empty names are omitted.
     """
     stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
     return [stem for stem in dict.fromkeys(stems) if stem]

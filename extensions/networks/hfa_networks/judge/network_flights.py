@@ -362,10 +362,10 @@ class _StepLoop:
 
 
 def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """Return the equilibrium z (n,) that Newton's method finds from z = 0, or None without
-    convergence.
+    """Return the equilibrium z (n,) that Newton's method finds from z = 0, or None.
 
-    The iterates must stay within |z_i| <= `_FARTHEST_REST` b_i.
+    The result is None without convergence. The iterates must stay within |z_i| <= `_FARTHEST_REST`
+    b_i.
 
     z: symbols, (n,)
     rates: expression of z', or of x⁺ - x, in these symbols, (n,)

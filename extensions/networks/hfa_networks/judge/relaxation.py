@@ -86,11 +86,11 @@ def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """Return an upper bound on g(t) = tanh t - slope t over [low, high], without rounding errors of
-    g.
+    """Return an upper bound on g(t) = tanh t - slope t over [low, high].
 
-    For t < 0, g is convex, so its maximum is at an end. For t > 0, g is concave, so it lies below
-    its tangent at any point p. The chosen p is the computed point with tanh'(p) = slope.
+    The bound does not include rounding errors of g. For t < 0, g is convex, so its maximum is at an
+    end. For t > 0, g is concave, so it lies below its tangent at any point p. The chosen p is the
+    computed point with tanh'(p) = slope.
 
     at_ends: the larger of g(low) and g(high)
     """
@@ -329,8 +329,9 @@ class Relaxation:
     def _range(
         self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middle and the half-width of each row's range over each box, (boxes, rows)
-        each.
+        """Return the middle and the half-width of each row's range, (boxes, rows) each.
+
+        The range is over each box.
 
         affine: the rows, as rows of the inputs
         """
