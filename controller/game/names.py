@@ -60,7 +60,7 @@ UNNAMED = PlantNames()
 def names_of_linear(linear: LinearModel) -> PlantNames:
     """Return the names and units of a linear model's states and inputs.
 
-    Their origin names the model and its flight condition.
+    The `origin` of the result names the model and its flight condition.
     """
     origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
     return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

@@ -258,7 +258,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     """Return the texts on the origin of the plant in a file: name -> text.
 
-    JSON and .mat files store them as the structure `provenance`, and .npz files as
+    JSON and .mat files store the texts as the structure `provenance`, and .npz files as
     `provenance.version` and so on.
     """
     block = stored.get("provenance", {})

@@ -336,12 +336,12 @@ class CertifiedSettings:
     predefined_time: T_w, s
     tick: step of the recorded history, s
     eta: η in (0, 1), exponent of the scalar law
-    theta: θ in (0, 1), the fraction of each stage's time within which it converges
+    theta: θ in (0, 1), the fraction of its time within which each stage converges
     basis: name of the basis
     samples: N_h >= M, number of samples chosen from the pool; None means 50, or more for a basis of
         more than 33 weights (`enough_for`)
     pool_samples: number of random states in the pool; None means 500, or more for a large basis
-    initial_weights: W(0) in the model's units, one number for all or (M,)
+        initial_weights: W(0) in the model's units, one number for all or (M,)
     """
 
     predefined_time: float = 10.0

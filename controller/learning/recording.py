@@ -67,8 +67,8 @@ class Stack(Reported):
     def linear(self) -> tuple[Stack, float]:
         """Return the samples with the drifts Â z_j, and the misfit |F - Â z| / |F|.
 
-        For exact drifts the misfit is of the order of rounding. Otherwise it has the size of the
-        noise or of a reference forcing.
+        For exact drifts the misfit is of the order of rounding. Otherwise the misfit has the size
+        of the noise or of a reference forcing.
         """
         fitted = self.states @ self.drift_fit().T
         size = float(np.linalg.norm(self.drifts))
@@ -211,7 +211,7 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
 
     σ = L'ψ, with L the Lyapunov operator of the closed loop, which is invertible for every
     stabilizing policy. Therefore the regressors have the same rank as ψ. The rank of ψ is used
-    because rounding does not affect it when the closed loop is stiff.
+    because rounding does not affect this rank when the closed loop is stiff.
     """
     rows = unit_rows(samples)
     count, size = rows.shape

@@ -37,9 +37,9 @@ class Spectrum(NamedTuple):
         imaginary axis.
 
         The distance is the norm of the smallest change of M that puts an eigenvalue on the axis,
-        relative to the norm of M. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, it is
-        reliable for an ill-conditioned eigenvalue: a double eigenvalue on the axis is computed with
-        |Re λ| of about 1e-8 ‖M‖, but the distance is computed as about 1e-16.
+        relative to the norm of M. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, the
+        distance is reliable for an ill-conditioned eigenvalue: a double eigenvalue on the axis is
+        computed with |Re λ| of about 1e-8 ‖M‖, but the distance is computed as about 1e-16.
         """
         return self.nearest_to_axis()[0]
 

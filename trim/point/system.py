@@ -171,11 +171,14 @@ def _structure(
 ) -> Structure:
     """Return the structure that `structure_of` describes, from names only.
 
-    It is cached for all conditions with these names.
+    The result is cached for all conditions with equal names.
 
-    imposed, zero: imposed names, and those of them imposed as 0
-    rates, still: states whose rates are imposed, and those of them whose rate is 0
-    limited, unlimited: names with limits other than the model's, and names without limits
+    imposed: imposed names
+    zero: imposed names with the value 0
+    rates: states with imposed rates
+    still: states with the imposed rate 0
+    limited: names with limits other than the model's
+    unlimited: names without limits
     """
     given = {*varied}
     given.update(name for name in imposed if name not in zero or name in model.outputs)

@@ -67,7 +67,7 @@ def track_modes(
 
     The columns of modes that cross between two points can still be interchanged if their shapes are
     nearly parallel or change much from point to point. This occurs in 3 % of random crossings of
-    shapes a few degrees apart, on 11 to 41 points. More points avoid it.
+    shapes a few degrees apart, on 11 to 41 points. A finer grid avoids such interchanges.
 
     Eigenvalues that coincide at a point have no individual shapes. After this point they are paired
     with the last point at which they were distinct. Eigenvalues that coincide at every point, such

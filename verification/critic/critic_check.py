@@ -134,7 +134,7 @@ def check_critic(
 
 
 def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost of K; it is infinite if rounding hides whether its closed loop is stable."""
+    """Return the cost of K, or an infinite cost if rounding hides whether A - B K is stable."""
     try:
         return flight_cost(game, exact, K)
     except NoSolutionError:

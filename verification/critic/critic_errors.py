@@ -1,7 +1,7 @@
 """Errors of a critic in norms, entry by entry, and in a box of states.
 
 V - V* is a polynomial with the coefficients c = W - W*. In the coordinates y_i = z_i / b_i, with b
-the half-widths of the box, it is Σ_m c_m ψ_m(b) ψ_m(y), and |ψ_m(y)| <= 1. Therefore the sum of
+the half-widths of the box, V - V* is Σ_m c_m ψ_m(b) ψ_m(y), and |ψ_m(y)| <= 1. Therefore the sum of
 |c_m ψ_m(b)| bounds the error at every state in the box. Derivatives are bounded in the same way.
 Unlike samples, a bound includes the errors between them.
 

@@ -88,7 +88,7 @@ class Section(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Checked, Result, Reported):
-    """Verdict on one critic: it passes if every check does.
+    """Verdict on one critic. The critic passes if every check passes.
 
     critic: the critic.
     exact: the certified solution.

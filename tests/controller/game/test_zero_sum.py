@@ -133,7 +133,7 @@ def taylor_slope(
 ) -> float:
     """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|.
 
-    It is 2 for a correct gradient and 1 for a wrong one.
+    The order is 2 for a correct gradient and 1 for a wrong one.
     """
     v = np.random.default_rng(3).normal(size=z.shape)
     steps = np.array([1e-2, 1e-3])

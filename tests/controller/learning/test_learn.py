@@ -62,8 +62,8 @@ def test_a_run_has_the_critic_of_its_last_weights() -> None:
 
 
 def test_results_are_plain_json() -> None:
-    """A run is written as strict JSON with its matrices and settings. Its report states the
-    units."""
+    """A run is written as strict JSON with its matrices and settings, and its report states the
+    units of the weights."""
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == "certified"

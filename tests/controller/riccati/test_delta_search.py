@@ -191,7 +191,7 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
     """The certificate of a plant with two close unstable modes and one input states their reach.
 
-    It is at most the least relative change found that makes a mode unreachable.
+    The reach is at most the least relative change found that makes a mode unreachable.
     """
     modes = np.diag([1.0, 1.0 + apart])
     game = Game(modes, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf)

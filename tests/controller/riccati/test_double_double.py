@@ -12,9 +12,10 @@ from controller.riccati.double_double import product_of_doubles
 
 @pytest.mark.parametrize("n", [0, 1, 6, 100])
 def test_product_has_twice_the_digits(n: int) -> None:
-    """The error of each entry is at most 2^-104 of the product of the largest factors.
+    """The error of each entry is at most 2^-104 of the product of two numbers.
 
-    They are the largest entries of its row and its column.
+    The numbers are the largest magnitudes in the row of the first matrix and in the column of the
+    second matrix.
     """
     random = np.random.default_rng(n)
     sizes = np.exp2(random.integers(-30, 30, (2, 3, n)))

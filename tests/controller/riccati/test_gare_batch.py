@@ -74,7 +74,7 @@ def test_the_game_loops_bound_is_close_from_above():
 def test_the_axis_distance_is_that_of_all_eigenvectors():
     """The bound of the axis distance from half of the eigenvectors equals the bound from all.
 
-    It is a lower bound of the true distance.
+    This bound is not above the true distance.
     """
     A, B = _models("published", 5)
     form = NormalForm.of_plants(A, B, published_game(A[2], B[2]))
