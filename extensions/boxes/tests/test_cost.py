@@ -402,10 +402,10 @@ def test_an_input_without_slope_may_be_used() -> None:
 
 
 def test_curvature_of_three_inputs_bounds_all_directions() -> None:
-    """The bound on the curvature covers every direction of three inputs.
+    """The sum of the curvature bounds is at most the second derivative in the direction (1, 1, 1).
 
     For x' = a + b + c + 0.4 (a b + b c + c a) and a negative slope of W, the second derivative is
-    lowest in the direction (1, 1, 1).
+    lowest in this direction.
     """
     names = ("a", "b", "c")
 

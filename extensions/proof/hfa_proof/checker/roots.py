@@ -12,13 +12,12 @@ from hfa_proof.checker.reading import Rejected
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
     """Return an enclosure of w - x̂(s) for the only root w of F near x̂, a column (n, 1).
 
-    The root is proved by Krawczyk's test.
-
     residual: F at x̂, a column
     J: Jacobian F' where |w_i - x̂_i| <= r_i
     radii: r
 
-    Raises Rejected if the test does not prove a root.
+    Raises Rejected if Krawczyk's test does not prove a root, and ZeroDivisionError if the midpoint
+    of J is singular.
     """
     n = len(radii)
     C = J.mid().inv().mid()

@@ -46,7 +46,8 @@ class Equilibrium:
     x: (n,), balls
     u: (m,), balls, strictly within the limits
 
-    Raises Rejected if no equilibrium is proved near the trim.
+    Raises Rejected if no equilibrium is proved near the trim, and ZeroDivisionError if the Jacobian
+    is singular.
     """
 
     def __init__(self, loop: SaturatedLoop) -> None:
