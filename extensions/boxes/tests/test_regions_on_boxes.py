@@ -436,7 +436,7 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
 def test_coinciding_modes_have_a_positive_decay() -> None:
     """The decay matrix is positive definite for coinciding modes.
 
-    For the modes -1 and -4 it is diag(1, 4).
+    For the modes -1 and -4 the matrix is diag(1, 4).
     """
     ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
     assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)

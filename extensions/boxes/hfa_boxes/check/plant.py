@@ -139,7 +139,7 @@ def _read_limits(entries: Fields, model: Model) -> Limits:
 def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> dict[str, Terms]:
     """Return input -> terms of its polynomial, from the entry `name`.
 
-    An input without an entry is omitted.
+    An input without an entry is omitted. Raises Malformed for the first wrong term.
 
     highest: highest degree that is accepted
     """
@@ -155,7 +155,7 @@ def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> di
 def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return state -> lowest and highest deviation, from the entry `extents`.
 
-    Raises Malformed unless the lowest is negative and the highest positive.
+    Raises Malformed unless every lowest deviation is negative and every highest one positive.
     """
     listed = entries.fields("extents")
     extents = {name: listed.pair(name) for name in states}

@@ -391,7 +391,7 @@ class Shape:
         return Extents(ends, multipliers)
 
     def _farthest(self, direction: np.ndarray) -> np.ndarray:
-        """Return the point z of the set {V <= 1} that maximizes direction · y.
+        """Return the point z of the set {V <= 1} that approximately maximizes direction · y.
 
         direction: (n,)
         """

@@ -1,6 +1,6 @@
 """A tank with inflow proportional to its level and a saturated valve.
 
-Its true regions of attraction are known.
+The true regions of attraction are known.
 """
 
 from __future__ import annotations

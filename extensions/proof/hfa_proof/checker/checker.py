@@ -155,7 +155,10 @@ def _linear_model(statement: ScheduleStatement, trim: TrimBox) -> LinearModelBox
 def _loop_bounds(
     statement: ScheduleStatement, linear: LinearModelBox, box: ModesBox
 ) -> tuple[int, int]:
-    """Return the lowest and highest number of unstable modes of the loop that a box proves."""
+    """Return the lowest and highest number of unstable modes of the loop that a box proves.
+
+    The highest is the number of all modes if the loop is stable but not with the decay rate.
+    """
     model = statement.flight.model
     if isinstance(statement.actuators, UncertainActuators):
         assert isinstance(box.proof, list)

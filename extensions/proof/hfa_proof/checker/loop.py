@@ -1,6 +1,6 @@
 """The closed loop of a statement, built from the linear model, the controller and the actuators.
 
-    x' = A x + B S a,  y = (C x + D S a, a),      the aircraft; S selects the inputs that a moves
+    x' = A x + B S a,  y = (C x + D S a, a),      the aircraft (S selects the inputs that a moves)
     a' = ω (λ u - a)  or  a'' = ω² (λ u - a) - 2 d ω a',
     x_c' = A_c x_c + B_c y,  u = C_c x_c + D_c y.
 

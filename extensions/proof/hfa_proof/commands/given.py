@@ -112,7 +112,10 @@ def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries Q, R and delta that were typed, and E of the usual game."""
+    """Return the entries Q, R and delta that were typed.
+
+    With one of them and an aircraft, E of the usual game is also returned.
+    """
     given = {
         f"weights.{name}": Given(value, f"--{name}")
         for name, value in request.changed_weights().items()

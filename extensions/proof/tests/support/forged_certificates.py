@@ -356,9 +356,10 @@ def _has_objects(value: list[Any]) -> bool:
 
 
 def _without(value: Any) -> dict[str, Any]:
-    """Return name -> changed copy of a list or an object: emptied, shortened, or reordered.
+    """Return name -> changed copy of a list or an object, {} for an empty list.
 
-    An interval also becomes a point.
+    A copy is emptied, shortened, reordered or has its last entry twice. An interval also becomes a
+    point.
     """
     if isinstance(value, dict):
         return {"emptied": {}} | _exchanged_entries(value)

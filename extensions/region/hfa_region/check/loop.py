@@ -190,7 +190,7 @@ class RegionLoop:
     def _commands(self) -> list[Polynomial]:
         """Polynomials in y of u_i - u_e,i without saturation, for each input.
 
-        u = u0 - K (x - x0) + q(x - x0), and u_e is its value at the equilibrium.
+        u = u0 - K (x - x0) + q(x - x0), and u_e is the value of u at the equilibrium.
         """
         loop = self.statement.loop
         away = self.equilibrium.deviations(self.equilibrium.x)
@@ -367,7 +367,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return the Taylor polynomial of a rate without its constant term, which is 0 here."""
+    """Return the Taylor polynomial of a rate without its constant term, 0 at the equilibrium."""
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 

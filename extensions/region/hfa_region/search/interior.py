@@ -5,7 +5,7 @@
 A sum of squares of four states and degree 8 has 495 equations and 5,000 matrix entries. The
 equations of different identities share only f. A general solver (Clarabel 0.11) factors a matrix
 of the size of the entries. This solver factors a matrix of the size of the equations for each
-group, in 10 to 25 times less time.
+group.
 
 Sources: C. Helmberg, F. Rendl, R. Vanderbei, H. Wolkowicz, SIAM J. Optim. 6 (1996) 342 (direction);
 S. Mehrotra, SIAM J. Optim. 2 (1992) 575 (predictor and corrector).

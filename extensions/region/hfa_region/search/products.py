@@ -65,8 +65,6 @@ class Products:
         """Return the matrix (k, k) of tr(H_i Z⁻¹ H_j Q), with H_i the matrix of product i.
 
         Q, inverse: (n, n), symmetric, Q and Z⁻¹
-
-        The lower triangle is computed, degree by degree, and copied to the upper triangle.
         """
         M = np.zeros((len(self.keys), len(self.keys)))
         for block in self.blocks:
