@@ -59,7 +59,7 @@ def _is_text(cell: Any) -> bool:
 def main(path: str, largest: int) -> None:
     """Read a .mat file and write its entries to standard output, as .npz.
 
-    Raises ValueError if they need more than `largest` bytes.
+    Raises ValueError if the entries need more than `largest` bytes.
     """
     warnings.simplefilter("ignore")
     try:

@@ -35,8 +35,8 @@ BACKWARD = 32.0 * float(np.finfo(float).eps)
 class Sizes(NamedTuple):
     """Magnitudes of the terms from which A, B, E and Q of a game were computed, entry by entry.
 
-    The magnitude of a sum is the sum of the magnitudes of its terms. Rounding is relative to it,
-    even if the terms cancel.
+    The magnitude of a sum is the sum of the magnitudes of its terms. Rounding is relative to this
+    magnitude, even if the terms cancel.
 
     A: (n, n)
     B: (n, m), with R = I

@@ -120,10 +120,10 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
 
     matrices: (K, p, n), p >= n
 
-    They are computed by inverse iteration with the triangular factor of the QR decomposition. A
-    singular factor is perturbed by the size of rounding. If its inverse overflows (as for a chain
-    of 20 integrators), the singular value decomposition is used. Source: Golub and Van Loan, Matrix
-    Computations, Section 5.5.7.
+    The vectors are computed by inverse iteration with the triangular factor of the QR
+    decomposition. A singular factor is perturbed by the size of rounding. If its inverse overflows
+    (as for a chain of 20 integrators), the singular value decomposition is used. Source: Golub and
+    Van Loan, Matrix Computations, Section 5.5.7.
     """
     from scipy.linalg.lapack import ztrtri
 

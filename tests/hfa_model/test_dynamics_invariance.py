@@ -149,7 +149,8 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
 def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
-    """Two scalings of the parameters leave trim, A and B unchanged. Without the drag they do not.
+    """Two scalings of the parameters leave A and B unchanged. If the induced drag is not scaled, A
+    changes.
 
     Therefore the identification must fix two parameters.
     """

@@ -127,8 +127,8 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
 def test_with_locked_hinges_newton_is_the_rigid_aircraft(
     parameters: Parameters, dihedral: float
 ) -> None:
-    """With locked hinges, the rates of "newton" equal the rigid body's. Those of "published" do
-    not."""
+    """With locked hinges, the rates of "newton" equal those of a rigid body, and the rates of
+    "published" differ from them."""
 
     def locked(x: State) -> State:
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)

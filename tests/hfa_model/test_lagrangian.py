@@ -79,7 +79,7 @@ def test_newton_in_wind_equals_the_euler_lagrange_equations(
 ) -> None:
     """In wind, the rates of "newton" equal the Euler-Lagrange equations to 1e-11.
 
-    With the other definition of drag in wind they differ.
+    With the other definition of drag in wind the rates differ.
     """
     reference = judge(True, ground_drag=ground_drag)
     assert (

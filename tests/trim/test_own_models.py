@@ -119,8 +119,8 @@ def rotating(x, u, p, w):
 
 
 def test_an_undetermined_trim_is_reported() -> None:
-    """A trim with a free quaternion norm is reported as undetermined. With a held component it is
-    not."""
+    """A trim with a free quaternion norm is reported as undetermined. A trim with a held component
+    is not."""
     free = Model(
         "rotation",
         {"a": Signal(start=0.7), "b": Signal(start=0.5), "rate": Signal()},
@@ -215,10 +215,8 @@ def test_rates_of_the_book() -> None:
 
 
 def test_the_back_side_is_another_trim() -> None:
-    """If two speeds have the same throttle, the report names the other trim.
-
-    The initial point printed with it leads to the other trim.
-    """
+    """If two speeds have the same throttle, the report of one trim names the other, and an initial
+    point that leads to it."""
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
     front = find_operating_point(F16, condition)

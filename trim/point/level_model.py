@@ -13,7 +13,7 @@ from trim.point.solve import find_operating_point
 def level_model(model: Model, scheduled: float) -> LinearModel:
     """Return the linear model at the trim that the model declares.
 
-    For the flexible aircraft it is the paper's level flight.
+    For the flexible aircraft, this trim is the paper's level flight.
 
     model: model of the aircraft
     scheduled: value of its scheduling variable; for the flexible aircraft the dihedral angle, rad

@@ -254,7 +254,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def report(self) -> Report:
         """Return the report that `hfa trim` prints.
 
-        For a point that was not found by a search, it contains only the states and inputs.
+        For a point that was not found by a search, the report contains only the states and inputs.
         """
         if self.problem is not None:
             from trim.point.trim_report import trim_report

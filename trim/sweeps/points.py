@@ -1,8 +1,8 @@
 """Trims and linear models of many points.
 
-Newton's method solves all points together. It is repeated from solved neighbors for the remaining
-points. `find_operating_point` then solves those that still remain. A point without a trim keeps its
-status and the reason.
+Newton's method solves all points together. For the remaining points, Newton's method is repeated
+from solved neighbors. `find_operating_point` solves the points that still remain. A point without a
+trim keeps its status and the reason.
 """
 
 from __future__ import annotations
@@ -96,9 +96,9 @@ def trim_points(
     progress: called with (finished points, all points)
 
     Newton's method needs as many equations as unknowns; otherwise the points are solved one by one.
-    The status of a row without a trim is NO_TRIM. It is BEYOND_LIMITS if a solution beyond the
-    limits is known and all unknowns are inputs: with free states, a second solution may exist
-    within the limits.
+    The status of a row without a trim is BEYOND_LIMITS if a solution beyond the limits is known and
+    all unknowns are inputs, otherwise NO_TRIM. With free states, a second solution may exist within
+    the limits.
 
     Raises BadInputError for values of a wrong shape, and for an unknown name.
     """

@@ -414,7 +414,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a table of the swept values and the eigenvalues of each mode, one row for each
         point.
 
-        Of a sweep with more than `_LONGEST` points, it contains the first and last rows.
+        Of a sweep with more than `_LONGEST` points, the table contains the first and last rows.
         """
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)

@@ -184,7 +184,8 @@ def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
     """For a quadratic value, the regressor σ_j is the derivative of the residual e_j by the
     weights.
 
-    The remainder of the linear approximation is of second order; with a wrong regressor it is not.
+    The remainder of the linear approximation is of second order. With a wrong regressor, the
+    remainder is of a lower order.
     """
     game, exact = published(PUBLISHED[0])
     equations = build(game, name)

@@ -158,7 +158,8 @@ def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> N
 
 @pytest.mark.parametrize("length", [2, 5, 30])
 def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
-    """An input at the last integrator of a chain reaches every state. At the first it does not."""
+    """An input at the last integrator of a chain reaches every state. An input at the first
+    integrator does not."""
     A = np.diag(np.ones(length - 1), 1)
     end = np.eye(length)[:, [-1]]
     begin = np.eye(length)[:, [0]]

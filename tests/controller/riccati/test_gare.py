@@ -277,7 +277,8 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
 def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
     """A delta 0.1 % above delta_min is solved.
 
-    At 1e-6 above it, P is accurate to 1e-6 or the refusal states the distance to delta_min.
+    For a delta 1e-6 above delta_min, P is accurate to 1e-6, or the refusal states the distance to
+    delta_min.
     """
     smallest = minimum_delta(game).value
     assert solve_game(game.with_delta(smallest * 1.001)).certificate.ok

@@ -190,7 +190,7 @@ def filed(number: int) -> Game:
 
 @pytest.mark.parametrize("number", _FILES)
 def test_equations_of_30_to_100_states_are_met(number: int) -> None:
-    """P of an equation with 30 to 100 states satisfies it to 1e-12 and stabilizes.
+    """P of a game with 30 to 100 states satisfies its Riccati equation to 1e-12 and stabilizes.
 
     An error of 1e-9 planted in P is detected.
     """

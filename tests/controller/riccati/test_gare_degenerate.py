@@ -259,8 +259,8 @@ def scalar(a: float, apart: float) -> Game:
 def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
     """A scalar game is never solved below its smallest delta, and always 0.1 % above it.
 
-    Nearer to it, P has the accuracy that its condition number 1/|apart| permits, or the message
-    truthfully states how near delta is.
+    Nearer to the smallest delta, P has the accuracy that its condition number 1/|apart| permits, or
+    the message truthfully states how near delta is.
     """
     game = scalar(a, apart)
     exists = reference_solution(game).exists

@@ -99,7 +99,7 @@ def test_disk_margin_is_tight(game: Game) -> None:
 def test_structured_bound_reaches_known_values(size: int, scale: float, draws: int) -> None:
     """The bound of μ is 1 for a unitary matrix in other units, times its scale.
 
-    For a triangular matrix it is the largest diagonal entry.
+    For a triangular matrix the bound is the largest diagonal entry.
     """
     rng = np.random.default_rng(size)
     for _ in range(draws):

@@ -38,7 +38,7 @@ def response(transfer: Transfer) -> np.ndarray:
 def test_transfer_functions_have_the_models_response(model: LinearModel) -> None:
     """The frequency response of each transfer function equals that of the linear model.
 
-    With zeros changed by 1e-4 it does not.
+    A change of the zeros by 1e-4 is detected.
     """
     exact = model.to_control().frequency_response(OMEGA).frdata
     reached = 0
@@ -118,7 +118,7 @@ def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
 def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
     """A residualized model equals python-control's and keeps the static gain.
 
-    At a low frequency it is more accurate than a truncated model.
+    At a low frequency a residualized model is more accurate than a truncated one.
     """
     follow = ("alpha", "pitch_rate")
     keep = tuple(name for name in model.states if name not in follow)

@@ -118,7 +118,7 @@ def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
     """A model of the flexible aircraft has a kink at 11 km, where the temperature stops falling.
 
-    At 40,000 ft it has none.
+    At 40,000 ft the model has no kink.
     """
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
     kinks = []

@@ -64,7 +64,7 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) ->
 @pytest.mark.parametrize("damping", [0.0, 1e-9])
 @pytest.mark.parametrize("seed", range(5))
 def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
-    """The modes of two masses and a spring do not decay. With a damper of 1e-9 one of them does."""
+    """The modes of two masses and a spring do not decay. With a damper of 1e-9, one mode decays."""
     basis = np.random.default_rng(seed).normal(size=(4, 4))
     spring = np.array([[-7.0, 7.0], [14.0, -14.0]])
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [spring, damping * spring]])

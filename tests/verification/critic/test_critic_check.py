@@ -521,7 +521,7 @@ def test_a_history_passes_where_it_settles_in_time(
 ) -> None:
     """A history passes if its errors settle before the predefined time.
 
-    Without this time it passes only if its last critic does.
+    Without this time, a history with a wrong last critic fails.
     """
     check = check_history(game, planted(game, sizes, of), predefined_time=predefined_time)
     assert check.table is not None
