@@ -107,7 +107,7 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
 
 @lru_cache(maxsize=16)
 def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
-    """Return the cached list with the equations first loaded for a text and a digest."""
+    """Return the cached list for a text and a digest, at first empty."""
     return []
 
 
@@ -121,7 +121,7 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the entry point for the scheme of a text, else for its longest suffix, else None.
+    """Return the reader of a text's scheme, else of its longest known suffix, else None.
 
     The text after a "?" is an argument of the reader.
     """

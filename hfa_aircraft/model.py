@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class UsualTrim(dict[str, float]):
-    """Variable -> value that a trim imposes by default. Calling it trims the model."""
+    """Variable -> value that a trim imposes by default. A call trims the model."""
 
     model: Any
 

@@ -154,7 +154,8 @@ def _with_given(
 ) -> tuple[Model, tuple[str, ...]]:
     """Return the model with the given values, and the names of the given parameters.
 
-    Raises BadInputError if a parameter is unknown or a value is not a finite number.
+    Raises BadInputError if a parameter is unknown, or a value is not finite or beyond the
+    parameter's limits.
     """
     names = tuple(given)
     for name in names:

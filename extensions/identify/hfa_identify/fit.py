@@ -214,7 +214,8 @@ class OutputError:
         small: number of standard deviations below which a step counts as converged
         most_steps: largest number of steps
 
-        Raises FloatingPointError if the first simulation diverges.
+        Raises FloatingPointError if the first simulation diverges or its sensitivities are not
+        finite.
         """
         found = self.at(theta, tuple(starts))
         level = 0

@@ -206,7 +206,7 @@ class Identified(Result, Reported):
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 
-        PASS is followed by the errors of columns that are assumed to be 0.
+        After PASS, at most two errors of columns are named that are assumed to be 0.
         """
         stated = self._stated
         if stated:

@@ -74,13 +74,16 @@ class Body:
 
 @dataclass(frozen=True)
 class Tank:
-    """Tank, in lb and inches.
+    """Tank.
 
     kind: "FUEL" or "OXIDIZER".
     contents: contents in the file, lb.
+    capacity: lb.
+    density: lb/gal.
     unusable: contents that cannot be used, lb.
     priority: 0 if the tank is closed. Engines use the tank with the lowest positive number first.
-    full, drain: center of the contents of a full tank and of an empty one.
+    full, drain: center of the contents of a full tank and of an empty one, structural frame,
+        inches.
     inertia: function (contents, lb) -> three moments of inertia of the contents, slug ft².
     """
 

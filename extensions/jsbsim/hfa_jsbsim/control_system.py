@@ -319,7 +319,10 @@ def _function(component: Element, properties: Properties) -> Any:
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """Return the output of c1 / (s + c1), which is the input in steady state."""
+    """Return the output of c1 / (s + c1), which is the input in steady state.
+
+    Raises BadInputError as `settling` does.
+    """
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is omitted")
@@ -330,7 +333,10 @@ def _lag(component: Element, properties: Properties) -> Any:
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """Return the output of s / (s + c1), which is 0 in steady state."""
+    """Return the output of s / (s + c1), which is 0 in steady state.
+
+    Raises BadInputError as `settling` does.
+    """
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its output is 0, as for a constant input")

@@ -390,7 +390,7 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
     """Mark a turbine's spool functions as unread, because no force depends on them.
 
-    names: beginnings of their names
+    names: beginnings of the functions' names
     """
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):

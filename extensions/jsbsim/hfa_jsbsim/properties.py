@@ -376,9 +376,9 @@ class Properties:
 
 
 def plain(name: str) -> str:
-    """Return the name of a property without the optional parts [0] and /fdm/jsbsim/.
+    """Return the name of a property without [0], outer spaces and a leading /fdm/jsbsim/.
 
-    Names with another leading / are outside JSBSim's property tree and are not changed.
+    Another leading / is kept. Such a name is outside JSBSim's property tree.
     """
     return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/")
 

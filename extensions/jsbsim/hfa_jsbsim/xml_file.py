@@ -302,7 +302,7 @@ class Folders:
     def read(self, path: Path) -> Element:
         """Return the root element of a file. Each file is read once.
 
-        Raises BadInputError if the file cannot be read or is not XML.
+        Raises BadInputError if the file cannot be read, and as `parsed` does.
         """
         if path not in self._files:
             try:

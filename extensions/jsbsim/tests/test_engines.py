@@ -61,7 +61,7 @@ def trim_of(path):
 def test_a_spool_is_at_its_throttle_in_trim(path):
     """In trim, the spool speed equals the speed that the throttle commands.
 
-    The linear model's derivative of the spool's acceleration by its speed is -120 1/s.
+    The diagonal element of A for the spool speed is -120 1/s.
     """
     model, point = trim_of(f"{path}?engines=states")
     assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)

@@ -112,7 +112,7 @@ class Flights:
 
     @cached_property
     def tick(self) -> float:
-        """Time for which tabulated inputs are constant, s."""
+        """Duration of a tick, s: `STEPS` integration steps."""
         return STEPS * self.step
 
     @cached_property

@@ -493,7 +493,8 @@ def _equal(one: Proposal, other: Proposal) -> bool:
 def refutation(flown: Flown, proposal: Proposal) -> str:
     """Return the reason why a simulated flight refutes a proposal, or "" if it does not.
 
-    The flight must stay in the envelope, converge to the trim, and have nearly the proposed cost.
+    The flight must stay in the envelope, converge to the trim, and have the proposed cost within
+    `FLIGHT_AGREES`.
     """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"

@@ -179,7 +179,7 @@ def test_the_initial_condition_has_two_names_for_one_version() -> None:
 
 
 def test_an_input_that_does_not_move() -> None:
-    """An input that is not selected is constant. With both inputs the cost is 10 % lower."""
+    """An unselected input is constant. With both inputs the cost is more than 10 % lower."""
     forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
     model = replace(
         cart(),
