@@ -142,7 +142,8 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
 
     with the noise variance r, M_q = S' S / r and V_q = S' R_vv S / r² of the quantity, V = Σ V_q,
     and K = (Σ M_q)⁻¹. Slow noise resembles the sensitivities. V_q then exceeds M_q, and each
-    unknown reduces the sum of squares by more than the variance of one sample.
+    unknown reduces the sum of squares by more than the variance of one sample. A reduction by more
+    than the fraction `_MOST_TAKEN` is not assumed.
     """
     from scipy.linalg import block_diag
 
@@ -372,5 +373,5 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
     variances = np.diag(covariance)
     seen = np.isfinite(variances) & (variances > 0.0)
     deviations = np.sqrt(np.where(seen, variances, 1.0))
-    finite = np.where(np.isfinite(covariance), covariance, 0.0)
-    return np.asarray(finite / deviations[:, None] / deviations)
+    known = np.where(np.outer(seen, seen), covariance, 0.0)
+    return np.asarray(known / deviations[:, None] / deviations)

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 import hfa
 from hfa.main import main
 from hfa_derivatives.aircraft import from_derivatives
-from hfa_identify.bands import noise_of, smooth_autocorrelation
+from hfa_identify.bands import correlations, noise_of, smooth_autocorrelation
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities
 from hfa_identify.records import Record, read_record, record_of
@@ -193,6 +193,12 @@ def test_slow_noise_beside_white_noise_is_seen():
     noise = generator.standard_normal(4000) + 0.5 * slow
     seen = smooth_autocorrelation(noise, np.ones(4000, dtype=bool), 0.0)
     assert 10.0 < 1.0 + 2.0 * seen[1:].sum() < 40.0
+
+
+def test_an_unknown_variance_has_no_correlation():
+    """The coefficients of an estimate with infinite variance are 0, also off the diagonal."""
+    found = correlations(np.array([[np.inf, 3.0, 0.0], [3.0, 4.0, 1.0], [0.0, 1.0, 1.0]]))
+    np.testing.assert_allclose(found, [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, 0.5, 1.0]])
 
 
 def test_sensitivities_agree_with_differences():
