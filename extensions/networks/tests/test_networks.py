@@ -245,7 +245,7 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
 
 
 def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
-    """The shape of the array in an .npy file determines whether it is W, P or K.
+    """The shape of the array in an .npy file determines whether the array is W, P or K.
 
     An array of another shape is refused.
     """

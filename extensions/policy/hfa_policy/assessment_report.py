@@ -142,8 +142,8 @@ class Assessment(Result, Reported):
     def headlines(self) -> list[str]:
         """Findings over all trims, one sentence each.
 
-        If the assessment fails, the most serious finding is first. If it passes, the first sentence
-        lists the trims at which the policy holds.
+        If the assessment fails, the most serious finding is first. If the assessment passes, the
+        first sentence lists the trims at which the policy holds.
         """
         holding = self._holding()
         verdicts = [holding, self._leaving_roughly()]
@@ -486,7 +486,7 @@ class Assessment(Result, Reported):
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
-        """Return each different finding of the trims once, preceded by the trims that have it."""
+        """Return each different finding once, preceded by the trims with this finding."""
         where: dict[str, list[AssessedPoint]] = {}
         for point in self.points:
             for finding in point.findings:

@@ -50,11 +50,12 @@ class BestCosts(Result):
     lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
         initial conditions with a best flight.
     policy_over_best: cost of the policy's flights that end at the trim, relative to the best; None
-        if there are none.
+        if no flight ends at the trim.
     lqr_over_best: cost of the flights with the saturated linear optimum, relative to the best; None
         if no flight ends at the trim.
     offset_rate: cost per second of the steady-state error, or None without an equilibrium.
-    brackets: one for each initial condition with a lower bound; empty without a certificate.
+    brackets: bounds on the cost from each initial condition with a lower bound; empty without a
+        certificate.
     """
 
     json_keys = (

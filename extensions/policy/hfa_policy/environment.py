@@ -41,11 +41,10 @@ def environment(
     model: the aircraft
     deployment: observations, actions, timing and cost, or the path of a deployment file; a policy
         is not required; default: `Deployment.usual(model, dt)`
-    points: trims of the episodes, one drawn at each reset: operating points, or values of the
-        scheduling variable in the units of the model, or one point; default: the model's default
-        trim
-    seconds: duration after which an episode is truncated; it is terminated earlier if the aircraft
-        leaves its limits
+    points: operating points, one operating point, or values of the scheduling variable in the units
+        of the model; one is drawn at each reset; default: the model's default trim
+    seconds: duration after which an episode is truncated; an episode is terminated earlier if the
+        aircraft leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
     turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
         warning
@@ -55,7 +54,7 @@ def environment(
     The reward is the negative cost.
 
     Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, or dt, Q
-    or R is given together with a deployment.
+    or R is given together with a deployment. Raises TrimError if there is no trim.
 
     >>> import hfa
     >>> card = hfa.Deployment(

@@ -130,7 +130,8 @@ class EquilibriumSearch:
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
         """Return the equilibrium found by Newton's method from X (n,) and U (m,), or None.
 
-        If Newton's method fails, it is repeated from the point with the least squared residual.
+        If Newton's method fails, a second search begins at the point with the least squared
+        residual.
         """
         start = np.concatenate([states, inputs])
         z = self.base.copy()

@@ -9,8 +9,8 @@ class Mistake(NamedTuple):
     """Mistake of a deployment.
 
     kind: type of mistake, such as "scale" or "no normalizer".
-    proved: True if the files prove the mistake; False if they make it likely, or if its correction
-        clearly improves the flights.
+    proved: True if the files prove the mistake; False if the files make the mistake likely, or if
+        the correction clearly improves the flights.
     text: description in one sentence.
     """
 

@@ -198,11 +198,9 @@ def _exchanged_with(
 
 
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
-    """Return the mistake of an observation that contradicts its record.
+    """Return the mistake of an observation that contradicts its record for an unclear reason.
 
-    Several reasons are possible.
-
-    exchanged: names of observations with which it may be exchanged
+    exchanged: names of observations that may be exchanged with this observation
     """
     given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
     causes = "its scale or its about"
@@ -313,9 +311,10 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
 
 
 def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
-    """Return the reason why a scale differs from the training's scale, or "" if it may be equal.
+    """Return the reason why a scale differs from the training's scale, or "".
 
-    The result is "" for a formula and for a state without two finite limits.
+    The result is "" if both scales may be equal, for a formula, and for a state without two finite
+    limits.
 
     name: observed state, or a formula
     spread: standard deviation of the observation in training

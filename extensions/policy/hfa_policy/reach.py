@@ -33,7 +33,8 @@ class OwnMode(NamedTuple):
 
     name: name of the mode, with its time to half or to double.
     growth: real part of its eigenvalue, 1/s.
-    why: reason why the deployment cannot change the mode, or "" if it can.
+    why: reason why the deployment cannot change the mode, or "" if the deployment can change the
+        mode.
     """
 
     name: str
@@ -44,11 +45,12 @@ class OwnMode(NamedTuple):
 class Reach(NamedTuple):
     """Modes at an equilibrium that count in the assessment of a deployment.
 
-    A mode is out of reach if the actions do not move it or the observations do not show it.
+    A mode is out of reach if the actions do not move the mode or the observations do not show the
+    mode.
 
     judged: (k,), mask of the linear states that count; all, unless a slow mode is out of reach.
     loop: the equilibrium in coordinates of the r modes that count; the equilibrium itself if all
-        do.
+        modes count.
     own: slow modes of the aircraft that are out of reach.
     states: names of the states that count.
     """

@@ -56,7 +56,7 @@ def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     """Return the scenario for a model.
 
     Raises BadInputError if the scenario does not fit the model or contains no disturbance, or if
-    `samples` is 0.
+    `samples` is below 1.
     """
     if samples < 1:
         raise BadInputError(

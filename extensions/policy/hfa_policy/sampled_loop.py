@@ -161,7 +161,9 @@ class Delays(NamedTuple):
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
     """Return the effect of delays up to the first unstable one.
 
-    This delay is not below the deployed delay. With a longer delay, the loop may be stable again.
+    The first unstable delay is not below the deployed delay. With a longer delay, the loop may be
+    stable again. If no delay is unstable, the delays reach `MOST_SAMPLES` samples, `MOST_SECONDS`
+    or the deployed delay.
 
     dt, deployed_delay: s
     """

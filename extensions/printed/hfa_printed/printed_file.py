@@ -287,7 +287,8 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
     """Return name -> value of the table [parameters], or {} without this table.
 
-    Each value is a number, or a formula of the preceding names.
+    Each value is a number, or a formula of the preceding names. Raises BadInputError if
+    `parameters` is not a table or a value is wrong.
     """
     if "parameters" not in content:
         return {}

@@ -91,8 +91,8 @@ def _run_in(
 def _processes(count: int) -> Iterator[Run]:
     """Context manager that provides an executor with `count` child processes.
 
-    `ProcessPoolExecutor` is not suitable. It cannot kill its workers, and its semaphores are
-    reported as leaked if a signal ends this process.
+    `ProcessPoolExecutor` is not suitable. This class cannot kill its workers, and its semaphores
+    are reported as leaked if a signal ends this process.
     """
     import multiprocessing
 

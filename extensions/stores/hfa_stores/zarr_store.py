@@ -243,7 +243,7 @@ def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
 def _zarr() -> ModuleType:
     """Return Zarr, imported without its environment variables.
 
-    These variables could change the format of a store. They are removed from the process.
+    The variables could change the format of a store. All of them are removed from the process.
     """
     for name in [name for name in os.environ if name.startswith("ZARR_")]:
         del os.environ[name]

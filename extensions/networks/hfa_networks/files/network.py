@@ -246,7 +246,7 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
     part: the requested part of the file
 
     Raises BadInputError in these cases:
-    - No kind has the size of an output, or several kinds have it.
+    - No kind has the size of an output, or several kinds have this size.
     - There are several outputs, but not one V and one policy.
     """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}

@@ -216,7 +216,7 @@ def refuse_shared(stored: Any) -> None:
     """Raise BadInputError if the content of a pickle has more leaves than `_MOST_STEPS`.
 
     Each use of a shared leaf counts. For example, 32 lists that each contain the next list twice
-    have 2^32 leaves.
+    have 2^32 leaves. The error is also raised if too many nested objects wait to be counted.
     """
     counts: dict[int, int] = {}
     waiting = [stored]
