@@ -565,7 +565,7 @@ def _ball_points() -> np.ndarray:
 def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
     """The lower bound of -V' / rho is below the value by formulas at random points of the ball.
 
-    Near the center the difference is below 1e-3.
+    For degree 6, the difference near the center is below 1e-3.
     """
     y = _ball_points()
     z = y @ GLIDER_T.T
