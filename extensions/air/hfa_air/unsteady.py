@@ -151,8 +151,8 @@ class _Plate(NamedTuple):
 class _CarriedAir(NamedTuple):
     """Loads of the air accelerated by a plate.
 
-    The load vector is its value at zero acceleration minus M_a a. The accelerations a are (w_b',
-    q', η''), with w_b = V sin α.
+    The loads are their values at zero acceleration minus M_a a, with the accelerations
+    a = (w_b', q', η'') and w_b = V sin α.
 
     forward: force at zero acceleration along the x axis of the body, lbf
     downward: force at zero acceleration along the z axis, lbf
@@ -333,7 +333,7 @@ def _lagged_alpha(
 ) -> tuple[Quantity, dict[str, Quantity]]:
     """Return the effective angle of attack of a strip, rad, and the rates of its lag states.
 
-    The effective angle is the geometric one minus the delayed parts of motion, control and gust.
+    The effective angle is the geometric angle minus the delayed parts of motion, control and gust.
     """
     moved = p.local_motion * motion.turn * strip.behind
     alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash
@@ -425,13 +425,14 @@ def _with_apparent_mass(
 def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
     """Return the loads of the air carried by a plate of the center panel, or of both outer panels.
 
-    A plate of half chord b rotates at the rate ω about its span. Its mid-chord has the normal
-    velocity w and the forward velocity u. The momentum of the carried air is m w normal to the
-    plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m span²/12) η'
-    about the chord. The force is -(m w n)', n the unit normal: -m w' normal to the plate, -m w ω
-    forward and m w η' toward the center. The circulatory lift acts at the quarter chord. Its moment
-    omits -m u (b/2) ω, the moment of Theodorsen's lift at the three-quarter chord, which is added
-    here.
+    A plate of half chord b rotates at the rate ω about its span. The mid-chord of the plate has the
+    normal velocity w and the forward velocity u. The momentum of the carried air is m w normal to
+    the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m span²/12)
+    η' about the chord. The force is -(m w n)' with the unit normal n. Its components are -m w'
+    normal to the plate, -m w ω forward and m w η' toward the center.
+
+    The moment -m u (b/2) ω of Theodorsen's lift at the three-quarter chord is added here, because
+    the circulatory lift at the quarter chord omits this moment.
     """
     is_center = motion.panel == "center"
     sin_eta = ca.sin(x.dihedral)
@@ -531,10 +532,7 @@ _RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:
-    """Return the parameters of the unsteady aircraft as signals.
-
-    They are the identified parameters, the effects (all at 1) and `tail_aspect_ratio`.
-    """
+    """Return the identified parameters, the effects (all 1) and `tail_aspect_ratio` as signals."""
     values = default_parameters().values._asdict()
     identified = {
         name: signal._replace(start=float(values[name]))

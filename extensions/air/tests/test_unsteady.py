@@ -181,9 +181,9 @@ def half_chords() -> tuple[np.ndarray, float]:
 
 
 def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
-    """Return the complex lift of the center wing per unit angle, relative to its steady value.
+    """Return the complex lift of the center wing per unit angle, relative to the steady lift.
 
-    It is computed at the reduced frequencies k from the rows of the lag states in A and E.
+    The lift at the reduced frequencies k follows from the rows of the lag states in A and E.
     """
     table, flow = half_chords()
     rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
@@ -226,8 +226,8 @@ def test_theodorsen() -> None:
 def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
     """Return the response to a unit step at the distances s, in half chords.
 
-    It is end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk over k from 0 to 200. Beyond that, f is
-    within 0.03 of its limit `end`.
+    The response is end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk over k from 0 to 200. Beyond k =
+    200, f is within 0.03 of `end`.
 
     of: frequency response f(k)
     end: limit of f for large k
@@ -323,11 +323,10 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
 
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
 def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -> None:
-    """A lifting line gives `share` times the downwash 2 C_L / (π Λ) of the far wake.
+    """A lifting line with elliptic lift has `share` times the downwash 2 C_L / (π Λ) at the tail.
 
-    The downwash at the tail, in the plane of the wake, is computed by Biot and Savart's law. It is
-    greater because the bound vortex is near. The range of `downwash_share` includes this value.
-    Γ = sqrt(1 - y²), y = cos t, with lengths in half spans.
+    The downwash in the plane of the wake follows from Biot and Savart's law, with Γ = sqrt(1 - y²),
+    y = cos t and lengths in half spans. The range of `downwash_share` includes `share`.
     """
     ahead = UNSTEADY.parameters["boom_length"].start / (
         1.5 * UNSTEADY.parameters["panel_span"].start

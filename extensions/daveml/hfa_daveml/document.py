@@ -24,13 +24,13 @@ _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 class Variable:
     """A variable of a DAVE-ML file.
 
-    key: its varID.
-    name: its standard name.
-    units: its units, as spelled in the file.
-    initial: its initial value, or None. It is used if no table, formula or input defines the value.
-    least, most: its limits, infinite if the file gives none.
-    formula: MathML element of its calculation, or None.
-    is_input, is_output: whether the file marks it as an input or an output.
+    key: varID.
+    name: standard name.
+    units: units, as spelled in the file.
+    initial: value if no table, formula or input defines the variable, or None.
+    least, most: limits, infinite if the file gives none.
+    formula: MathML element of the calculation, or None.
+    is_input, is_output: whether the file marks the variable as an input or an output.
     """
 
     key: str
@@ -48,8 +48,8 @@ class Variable:
 class Axis:
     """An independent variable of a function.
 
-    key: its varID
-    least, most: values beyond which the function is constant; infinite if the function extrapolates
+    key: varID
+    least, most: values beyond which the function is constant, infinite if the file gives none
     """
 
     key: str
@@ -89,7 +89,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class CheckCase:
-    """A check case: inputs, and the outputs that the author of the file computed from them."""
+    """A check case: input values, and the output values printed in the file."""
 
     name: str
     inputs: tuple[Signal, ...]
@@ -114,9 +114,7 @@ class Document:
     cases: tuple[CheckCase, ...]
 
     def error(self, place: str, fault: str) -> BadInputError:
-        """Return a BadInputError whose message begins with the path of the file and the place in
-        it.
-        """
+        """Return a BadInputError that begins with the path of the file and the place in it."""
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:

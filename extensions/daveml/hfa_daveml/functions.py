@@ -1,4 +1,4 @@
-"""Variables of a DAVE-ML file as CasADi expressions of its inputs."""
+"""Variables of a DAVE-ML file as CasADi expressions of the inputs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from hfa_support.errors import BadInputError
 class Expressions:
     """Values of the variables of a document, each computed once, at its first use.
 
-    A value is, in this order of precedence: the given value, the value of a table or formula, the
-    initial value. It is clipped to the limits of the variable.
+    The first of these values that exists is used, clipped to the limits of the variable:
+
+    - the given value,
+    - the value of a table or formula,
+    - the initial value.
     """
 
     def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
-        """Store the given values, clipped to their limits.
+        """Store the given values, clipped to the limits of the variables.
 
         given: varID -> value in the file's units
         table: interpolator shared by the files of an aircraft

@@ -1,6 +1,6 @@
 """Gridded and ungridded tables of DAVE-ML, evaluated at CasADi expressions.
 
-Outside its points, a table has the value of the nearest point on its border.
+Outside the points of a table, the value is that of the nearest point on the border.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class GriddedTable:
 class UngriddedTable:
     """A table of scattered points with two arguments, linear on each Delaunay triangle.
 
-    Outside all triangles, its value is the value at the nearest point of the border.
+    Outside all triangles, the value is that of the nearest point on the border.
 
     points: (N, 2)
     values: (N,)

@@ -134,7 +134,7 @@ VALUES = np.sin(3.0 * POINTS[:, 0]) + POINTS[:, 1] ** 2
 def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function:
     """Return the function (x, z) -> y of a file in which y is an ungridded table of points.
 
-    With points (N, 1) it is the function x -> y.
+    With points (N, 1), the function x -> y is returned.
     """
     rows = "".join(
         f"<dataPoint>{', '.join(map(repr, map(float, row)))}, {float(value)!r}</dataPoint>"
@@ -159,7 +159,7 @@ def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function
 def test_an_ungridded_table_is_linear_on_delaunay_triangles(tmp_path: Path) -> None:
     """Inside the hull, an ungridded table equals SciPy's linear interpolation in value and slope.
 
-    Outside, it has the value at the nearest point of the hull.
+    Outside the hull, the value is that of the nearest point of the hull.
     """
     found = surface(POINTS, VALUES, tmp_path)
     expected = LinearNDInterpolator(POINTS, VALUES)

@@ -40,7 +40,7 @@ _WIDEST = 0.3
 def read_model(text: str) -> Model:
     """Return the aircraft of a TOML or CSV file of derivatives.
 
-    A TOML file may instead name another aircraft and give new values of its parameters.
+    A TOML file may instead name another aircraft and give new values of parameters.
 
     Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
     """
@@ -222,12 +222,11 @@ class _Equations:
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """Return the rate of alpha, rad/s, including the lift due to this rate.
+        """Return the rate of alpha, rad/s, including the lift CL_alphadot times this rate.
 
-        The rate solves a linear equation, because CL_alphadot makes the lift depend on it. The drag
-        due to this rate acts along the flight path and therefore does not change alpha.
+        Drag due to the rate of alpha acts along the flight path and does not change alpha.
 
-        specific: (3,), force per mass without the forces that depend on this rate
+        specific: (3,), force per mass without the forces that depend on the rate of alpha
         """
         sizes = self._table.values
         forward, _, down = ca.vertsplit(motion.velocity)

@@ -232,10 +232,9 @@ def test_the_747_is_at_its_published_density():
 
 @pytest.mark.parametrize("mode", PRINTED_747)
 def test_the_747_has_its_published_modes(mode):
-    """The 747's eigenvalues are within 0.3 % of the printed ones.
+    """The 747's eigenvalues are within 0.3 % of the printed ones, with the gravity of the book.
 
-    The printed derivatives have three or four digits. The gravity is that of the book. With wrong
-    values of Cn_beta and Cm_q, every mode deviates by more than 0.3 %.
+    With wrong values of Cn_beta and Cm_q, every mode deviates by more than 0.3 %.
     """
     printed = PRINTED_747[mode]
     found = eigenvalue_near(linear_model(B747, gravity=32.2), printed)
@@ -281,7 +280,8 @@ def test_the_thrust_line_acts_on_the_phugoid(mode):
 def half_a_digit(value):
     """Return half a unit of the last printed digit of a number.
 
-    For a number above 1000, such as a moment of inertia, it is half a unit of the third digit.
+    For a number above 1000, such as a moment of inertia, half a unit of the third digit is
+    returned.
     """
     if abs(value) > 1000.0:
         return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - 2)
@@ -339,9 +339,9 @@ def test_modes_lie_within_the_digits_of_tables(table, printed, held):
 
 
 def test_a_small_aircraft_has_its_published_short_period():
-    """The short-period eigenvalue is within 0.2 % of that of the printed matrix with four digits.
+    """The short-period eigenvalue is within 0.2 % of the eigenvalue of the printed matrix.
 
-    With a wrong Cm_alpha it deviates by more than 1 %.
+    With a wrong Cm_alpha, the eigenvalue deviates by more than 1 %.
     """
     printed = eigenvalue_near(SimpleNamespace(A=PRINTED_ULTRA_STICK), -11.7 + 10.0j)
     found = eigenvalue_near(linear_model(ULTRA_STICK), printed)

@@ -1,4 +1,4 @@
-"""Discrete-time games: exact solution, comparison of critics with it, and Q-learning."""
+"""Discrete-time games: exact solution, verdicts on critics, and Q-learning."""
 
 from hfa_support.public_names import public_names
 

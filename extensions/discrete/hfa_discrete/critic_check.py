@@ -56,8 +56,8 @@ def check_discounted(
 
       x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
 
-    A, B and E of this equation are those of a step with constant u and w. The check is that of
-    `check_discrete`.
+    A, B and E are the matrices of a step with constant u and w. `check_discrete` describes the
+    check.
 
     dt: sample time, s; None if `game` is already in discrete time, where J has no factor dt
     """
@@ -88,11 +88,11 @@ def check_discrete(
 ) -> Verdict:
     """Return the verdict on a critic of a discrete-time game, compared with the exact solution.
 
-    For a critic of V or dV/dx, the policy is the one implied in discrete time, not R⁻¹B'P. A - B K
-    and √α (A - B K) must be stable. The second determines whether the discounted cost is finite.
-    The exact solution of a discounted problem may fail to stabilize. Then even an exact critic
-    receives FAIL. A network, or a value that is not quadratic, is also searched and simulated over
-    a box of states. L2 gain and margins apply only to continuous time and are not checked.
+    A critic of V or dV/dx has the policy that V implies in discrete time, not R⁻¹B'P. The verdict
+    requires that A - B K is stable, and √α (A - B K), whose stability makes the discounted cost
+    finite. An exact critic fails if the exact solution does not stabilize. A network, or a value
+    that is not quadratic, is also searched and simulated over a box of states. L2 gain and margins
+    are not checked.
 
     limit: largest permitted relative error
     more: further matrices of the critic: L (k, n) of w = L x, and H of its Q-function over (x, u,
@@ -221,8 +221,8 @@ def _errors_of_parts(
     """Return the checks of L and H, as far as they are given.
 
     The error of L is relative to |L|. The error of an entry H_ij is relative to √(H_ii H_jj). An H
-    over (x, u) is compared with the exact one for the worst w. Raises BadInputError if L has a
-    wrong shape.
+    over (x, u) is compared with the exact H for the worst w. Raises BadInputError if L has a wrong
+    shape.
     """
     checks = []
     if "L" in parts:

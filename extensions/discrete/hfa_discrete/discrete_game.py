@@ -140,7 +140,7 @@ class DiscreteGame(Reported):
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
         """Return an equivalent step without cross weights, and F = R⁻¹N', (m, n).
 
-        The input of this step is v = u + F x. Its matrices are A - B F and Q - N R⁻¹ N', which is
+        The step has the input v = u + F x and the matrices A - B F and Q - N R⁻¹ N'. The latter is
         positive semidefinite in spite of rounding.
         """
         step = self.step

@@ -68,8 +68,8 @@ class Steps(Reported):
 def random_steps(problem: DiscreteGame, seed: int) -> Steps:
     """Return recorded steps from random states with random inputs and disturbances.
 
-    Each input and disturbance is limited so that it moves no state by more than the state's spread
-    and costs at most as much as the states.
+    An input or disturbance moves no state by more than the spread of the state, and costs at most
+    as much as all states together.
     """
     step = problem.step
     E = step.E if np.isfinite(step.delta) else step.E[:, :0]
@@ -106,8 +106,8 @@ def learn_steps(
     """Learn the Q-function of a discrete-time game from recorded steps and the cost.
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
-    iterations policy iteration is tried. Its result is accepted if it converges to a policy that
-    stabilizes the linear fit of the steps.
+    iterations policy iteration is tried. A policy iteration that converges to a policy that
+    stabilizes the linear fit of the steps ends the learning.
 
     seed: seed of the random steps
     steps: recorded steps; by default `random_steps`

@@ -86,13 +86,12 @@ class DiscreteSolution(Reported):
 def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     """Return a continuous-time game, sampled with constant u and w over each step of dt seconds.
 
-    The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at its beginning. The weights of the step are
-    therefore Q dt and R dt, and its delta is √dt δ.
+    The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at the beginning of the step. The weights of the
+    step are therefore Q dt and R dt, and the delta of the step is √dt δ.
 
-    The difference A_s - I of the matrix A_s of a step is computed without cancellation. A_s is
-    stored
-    in twice the digits. Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems,
-    Section 4.3.
+    The difference A_s - I of the matrix A_s of a step is computed without cancellation, and A_s is
+    stored in twice the digits. Source: Franklin, Powell and Workman, Digital Control of Dynamic
+    Systems, Section 4.3.
 
     Raises BadInputError if dt is not positive.
     """
@@ -165,9 +164,9 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 
 
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
-    """Return the smallest δ for which a discrete-time game has a solution, by bisection.
+    """Return the smallest δ for which a discrete-time game has a solution.
 
-    It does not depend on the δ of the game. Raises NoSolutionError if no δ permits a solution.
+    The δ of the game has no effect. Raises NoSolutionError if no δ permits a solution.
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)

@@ -70,7 +70,7 @@ class StepForm(NormalForm):
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
         """Return the step form of a game, with discount and cross weights transformed away.
 
-        It is balanced if the equivalent continuous-time game exists.
+        The form is balanced if the equivalent continuous-time game exists.
         """
         form = cls.unbalanced(problem)
         with suppress(NoSolutionError):  # the solver reports this error

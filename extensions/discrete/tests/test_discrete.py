@@ -34,7 +34,7 @@ def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
     ("seed", "discount", "delta"), [(0, 0.9, 20.0), (1, 0.99, 40.0), (2, 1.0, np.inf)]
 )
 def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
-    """P equals the result of 3000 value iterations within 1e-12 of its largest entry."""
+    """P equals the result of 3000 value iterations within 1e-12 of the largest entry."""
     game = _game(seed, delta=delta)
     solution = solve_discounted(game, discount)
     G = np.hstack([game.B, game.E / delta])
@@ -162,7 +162,7 @@ def test_without_disturbance_nobody_is_advised_to_raise_delta():
 def test_smallest_delta_of_one_state_in_closed_form():
     """If u has no effect and a = 1/2, the smallest delta is the gain 1/(1 - a) = 2.
 
-    A solution exists slightly above it and is refused below it.
+    A solution exists for delta = 2.01. delta = 1.9 is refused.
     """
     game = Game([[0.5]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 5.0)
     smallest = minimum_delta_discrete(DiscreteGame(game))

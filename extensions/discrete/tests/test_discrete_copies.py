@@ -46,10 +46,9 @@ def _verdict(problem: DiscreteGame) -> bool:
 
 
 def _changed(kind: str, seed: int, count: int) -> list[str]:
-    """Return a sentence for each copy of a game whose verdict differs from that of the game.
+    """Return a sentence for each copy whose verdict or delta_min differs from that of the game.
 
-    At four values of δ, the copy must have a solution exactly if the game has one. The brackets of
-    δ_min of copy and game must overlap.
+    The verdict is compared at four values of δ. The brackets of δ_min must overlap.
 
     count: number of copies
     """

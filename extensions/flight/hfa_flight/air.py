@@ -28,7 +28,8 @@ def flown_through_air(model: Model) -> bool:
 def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
     """Return the names of the n variables to which the envelope applies.
 
-    They are the states. In moving air, `ANGLE_OF_ATTACK` replaces alpha if the model has both.
+    The names are those of the states. In moving air, `ANGLE_OF_ATTACK` replaces alpha if the model
+    has both.
     """
     if not (moving_air and flown_through_air(model)):
         return tuple(model.states)
@@ -36,9 +37,9 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
 
 
 def gust_speed(point: OperatingPoint) -> float:
-    """Return the speed at which gusts pass a trimmed aircraft: its state or output `speed`.
+    """Return the speed at which gusts pass a trimmed aircraft: the state or output `speed`.
 
-    Raises BadInputError if the model has neither.
+    Raises BadInputError if the model has no such state or output.
     """
     model = point.model
     if "speed" not in (*model.states, *model.outputs):

@@ -85,7 +85,7 @@ class LinearPlant(Plant):
 
     @classmethod
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
-        """Return the linearization of a model at an operating point, with all its states.
+        """Return the linearization of a model at an operating point, with all states of the model.
 
         winds: disturbances for which E is computed
         """
@@ -165,9 +165,7 @@ class NonlinearPlant(Plant):
         return components(ca.DM(np.array(self.point.states)) + x)
 
     def _in(self, winds: Winds) -> Model:
-        """Return the model, extended by gusts (`in_gusts`) if it does not declare all these
-        winds.
-        """
+        """Return the model, extended by gusts (`in_gusts`) if a wind is not declared."""
         return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
 
 
@@ -218,10 +216,10 @@ class HeldParts(NamedTuple):
 
     parameters: parameters of the plant that differ between flights
     actuators: frequency, damping and effectiveness of each actuator, (3 m,), if faults change them
-    policy: gain or command that the policy holds
+    policy: inputs that the policy holds, such as a gain
     noise: (k,), noise of the measured states
     gust: held inputs of the gust (`Gust.held_inputs`)
-    delay: (1 + 2 m,), time at the start of the tick, delayed command at its start and at its end
+    delay: (1 + 2 m,), time at the start of the tick, delayed commands at its start and at its end
     """
 
     parameters: Any

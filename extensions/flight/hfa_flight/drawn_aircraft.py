@@ -53,8 +53,9 @@ def with_stability(
 def drawn_figure(plan: MonteCarlo) -> Figure:
     """Return a figure with one row for each state that moves in the flight of the nominal aircraft.
 
-    The left panel shows this flight. The right panel shows the differences of the drawn aircraft
-    from it, with the band that contains 95 % of them. At most `_MOST_SHOWN` aircraft are drawn.
+    The left panel shows the flight of the nominal aircraft. The right panel shows the differences
+    of the drawn aircraft from the nominal aircraft, with the band that contains 95 % of them. At
+    most `_MOST_SHOWN` aircraft are drawn.
     """
     compiled = member_loop(plan)
     itself = fly_within(compiled, plan.envelope, plan.member(0), plan.model.p)

@@ -81,8 +81,11 @@ def flight_envelope(
 ) -> Limits:
     """Return the limits of the states within which the equations of a model are valid.
 
-    They are `min` and `max` of the states, replaced by the limits that the model computes for a
-    trim (`Extras.envelope`), and these by `changes`.
+    For each state, the first of these limits that exists is used:
+
+    - the limits in `changes`,
+    - the limits that the model computes for a trim (`Extras.envelope`),
+    - `min` and `max` of the state.
 
     point: the trim
     changes: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is an alias of alpha
@@ -131,8 +134,8 @@ def departure(
 ) -> Departure | None:
     """Return the first departure, or None if there is none.
 
-    If several states exceed their limits at that time, the one with the largest excess relative to
-    its range is returned. A value that is not finite has the largest excess.
+    If several states exceed their limits at that time, the state with the largest excess relative
+    to its range is returned. A value that is not finite has the largest excess.
 
     limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
     moving_air: whether the air moves, for the name of the variable

@@ -47,7 +47,7 @@ def frame(flight: Flight) -> pandas.DataFrame:
 def dataset(flight: Flight) -> xarray.Dataset:
     """Return an xarray Dataset of the absolute states and inputs over time, with units.
 
-    If the flight has a linear prediction, it is included as NAME_linear for each state.
+    A linear prediction is included as NAME_linear for each state.
     """
     import xarray
 

@@ -96,7 +96,7 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
     """Return input steps at the union of all times.
 
-    Each value is 0 before its first step and constant until its next step.
+    Each value is 0 before the first step of its name and constant between steps.
 
     given: name of an input -> pairs (time in s, value)
 

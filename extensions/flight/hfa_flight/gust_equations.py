@@ -104,11 +104,11 @@ def in_gusts(model: Model) -> Model:
     """Return the model with added disturbances (`ADDED`) for gust components that it does not
     declare.
 
-    A component is added only if the model has the states that it needs. The states remain relative
-    to the ground. Let v be the velocity and ω the angular velocity of the aircraft. Then v_a = v -
-    (u, v, w) and ω_a = ω + (p, q, r) are relative to the air. Forces and moments are those of the
-    model at v_a, ω_a. The model's equation v' = a(v_a, ω_a) - ω_a x v_a becomes v' = a(v_a, ω_a) -
-    ω x v. Angles and position change with v and ω.
+    A component is added only if the model has the states that the component needs. The states
+    remain relative to the ground. Let v be the velocity and ω the angular velocity of the aircraft.
+    Relative to the air, v_a = v - (u, v, w) and ω_a = ω + (p, q, r). Forces and moments are those
+    of the model at v_a, ω_a. The model's equation v' = a(v_a, ω_a) - ω_a x v_a becomes v' = a(v_a,
+    ω_a) - ω x v. Angles and position change with v and ω.
 
     Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """
@@ -171,7 +171,7 @@ class _InGusts:
 def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
     """Return the time derivatives of the body-axis velocity components, (3,).
 
-    They are computed from the rates of speed, alpha and beta. A missing beta is 0.
+    states, rates: speed, alpha and beta, and their rates; a missing beta is 0
     """
     speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
     in_wind_axes = ca.vertcat(

@@ -19,7 +19,7 @@ class Gust:
     Subclasses with other components override `winds`.
 
     names: disturbances of the model that the gust sets
-    held_size: number of its inputs that are constant during a tick
+    held_size: number of inputs of the gust that are constant during a tick
     """
 
     names: tuple[str, ...] = (UPDRAFT,)

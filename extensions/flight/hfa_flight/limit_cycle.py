@@ -127,8 +127,9 @@ class _Swings(NamedTuple):
 
     amplitude: mean of the peaks
     frequency: rad/s, from the first and the last zero crossing
-    rate: decay rate of the amplitude, 1/s, from a least-squares fit of its logarithm; negative if
-      it grows
+    rate: decay rate of the amplitude, 1/s, from a least-squares fit of its logarithm; negative for
+        a
+      growing amplitude
     """
 
     amplitude: float
@@ -167,7 +168,8 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 def _peak(values: np.ndarray) -> float:
     """Return the peak of the values of a half-period.
 
-    It is the vertex of the parabola through the largest value and its neighbors.
+    The peak is the vertex of the parabola through the largest value and its neighbors, or the
+    largest value if a neighbor is missing.
     """
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:

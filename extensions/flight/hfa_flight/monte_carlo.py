@@ -107,7 +107,7 @@ class MonteCarlo(StatesAndInputs, Reported):
         self.loop()  # refuses here what a worker could not simulate
 
     def member(self, number: int) -> Scenario:
-        """Return the drawn scenario of one member. Its turbulence is computed at the trim speed."""
+        """Return the drawn scenario of one member, with turbulence at the trim speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
@@ -120,9 +120,8 @@ class MonteCarlo(StatesAndInputs, Reported):
 
     @property
     def least_within(self) -> int:
-        """Number of members that must stay within their limits for a PASS.
-
-        It is 1 for a random scenario, and N for drawn aircraft.
+        """Number of members that must stay within their limits for a PASS: 1, or N for drawn
+        aircraft.
         """
         return 1 if self.spread is None else self.members
 
@@ -163,7 +162,7 @@ class MonteCarlo(StatesAndInputs, Reported):
 
 
 def _equations_identity(model: Model) -> tuple[str, ...]:
-    """Return path and hash of a model's file, or a hash of its expressions if it has no file."""
+    """Return path and hash of a model's file, or without a file a hash of its expressions."""
     if model.extras.source[0]:
         return model.extras.source
     vectors = model.layout.symbols(*VECTORS)

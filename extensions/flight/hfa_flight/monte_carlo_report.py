@@ -62,7 +62,7 @@ def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
 def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     """Return the report of a plan: outcomes, and quantiles over the members inside the envelope.
 
-    Its data is a `MemberSummary`.
+    The data of the report are a `MemberSummary`.
 
     read: function from the name of a result to its values, (N, ...), one row for each member
     where: where the members are stored, for the title
@@ -115,9 +115,9 @@ def _listed(counts: Mapping[str, float]) -> str:
 
 
 def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
-    """Return quantity -> variable -> its `QUANTILES` over the members inside the envelope.
+    """Return quantity -> variable -> values of `QUANTILES` over the members inside the envelope.
 
-    A variable is None if no member is inside.
+    The values of a variable are None if no member is inside.
 
     inside: mask of these members, (N,)
     """

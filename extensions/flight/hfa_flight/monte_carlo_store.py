@@ -35,7 +35,7 @@ def run_monte_carlo(
 ) -> Mapping[str, np.ndarray]:
     """Return the results (`KEPT`) of all members in memory: name -> array, one row for each member.
 
-    workers: as for `open_workers`; the results do not depend on it
+    workers: as for `open_workers`; no effect on the results
     progress: called with (chunks done, number of chunks), first at the start
     """
     starts = range(0, plan.members, chunk_of(plan))

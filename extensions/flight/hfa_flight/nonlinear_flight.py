@@ -90,16 +90,16 @@ def fly(
 ) -> Flight:
     """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
 
-    With `predict`, the flight of the linear model x' = A x + B u + E w + d is included. It has the
-    nominal parameters, without parameter errors. Both end at the first tick in which the nonlinear
-    flight leaves the envelope.
+    The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
+    the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
+    time.
 
     model: the aircraft with nominal parameters
     point: the trim X0, U0, relative to which x and u are defined
-    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, the file of
-        one
-      of these, steps of inputs as deviations from trim {name: [(time, value), ...]}, a function of
-      (t, X) that returns U, called once a tick, or a `Policy`; with None the inputs remain at trim
+    policy: one of these, or None for constant inputs:
+      - a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, or a file of
+        these - steps of inputs as deviations from trim, {name: [(time, value), ...]} - a function
+        of (t, X) that returns U, called once a tick - a `Policy`
     seconds: duration; default: that of the scenario, or 20 s
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults; its random quantities must be drawn already
@@ -200,8 +200,8 @@ class FlightHistory(Result):
     """Time history of a flight, written in addition to its summary.
 
     history: once per tick, absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
-      (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels; winds, disturbance
-      -> (N,).
+        (N,),
+      errors (N, k), updrafts (N,), and winds, disturbance -> (N,).
     """
 
     history: Mapping[str, Any]
@@ -276,9 +276,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Absolute angle of attack of the center of mass through the air, (N,), rad.
-
-        In still air it equals alpha.
+        """Absolute angle of attack of the center of mass through the air, (N,), rad; alpha in still
+        air.
         """
         alpha = list(self.point.model.states).index(ALPHA)
         return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
@@ -345,7 +344,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Absolute value of each state at the end, and of the angle of attack if the model outputs
+        """Absolute value at the end of each state, and of the angle of attack if the model outputs
         it.
         """
         values = _by_name(self.model.states, self.states[-1])
@@ -355,7 +354,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def largest_deviation(self) -> Mapping[str, float]:
-        """Largest deviation of each state from trim, and of the angle of attack if the model
+        """Largest deviation from trim of each state, and of the angle of attack if the model
         outputs it.
         """
         values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))

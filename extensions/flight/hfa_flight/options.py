@@ -193,7 +193,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
 
 def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
-    """Return the linear model at a trim. Its notes on kinks are issued as warnings."""
+    """Return the linear model at a trim, and issue the notes on kinks as warnings."""
     linear = linearize(model, point)
     for note in linear.kinks:
         warnings.warn(note, stacklevel=2)
@@ -292,8 +292,7 @@ def turbulence_option() -> Any:
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
-    """Return the typed turbulence, with the altitude of --hold if it is a level without an
-    altitude.
+    """Return the typed turbulence. A level without an altitude receives the altitude of --hold.
 
     hold: values of --hold by name
     """
@@ -303,9 +302,8 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
 
 
 def noise_option(about: str) -> Any:
-    """Return the option `--noise` as a dataclass field.
-
-    It maps a state of the linear model to the standard deviation of its sensor noise.
+    """Return the option `--noise`, state -> standard deviation of sensor noise, as a dataclass
+    field.
 
     about: help text
     """
@@ -406,8 +404,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
     def scenario(self, point: OperatingPoint) -> Scenario:
         """Return the scenario that the options specify for a trim.
 
-        For several members, it includes the random quantities, not yet drawn. The tick is the
-        longest whole number of ms that divides both 10 ms and the delay.
+        For several members, the scenario includes random quantities that are not drawn yet. The
+        tick is the longest whole number of ms that divides both 10 ms and the delay.
         """
         duration = self.duration
         delay = self.delay
@@ -490,10 +488,9 @@ class FlightOptions(ScenarioOptions):
         return ("Q", "R") if self.members is None else ()
 
     def flight(self) -> PlannedFlight:
-        """Return the flight to be simulated.
+        """Return the flight to be simulated. Commands of states are the reference of the flight.
 
-        Commands of states are its reference. Raises BadInputError if the options contradict each
-        other.
+        Raises BadInputError if the options contradict each other.
         """
         from hfa_flight.policies import open_loop
 
@@ -527,7 +524,7 @@ class FlightOptions(ScenarioOptions):
     def _controller_policy(
         self, model: Model, point: OperatingPoint, steps: CommandSteps
     ) -> tuple[Policy, Any]:
-        """Return the policy of --controller and the reference that it follows."""
+        """Return the policy of --controller and its reference."""
         from hfa_flight.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
 

@@ -15,9 +15,8 @@ Made = TypeVar("Made")
 def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
     """Return a decorator like `functools.lru_cache` with one cache for each thread.
 
-    It is needed for results such as a `BoundFunction`, whose calls overwrite its memory. CasADi
-    releases the interpreter lock while it evaluates, and a cluster worker has several threads by
-    default.
+    Results whose calls overwrite their memory, such as a `BoundFunction`, need a separate cache,
+    because CasADi releases the interpreter lock while it evaluates.
     """
 
     def decorate(make: Callable[..., Made]) -> Callable[..., Made]:

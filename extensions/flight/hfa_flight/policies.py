@@ -27,8 +27,8 @@ class Measurements(NamedTuple):
     error: (k,), x - x_d of the states of the linear model
     states: (k,), x
     positions: (m,), actuator positions; (0,) without actuators
-    rates: (m,), actuator rates; (0,) if the actuators have none
-    updraft: (1,), updraft, for outputs that depend on it; (0,) in still air
+    rates: (m,), actuator rates; (0,) without actuators of order 2
+    updraft: (1,); (0,) in still air
     """
 
     error: ca.SX
@@ -49,7 +49,7 @@ class Policy(Reported):
       last row afterwards
     start: (l,), initial memory
     identity: JSON data that identify the policy
-    fastest: magnitude of its fastest mode, 1/s, which determines the number of substeps
+    fastest: magnitude of the policy's fastest mode, 1/s, which determines the number of substeps
     is_held: whether u is constant during a tick
     """
 
@@ -97,9 +97,8 @@ class Policy(Reported):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """Gain K (m, k) of u = -K z near the trim, or None.
-
-        It is None if the policy has memory, changes with time or has no known gain.
+        """Gain K (m, k) of u = -K z near the trim, or None if the policy has no constant gain or
+        has memory.
         """
         return None
 
@@ -144,7 +143,7 @@ class GainPolicy(Policy):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """Gain K (m, k), or None if it changes with time."""
+        """Gain K (m, k), or None for several gains."""
         return self.gains[0] if len(self.gains) == 1 else None
 
     def data(self, model: Model) -> dict[str, Any]:
@@ -180,7 +179,7 @@ class FunctionPolicy(Policy):
 
     @cached_property
     def limited(self) -> ca.Function:
-        """CasADi Function z -> u. It is never inlined, because a network has many operations."""
+        """CasADi Function z -> u that is never inlined, because a network has many operations."""
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
@@ -209,7 +208,7 @@ def column_by_column(matrix: np.ndarray) -> np.ndarray:
 
 
 class OpenLoop(Policy):
-    """Policy whose output is its held inputs, independent of measurements."""
+    """Policy that applies its held inputs."""
 
     is_held = True
 
@@ -219,7 +218,7 @@ class OpenLoop(Policy):
 
 
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
-    """Return the policy that applies steps of inputs, as deviations from trim, without a filter.
+    """Return the policy that applies unfiltered steps of inputs, as deviations from trim.
 
     Each step begins at the first tick at or after its time.
 

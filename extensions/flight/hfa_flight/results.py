@@ -19,8 +19,7 @@ class MemberSummary(Result):
     members: number of flights.
     seed: seed of all random numbers.
     duration: s.
-    within_limits: number of flights inside the envelope and the control limits, without limit
-        cycle.
+    within_limits: number of flights inside the envelope and control limits, without limit cycle.
     held: number of flights that stayed inside the envelope.
     first_left: time of the first departure, s; null if there is none.
     left: state -> number of flights in which it left the envelope first.

@@ -37,15 +37,16 @@ MOST_STEPS = 10_000_000
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Random quantities of the members of a simulation; by default there are none.
+    """Random quantities of the members of a simulation. By default there are none.
 
     errors: parameter -> relative standard deviation about the nominal value
-    noise: state of the linear model -> standard deviation of its sensor noise, which is drawn every
-      tick and constant during it
+    noise: state of the linear model -> standard deviation of the sensor noise, which is drawn every
+      tick and constant during the tick
     turbulence: `Turbulence`, or None
 
     Errors, noise and turbulence of member k = 0, 1, ... use three independent streams from (seed,
-    k), NumPy's `SeedSequence`. Adding one of them does not change the draws of the others.
+    k), NumPy's `SeedSequence`. Adding errors, noise or turbulence does not change the draws of the
+    others.
 
     Raises BadInputError if a deviation is negative or `turbulence` has another type. `Scenario.on`
     checks the names.
@@ -74,7 +75,7 @@ class Uncertainty:
 
           exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
 
-        The ratios are positive. Their mean is 1 and their standard deviation s.
+        The ratios are positive, with the mean 1 and the standard deviation s.
         """
         sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
         random = np.random.default_rng(_sequence(seed, member, _ERRORS))
@@ -110,13 +111,12 @@ class Scenario(Reported):
     tick: interval at which the held inputs change, s; a whole number of steps
     initial: (n,), deviation from trim; () for none
     reference, disturbance, noise: signals (k,) for the states of the linear model; None is 0
-    errors: parameter -> factor on the parameter of the simulated aircraft; the design does not use
-      it
+    errors: parameter -> factor on the parameter of the simulated aircraft only
     actuators: dynamics of the actuators, or None
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
     samples: drawn noise, (ticks, k), constant during each tick
-    air: disturbance of the model -> its waveform, (1,)
+    air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s; a whole number of ticks
 
     Raises BadInputError if times are not multiples of each other or are too long, the step is too

@@ -88,7 +88,7 @@ def fly_steps(
 ) -> StepFlight:
     """Simulate u = -K x on a discrete-time plant and return the states, inputs and costs.
 
-    problem: x⁺ = A x + B u, its cost and discount
+    problem: x⁺ = A x + B u, with cost and discount
     K: (m, n)
     policy: name of the policy
     start: initial state, (n,)

@@ -248,7 +248,7 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 class TurbulentAir(Gust):
     """Turbulence u, v, w, p, q, r of a flight, in its stationary distribution from the start.
 
-    It is filtered white noise, exact at the ticks and linear between them. p is independent noise
+    Filtered white noise, exact at the ticks and linear between ticks. p is independent noise
     through the filter
 
       σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
@@ -257,7 +257,7 @@ class TurbulentAir(Gust):
 
       q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s).
 
-    turbulence: its parameters.
+    turbulence: level or intensity, altitude, span and spectrum.
     lengths, intensities: as in `Scales`.
     altitude: altitude of the level, ft, or None for a given intensity.
     feet: length of a foot in the model's unit.

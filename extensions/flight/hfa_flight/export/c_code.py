@@ -66,7 +66,8 @@ def c_function(
 ) -> str:
     """Return the C source of a dense SX Function.
 
-    Its declaration is `static void name(const double *argument, ..., double *result, ...)`.
+      static void name(const double *argument, ..., double *result, ...)
+
     Matrices are stored column by column. The source of a called Function comes first. The code
     compiles without warnings about empty or unused variables.
 

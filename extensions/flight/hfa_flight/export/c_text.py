@@ -98,8 +98,8 @@ def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
 def displaced_state(model: Model) -> tuple[str, float]:
     """Return a state and its initial deviation, for the example loop.
 
-    The state is the speed, with the deviation 1, or else the first state of the linear model, with
-    1 % of its nominal size.
+    The state is the speed, with the deviation 1. Without a state `speed`, the first state of the
+    linear model is returned, with 1 % of its nominal size.
     """
     if "speed" in model.states:
         return "speed", 1.0

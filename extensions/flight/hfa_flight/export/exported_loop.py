@@ -30,10 +30,10 @@ LONGEST_STEP = 1e-3
 class Channel(NamedTuple):
     """A scalar signal of a loop.
 
-    unit: its unit, or None if the unit depends on the controller
+    unit: unit, or None if the unit depends on the controller
     start: initial value
     size: nominal size
-    rate_unit: unit of its rate, or None if not needed
+    rate_unit: unit of the rate, or None if not needed
     """
 
     name: str
@@ -118,9 +118,7 @@ def following_a_reference(model: Model, policy: Policy) -> Steering:
 
 @dataclass(frozen=True, eq=False)
 class ExportedLoop:
-    """Loop y' = f(y, v) in absolute values.
-
-    With a policy, it also computes the inputs u = g(y, v) of the aircraft.
+    """Loop y' = f(y, v) in absolute values, with the inputs u = g(y, v) of the aircraft.
 
     function: (y, v) -> (f, g); g is empty if u is part of v
     states, outputs, inputs: channels of y, u and v
@@ -198,7 +196,7 @@ def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Cha
 def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
     """Return the interpolated loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep.
 
-    Its inputs are v = [u; s]. The variables s of the sweep are named `scheduled_NAME`, and their
+    The inputs are v = [u; s]. The variables s of the sweep are named `scheduled_NAME`. Their
     initial values are the middle of the grid.
     """
     sweep = between.sweep

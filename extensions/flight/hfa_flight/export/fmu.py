@@ -1,6 +1,6 @@
 """Export of an aircraft, with or without a policy, as an FMU: library, sources and description.
 
-The format is FMI 2.0, because more tools import it than FMI 3.0.
+The format is FMI 2.0, because more tools import FMI 2.0 than FMI 3.0.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def _said(origin: Provenance) -> str:
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     """Return the text of modelDescription.xml.
 
-    Its variables are the states, their rates, the inputs that a policy sets, and the inputs of the
-    loop. Its outputs are the aircraft states and the inputs that a policy sets.
+    The variables are the states, the rates of the states, the inputs that a policy sets, and the
+    inputs of the loop. The outputs are the aircraft states and the inputs that a policy sets.
     """
     root = xml.Element(
         "fmiModelDescription",

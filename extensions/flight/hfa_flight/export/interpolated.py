@@ -116,7 +116,7 @@ class InterpolatedModel:
     def _interpolator(self) -> Any:
         """SciPy's interpolator from points (..., variables) to entries (..., entries).
 
-        The entries are those of X0, U0, A and B in this order, each row by row.
+        The entries are X0, U0, A and B in this order, each row by row.
         """
         from scipy.interpolate import RegularGridInterpolator
 
@@ -128,8 +128,8 @@ class InterpolatedModel:
     def _tables(self) -> list[np.ndarray]:
         """X0, U0, A and B over the grid.
 
-        The first axes are the variables of the sweep, ascending. The last axes are those of the
-        quantity.
+        The first axes are the variables of the sweep, ascending. The last axes are those of X0, U0,
+        A or B.
         """
         order = np.lexsort(self.sweep.values.T[::-1])
         sizes = tuple(len(axis) for axis in self.axes)
