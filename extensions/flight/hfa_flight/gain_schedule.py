@@ -31,10 +31,9 @@ class GainSchedule(Reported):
 
     K is constant beyond the breakpoints.
 
-    breakpoints: (G,), increasing values of η, radians for angles; for a single gain (1,), with any
-      value
-    gains: (G, m, n) in the units of the model, for the n states of the linear model; or (G, m, n +
-      m) with columns for the actuator positions
+    breakpoints: (G,), increasing values of η, radians for angles; any value for a single gain
+    gains: (G, m, n) in the units of the model, for the n states of the linear model, or
+      (G, m, n + m) with columns for the actuator positions
     model: model with the scheduling variable, states and inputs
 
     Raises BadInputError if a shape is wrong, the breakpoints do not increase, or a number is not

@@ -96,10 +96,10 @@ def fly(
 
     model: the aircraft with nominal parameters
     point: the trim X0, U0, relative to which x and u are defined
-    policy: one of these, or None for constant inputs:
-      - a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, or a file of
-        these - steps of inputs as deviations from trim, {name: [(time, value), ...]} - a function
-        of (t, X) that returns U, called once a tick - a `Policy`
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, a file of
+      one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
+      {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
+      None, the inputs remain at trim.
     seconds: duration; default: that of the scenario, or 20 s
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults; its random quantities must be drawn already
@@ -200,8 +200,7 @@ class FlightHistory(Result):
     """Time history of a flight, written in addition to its summary.
 
     history: once per tick, absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
-        (N,),
-      errors (N, k), updrafts (N,), and winds, disturbance -> (N,).
+      (N,), errors (N, k), updrafts (N,), and winds, disturbance -> (N,).
     """
 
     history: Mapping[str, Any]

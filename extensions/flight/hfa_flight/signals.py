@@ -108,9 +108,9 @@ class CommandSteps(Reported):
 
     r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0, where s(t) is the step response of the filter.
 
-    names: commanded outputs; commands are deviations from trim
+    names: commanded outputs
     times: t_i, (S,), s, increasing and at least 0
-    values: R, (S, k), in the units of the outputs
+    values: R, (S, k), deviations from trim in the units of the outputs
     bandwidth: ω, rad/s
     damping: ζ
 
@@ -161,7 +161,7 @@ class CommandSteps(Reported):
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
         """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,).
 
-        response: function of the time since a step; it must be 0 for a future step
+        response: function of the time since a step, 0 for a future step
         """
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
@@ -194,7 +194,7 @@ class CommandSteps(Reported):
 class CommandedStates(Result):
     """Reference x_d(t), (k,), of a flight: commands for some states, 0 for the others.
 
-    filtered: whether the commands are filtered; if not, they are steps
+    filtered: True for filtered commands, False for steps
     """
 
     json_keys = (

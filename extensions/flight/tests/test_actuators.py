@@ -56,7 +56,7 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
 
 
 def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
-    """A lag too short for the integration step is refused. With a shorter step it is accepted."""
+    """A lag too short for the integration step is refused, and accepted with a shorter step."""
     lag = Input(0.5, *[0.0003] * (M - 1))
     fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
     fast.refuse_step(0.00075)

@@ -22,7 +22,7 @@ def test_along_a_flight_small_deviations_follow_linear_model() -> None:
     """The difference of two Navion flights after a step input follows δx' = A(t) δx to second
     order.
 
-    With A constant at its initial value, the error is larger.
+    With A constant at the initial value, the error is more than twice as large.
     """
     point = trimmed(NAVION)
     u = np.array(point.inputs) + np.array([0.0, -0.05, 0.0, 0.05])

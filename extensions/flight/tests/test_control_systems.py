@@ -28,10 +28,10 @@ def system(update, **more):
 
 
 def test_a_system_of_python_control_is_traced() -> None:
-    """A converted python-control system keeps its names, parameters and outputs.
+    """A converted python-control system keeps names, parameters and outputs.
 
-    Its linear model agrees with the finite differences of python-control. Converted back, it has
-    the same rates and outputs.
+    The linear model agrees with the finite differences of python-control. Converted back, the
+    system has the same rates and outputs.
     """
     nlsys = system(pendulum)
     model = from_control(

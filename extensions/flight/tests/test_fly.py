@@ -77,7 +77,7 @@ def test_command_says_that_flight_held_and_writes_it() -> None:
 def test_a_flight_without_a_law_has_a_cost() -> None:
     """With --Q and --R, a flight without a policy reports a cost within 0.1 % of Simpson's rule.
 
-    Without these options it reports none.
+    Without --Q and --R, no cost is reported.
     """
     words = (
         "fly",
@@ -231,7 +231,7 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
 
 
 def network_of(K: np.ndarray) -> str:
-    """Write a network that computes u = -K z, using relu(z) - relu(-z) = z, and return its file."""
+    """Write a network that computes u = -K z by relu(z) - relu(-z) = z, and return the file."""
     twice = np.vstack([np.eye(6), -np.eye(6)])
     layers = {
         "0.weight": twice,
@@ -245,8 +245,7 @@ def network_of(K: np.ndarray) -> str:
 def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
     """A network that computes -K z gives the flight of the gain K.
 
-    From a larger initial deviation, the network's inputs are saturated and those of the gain are
-    not.
+    From a larger initial deviation, the gain exceeds a control limit, and the network does not.
     """
     path = network_of(solve_game(game).K)
     network = ("--weights", path, "--set", "activation=relu")
@@ -269,8 +268,9 @@ def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
 
 @needs_gcc
 def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
-    """The C code of a network computes its inputs, saturated at the control limits. An FMU is
-    written.
+    """The C code of a network computes inputs that are saturated at the control limits.
+
+    An FMU is written.
     """
     K = solve_game(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")

@@ -1,6 +1,4 @@
-"""Monte Carlo simulations: members equal single flights, independent of their order, and the report
-agrees with them.
-"""
+"""Monte Carlo simulations: members equal single flights, independent of their order and of workers."""
 
 from __future__ import annotations
 
@@ -75,7 +73,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
     def limited(t: float, x: np.ndarray, tick: int) -> np.ndarray:
         """Return the absolute state with the angle of attack through the air in place of alpha.
 
-        It is computed from the aircraft's velocity and the wind, north and down.
+        The angle follows from the aircraft's velocity and the wind, north and down.
         """
         X = State(*(x + X0))
         wind = winds(t, tick)
@@ -162,8 +160,8 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
 def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
     """The envelope limits the angle of attack through the air, not alpha over ground.
 
-    A sharp gust exceeds the limit before alpha does. Turbulence may exceed it at the start, which a
-    single flight refuses.
+    A sharp gust exceeds the limit before alpha does. A member may begin beyond the limit because of
+    turbulence. A single flight that begins beyond the limit is refused.
     """
     alpha = plan.point.states.alpha
     near = np.radians(0.5)

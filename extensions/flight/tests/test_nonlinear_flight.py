@@ -38,7 +38,7 @@ N = len(LINEAR_STATES)
 def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None:
     """A parameter error changes the nonlinear flight and not the linear prediction.
 
-    An aircraft that is 5 % heavier descends, and its prediction stays at trim.
+    An aircraft that is 5 % heavier descends. The linear prediction stays at trim.
     """
     result = flown(newton, Scenario(duration=2.0, errors={"panel_mass": 1.05}))
     assert result.predicted is not None
@@ -133,8 +133,8 @@ DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarray:
     """Return the order of the linear model's error in the size of the deviation, by state, (7,).
 
-    It is d log |x_nonlinear - x_linear| / d log size for initial deviations SIZES x DIRECTION: 2 if
-    the linear model is the derivative, and 1 if not.
+    The order is d log |x_nonlinear - x_linear| / d log size for initial deviations SIZES x
+    DIRECTION. It is 2 if the linear model is the derivative, and 1 if not.
     """
     scenario = Scenario(2.0, 0.001, 0.05, DIRECTION)
     loops = [CompiledLoop(ClosedLoop(each, law, scenario)) for each in (plant, linear)]
@@ -152,7 +152,7 @@ def test_linear_prediction_is_wrong_to_second_order_only(
 ) -> None:
     """The linear model's error is of second order in the deviation.
 
-    For a linear model at another dihedral angle (by half a degree), it is of first order.
+    A linear model at a dihedral angle that is wrong by half a degree has an error of first order.
     """
     for case, off in ((at_15, 0.0), (newton, 0.5)):
         other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))

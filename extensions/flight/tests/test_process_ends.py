@@ -57,7 +57,7 @@ WORDS = (*EXACT, "--samples", "4000", "--duration", "1", "-o", "a.zarr")
 
 @contextmanager
 def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Yield a process whose standard error is written to the file log-N. It is killed on exit."""
+    """Yield a process whose standard error is written to the file log-N, and kill it on exit."""
     with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
         process = subprocess.Popen(
             words, cwd=folder, stdout=subprocess.DEVNULL, stderr=log, text=True

@@ -180,7 +180,7 @@ def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) 
 
 
 def test_one_minus_cosine_has_its_length_and_peak() -> None:
-    """The gust equals (peak/2) (1 - cos) while it passes, and is 0 before and after."""
+    """During the gust, the updraft is (peak/2) (1 - cos). Before and after, the updraft is 0."""
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)
     values = np.array([float(gust.updraft(t)) for t in times])

@@ -59,9 +59,8 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
 
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
 def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
-    """At a breakpoint, the policy equals the trim input and the derivative is the gain alone.
-
-    There is no hidden coupling: the column for the measured dihedral is that of the gain.
+    """At a breakpoint, the policy equals the trim input, and its derivative is -K of the
+    breakpoint.
     """
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
     u, slope = slope_at(policy, degrees)
@@ -123,7 +122,7 @@ def test_a_schedule_flies_the_change(start: float, end: float) -> None:
 def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
     """From 0 to 20 degrees, the flight with scheduled gains stays inside the envelope.
 
-    With the gain of 0 degrees at all angles it leaves the envelope.
+    With the gain of 0 degrees at all angles, the flight leaves the envelope.
     """
     wide = exact_gains(0.0, 5.0, 10.0, 15.0, 20.0)
     assert flown(wide, 0.0, 20.0).departure is None

@@ -72,10 +72,9 @@ class Falling(Plant):
 def test_a_flight_ends_with_its_tick(
     point: OperatingPoint, slowest: float, state: str, time: float, end: float
 ) -> None:
-    """A flight of 0.05 s with ticks of 10 ms ends at the end of the tick in which it leaves the
-    envelope.
+    """A flight with ticks of 10 ms ends at the end of the tick in which it leaves the envelope.
 
-    The departure states the first variable beyond its limit, or not finite, and its time.
+    The departure contains the first variable that is beyond its limit or not finite, and the time.
     """
     limits = dict.fromkeys(STATES, (-1e9, 1e9))
     limits["speed"] = (point.states.speed + slowest, 1e9)
@@ -143,9 +142,7 @@ def test_a_fast_mode_of_the_law_divides_steps() -> None:
 
 
 def test_run_ends_with_tick_in_it_to_stop() -> None:
-    """A run ends at the end of the tick in which `stop` is true. Its states equal those of a
-    longer run.
-    """
+    """A run ends at the end of the tick in which `stop` is true, with the states of a longer run."""
     loop = pendulum(4.0, 0.02, duration=30.0)
     whole = loop.fly()
     stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
@@ -274,7 +271,7 @@ def test_a_delay_is_a_delay(delay: float) -> None:
 
 
 def test_a_slow_decay_is_no_limit_cycle() -> None:
-    """A decay of 0.5 % a second is reported with its time to half, not as a limit cycle.
+    """A decay of 0.5 % a second is reported with the time to half, not as a limit cycle.
 
     A growing oscillation and an approach to a constant amplitude are limit cycles.
     """
@@ -308,7 +305,7 @@ def test_a_slow_decay_is_no_limit_cycle() -> None:
 def test_what_still_oscillates_is_a_limit_cycle() -> None:
     """A persistent sine is a limit cycle.
 
-    One that decays, is excited to the end, or is too small is not.
+    A sine that decays, is excited to the end, or is too small is not a limit cycle.
     """
     t = np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
@@ -336,8 +333,9 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
 
 
 def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
-    """With a delay of 0.3 s, the loop ends in a limit cycle bounded by rate limits. Without, it
-    settles.
+    """With a delay of 0.3 s, the loop ends in a limit cycle inside the envelope.
+
+    Without delay, the loop settles.
     """
     point = find_operating_point(NAVION, usual_condition(NAVION))
     model = linearize(NAVION, point)

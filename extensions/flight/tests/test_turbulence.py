@@ -33,9 +33,12 @@ def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
 
 
 def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray:
-    """Return the specified one-sided power spectra of the six components at omega (N,), (6, N).
+    """Return the specified one-sided power spectra, per rad/s, of the six components at omega, (6,
+    N).
 
-    They are per rad/s. Source: MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5.
+    Source: MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5.
+
+    omega: (N,)
     """
     (L_u, L_v, L_w), (s_u, s_v, s_w) = air.lengths, air.intensities
     Omega = omega / V
@@ -81,10 +84,10 @@ def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
-    """The variances of u, v and w are the squared intensities, and those of p, q and r the
-    integrals of the specified spectra.
+    """The variances are the integrals of the specified spectra, for u, v and w the squared
+    intensities.
 
-    Von Karman filters deviate by up to 1.5 % (u, v, w) and 2.5 % (p, q, r).
+    The variances of the von Karman filters deviate by up to 1.5 % (u, v, w) and 2.5 % (p, q, r).
     """
     air = air_of(spectrum)
     made = AirFilter.of(air)
@@ -137,8 +140,8 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
 def test_scales_and_intensities_are_those_of_the_specification() -> None:
     """Scales and intensities are those of the specification.
 
-    They follow the formulas at low altitude (30 kn at 20 ft) and Figure 7 at high altitude, and are
-    linear between. Altitudes without turbulence are refused.
+    At low altitude, the formulas with 30 kn at 20 ft apply. At high altitude, Figure 7 applies.
+    Between, both are linear. Altitudes without turbulence are refused.
     """
     low = scales_and_intensities("moderate", 500.0, "dryden")
     assert low.lengths == pytest.approx((944.657, 944.657, 500.0), rel=1e-4)
@@ -208,7 +211,7 @@ def _rotation(x):
 def test_rates_of_the_air_act_as_damping() -> None:
     """Gust rates p, q and r change the angular accelerations as angular rates of the aircraft do.
 
-    They do not change the rates of the attitude angles.
+    The rates of the attitude angles do not change.
     """
     model = load_model("examples/uav.toml")
     gusty = in_gusts(model)
@@ -229,9 +232,9 @@ def test_rates_of_the_air_act_as_damping() -> None:
 
 
 def test_flight_meets_what_was_drawn() -> None:
-    """The disturbances of a flight at its ticks equal the drawn ones, in the model's units.
+    """The disturbances of a flight at the ticks equal the drawn ones, in the model's units.
 
-    The linear prediction includes them. The report names the components without effect.
+    The linear prediction includes the disturbances. The report names the components without effect.
     """
     model = load_model("examples/gtm.py:GTM")
     point = hfa.find_operating_point(model)
@@ -295,7 +298,7 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
 
 
 def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
-    """A turbulence level without an altitude uses that of --hold. The report states it."""
+    """A turbulence level without an altitude uses the altitude of --hold, which the report states."""
     typed = "fly --aircraft examples/uav.toml --hold altitude=60 --turbulence karman-light::3"
     short = ("--law", "none", "--duration", "0.1")
     main([*typed.split(), *short])

@@ -60,7 +60,7 @@ class StoredFlights(NamedTuple):
 def flights_section(
     flights: StoredFlights, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> Report:
-    """Return the section on the costs of the flights, which names their limits and aircraft.
+    """Return the section on the costs of the flights, with the limits and the aircraft.
 
     A_and_B: dihedral angle, deg -> (A, B) of the page
     """
@@ -121,7 +121,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _policy(flight: Mapping[str, Any]) -> Cell:
-    """Return the cell for a policy's flight: its cost, and whether it leaves the limits."""
+    """Return the cell for a policy's flight: the cost, marked if the flight leaves the limits."""
     if flight["cost"] is None:
         return Cell("does not converge", "bad")
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"

@@ -30,8 +30,8 @@ _WIDTH = 10.0
 class Panel(NamedTuple):
     """A panel seen from the front, in horizontal and vertical coordinates and the report's units.
 
-    ends: (2, 2), end points of its span
-    middle: (2,), point at which its forces act
+    ends: (2, 2), end points of the span
+    middle: (2,), point at which the forces act
     lift: (2,), normal to the panel
     weight: (2,)
     """
@@ -45,8 +45,9 @@ class Panel(NamedTuple):
 def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
     """Return the right, the center and the left panel. The aircraft's right is left in the picture.
 
-    The hinges are at (±s/2, 0). An outer panel extends from its hinge at the dihedral angle η. Its
-    middle is (s/2)(cos η, sin η) from the hinge, and its lift L_o is along (∓sin η, cos η).
+    The hinges are at (±s/2, 0). An outer panel extends from the hinge at the dihedral angle η. The
+    middle of the panel is (s/2)(cos η, sin η) from the hinge, and the lift L_o is along
+    (∓sin η, cos η).
     """
     parameters = hfa_model.parameters_of(aircraft)
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
@@ -136,7 +137,7 @@ def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
 
 
 def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, color: str) -> None:
-    """Draw an arrow from the point `place`, with a text beyond its end."""
+    """Draw an arrow from the point `place`, with a text beyond the end of the arrow."""
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)

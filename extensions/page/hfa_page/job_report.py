@@ -1,6 +1,6 @@
-"""Sections and numbers of the page of `hfa report`, and its HTML file.
+"""Sections and numbers of the page of `hfa report`, and the HTML file of the page.
 
-The file contains style, data and Plotly's script. It loads nothing else.
+The file contains style, data and Plotly's script. The page loads nothing else.
 """
 
 from __future__ import annotations
@@ -93,12 +93,12 @@ def main_report(job: MainJob) -> Report:
 
 
 def glosses() -> Table:
-    """Return a table with one row for each check: its name and what it means."""
+    """Return a table with one row for each check: name and meaning."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
 
 def verdicts(job: MainJob) -> Table:
-    """Return a table with one row for each check of the job: its name and its verdict."""
+    """Return a table with one row for each check of the job: name and verdict."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
@@ -135,7 +135,7 @@ def flown_angles(job: MainJob) -> Report | None:
 def angle_report(job: MainJob, angle: Angle) -> Report:
     """Return the section on a requested angle: linear model, game solution and learned critic.
 
-    Its data also contain the trim, which the slider shows.
+    The data of the section also contain the trim, which the slider shows.
     """
     model = angle.model
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
@@ -164,9 +164,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """Return the report that the slider shows at one angle: trim, modes, and A and B with their
-    units.
-    """
+    """Return the report that the slider shows at one angle: trim, modes, A and B."""
     title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
     if model is None:
@@ -196,10 +194,8 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """Return the page as HTML.
-
-    It begins with one sentence on the verdict. Below are the aircraft with its slider, the table of
-    verdicts and the folded sections of the report.
+    """Return the page as HTML: verdict, aircraft with slider, table of verdicts and folded
+    sections.
     """
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
@@ -256,7 +252,7 @@ def _link(section: str, title: str) -> str:
 def _folded(section: str, part: Report) -> str:
     """Return a section as HTML that is folded until the user opens it.
 
-    section: its id
+    section: id of the section
     """
     return (
         f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
@@ -267,8 +263,8 @@ def _folded(section: str, part: Report) -> str:
 def any_angle(job: MainJob, drawn: Report) -> str:
     """Return the upper part of the page as HTML.
 
-    It contains the slider over the sweep, the aircraft, the costs of flights, the verdicts, the
-    root locus, and the trim and linear model at the chosen angle.
+    The upper part contains the slider over the sweep, the aircraft, the costs of flights, the
+    verdicts, the root locus, and the trim and linear model at the chosen angle.
     """
     labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]

@@ -1,6 +1,7 @@
 """Computation of the results on the page of `hfa report`.
 
-They are the regeneration of both printed pairs, a sweep, and games and critics at requested angles.
+The results are the regeneration of both printed pairs, a sweep, and games and critics at requested
+angles.
 """
 
 from __future__ import annotations
@@ -71,7 +72,9 @@ class Angle:
 
     @property
     def ok(self) -> bool:
-        """True if there is a trim, a certified solution, and a critic that agrees with it."""
+        """True if the learned critic agrees with a certified solution. False without a trim or
+        solution.
+        """
         return self.check is not None and self.check.ok
 
 
@@ -165,15 +168,15 @@ def main_job(
 ) -> MainJob:
     """Compute the results of `hfa report`.
 
-    Both printed pairs are regenerated, and the dihedral angle is swept. At each requested angle,
-    the game is solved, and a critic is learned and compared with the solution.
+    Both printed pairs are regenerated at the paper's condition, and the dihedral angle is swept. At
+    each requested angle, the game is solved, and a critic is learned and compared with the
+    solution.
 
     asked: requested angles, rad, which are added to the sweep
     swept: angles of the sweep, rad
     outputs: outputs of the linear models
     claims: claims shown on the page
-    flight, start: condition and initial point of the trims, as for `sweep`; the printed pairs are
-      regenerated at the paper's condition
+    flight, start: condition and initial point of the other trims, as for `sweep`
     """
     aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")

@@ -91,7 +91,7 @@ class InteractivePlot(Picture):
 
 
 def in_script(value: Any) -> str:
-    """Return the value as JSON in which "<" is escaped, so that it cannot end a script element."""
+    """Return the value as JSON in which "<" is escaped, so that no text ends a script element."""
     return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace(
         "<", "\\u003c"
     )
@@ -212,7 +212,7 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
 
 
 def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
-    """Return for each force an array (2, 2) with the start and the end of its arrow."""
+    """Return for each force an array (2, 2) with the start and the end of the arrow."""
     pairs = zip(starts, forces, strict=True)
     return [np.array([start, start + scale * force]) for start, force in pairs]
 

@@ -1,4 +1,4 @@
-"""Types of the files of `hfa report` and of the studies that it shows."""
+"""Types of the files of `hfa report` and of the studies shown by it."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from trim import regenerate
 
 
 def test_planted_error_changes_tone_of_entry_no_other() -> None:
-    """A planted deviation of an entry changes its color according to size, and no other color."""
+    """A planted deviation of an entry changes the color of this entry by size, and no other color."""
     published = published_models()[0]
     model = regenerate(hfa.aircraft(), published)
 

@@ -103,8 +103,8 @@ FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 
 
 def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
-    """The page shows costs and limits of the stored flights and whether they are for its
-    aircraft.
+    """The page shows costs and limits of the stored flights, and whether the aircraft is the
+    page's.
     """
     flights = load_flights(FLIGHTS)
     drawn = any_angle(replace(job, flights=flights), Report("Any dihedral angle", ()))
@@ -179,7 +179,7 @@ def test_a_damaged_table_is_refused(
 
 
 def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
-    """Plotly accepts the front view. Its arrows are to scale, and its panels have the dihedral
+    """Plotly accepts the front view. The arrows are to scale, and the panels have the dihedral
     angle.
     """
     plot = front_view(job.aircraft, job.points)

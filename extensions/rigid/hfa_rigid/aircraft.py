@@ -1,7 +1,7 @@
 """The `Model` of a rigid aircraft in standard air over a flat Earth, from its forces and moments.
 
-The equations of an aircraft create a `Motion` from the state, compute forces and moments with it,
-and return `Motion.rates_and_outputs`.
+The equations of an aircraft create a `Motion` from the state, compute forces and moments with the
+`Motion`, and return `Motion.rates_and_outputs`.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
 def wind_axes(alpha: Any, beta: Any) -> Any:
     """Return the matrix (3, 3) from wind axes to body axes.
 
-    Its first column is the direction of the velocity through the air.
+    The first column is the direction of the velocity through the air.
     """
     cos_alpha = ca.cos(alpha)
     sin_alpha = ca.sin(alpha)
@@ -94,7 +94,7 @@ def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
     """Return the inertia matrix (3, 3).
 
     moments: moments of inertia xx, yy, zz
-    products: products of inertia xy, zx, yz; xy is ∫ x y dm, and likewise zx and yz
+    products: products of inertia xy, zx, yz, with xy = ∫ x y dm
     """
     xx, yy, zz = moments
     xy, zx, yz = products
@@ -127,7 +127,7 @@ def state_rates(
     """Return the rates of `STATES` by name.
 
     velocity: (3,), velocity through the air, in body axes
-    velocity_rate: (3,), its rate (`acceleration`)
+    velocity_rate: (3,), rate of `velocity` (`acceleration`)
     rotation_rate: (3,), rate of the angular velocity (`angular_acceleration`)
     climb: rate of the altitude
     """
@@ -148,7 +148,7 @@ def state_rates(
 
 
 def _inverse(matrix: Any) -> Any:
-    """Return the inverse of a symmetric (3, 3) matrix, computed from its cofactors."""
+    """Return the inverse of a symmetric (3, 3) matrix."""
     rows = ca.horzsplit(matrix)
     cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
     return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])

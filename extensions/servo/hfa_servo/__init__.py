@@ -1,4 +1,6 @@
-"""Design of controllers with actuators, integrated outputs and cost weights; calls in notebooks."""
+"""Design of controllers with actuators, integrated outputs and cost weights, and calls in
+notebooks.
+"""
 
 from hfa_support.public_names import public_names
 

@@ -220,9 +220,10 @@ def _output_feedback(built: DesignModel) -> Feedback:
 def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
     """Return the controller of a loop-shaping design, with the states [x_m; weights; x̂].
 
-    u = u_m - W1 F x̂, where x̂ observes the shaped plant from y_s = W2 (y - y_m). x_m, u_m and y_m
-    are states, inputs and outputs of the model that follows the commands. The observer uses the
-    applied inputs.
+      u = u_m - W1 F x̂
+
+    x_m, u_m and y_m are states, inputs and outputs of the model that follows the commands. x̂
+    observes the shaped plant from y_s = W2 (y - y_m) and the applied inputs.
     """
     design = built.design
     z = np.zeros
@@ -263,7 +264,7 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
-    """Return the design model with the actuators of `following`, and A and B of its response to
+    """Return the design model with the actuators of `following`, and A and B of the response to
     commands.
     """
     design = built.design
@@ -308,8 +309,8 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 def _measurements(design: Design) -> tuple[str, ...]:
     """Return the names of the signals that the controller measures.
 
-    They are the sensors except integrals, or without sensors the plant states, and the integrated
-    outputs.
+    The signals are the sensors except integrals, or without sensors the plant states, and the
+    integrated outputs.
     """
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]

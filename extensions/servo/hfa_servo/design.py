@@ -1,6 +1,7 @@
 """Design of a controller: inputs with actuators, integrated outputs, and weights.
 
-Designs are read from files and apply to any `Model`. Names of states and signals imply their unit.
+Designs are read from files and apply to any `Model`. The name of a state or signal implies the
+unit.
 """
 
 from __future__ import annotations
@@ -102,11 +103,11 @@ class Shaping(NamedTuple):
 
     inputs: input -> gain
     outputs: measured output -> weight
-    breakpoints: increasing values of the scheduling variable, angles in rad; the controller is
-      interpolated between them
+    breakpoints: increasing values of the scheduling variable, angles in rad, at which controllers
+      are computed
     following: settings of model following
     factor: γ / γ_min
-    schedule: output -> factor on its gain at each breakpoint
+    schedule: output -> factor on the gain at each breakpoint
     """
 
     inputs: Mapping[str, float]
@@ -266,7 +267,7 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
 
 
 def signal_unit(model: Model, name: str) -> str:
-    """Return the unit of a controller signal, derived from its name, or "" if it is unknown.
+    """Return the unit of a controller signal, derived from its name, or "" if the unit is unknown.
 
     Examples are ft/s for speed_estimate, and ft/s^2 s for the integral of an acceleration.
     """

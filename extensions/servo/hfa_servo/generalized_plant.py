@@ -182,8 +182,8 @@ class GeneralizedPlant(Reported):
         """Return the plant of a game with measurements y = C z + D u + n.
 
         n is noise of intensity V. The disturbance of the plant is w = (d, v), where d is the
-        disturbance of the game and n = V^½ v. Its cost is z = (Q^½ x, R^½ u). For δ = inf, the
-        controller is the LQG controller.
+        disturbance of the game and n = V^½ v. The cost of the plant is z = (Q^½ x, R^½ u). For δ =
+        inf, the controller is the LQG controller.
 
         C: (p, n)
         D: (p, m), or None for 0
@@ -441,8 +441,8 @@ def _output_feedback(
 ) -> OutputFeedback:
     """Return the central controller for solutions X and Y, with its checks.
 
-    The checks are those of the coupling, of the closed loop and of a second derivation, from the
-    transposed plant.
+    The checks compare the coupling with δ², test the closed loop, and compare the controller with
+    that derived from the transposed plant.
 
     X, Y: (n, n), in the plant's `axes`
     """
@@ -669,12 +669,15 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
 def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
     """Return whether ρ(XY) < δ², given that X and Y exist.
 
-    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that [[X1'X2,
-    X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] is positive definite. The signs of its eigenvalues are visible even
-    if X or Y is too large for double precision. If X or Y is singular, the matrix is never positive
-    definite, and the answer is undecided unless X or Y is 0. Source: Benner, Byers, Mehrmann and
-    Xu, A robust numerical method for the γ-iteration in H-infinity control, Linear Algebra and its
-    Applications 425 (2007).
+    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that
+
+      [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]]
+
+    is positive definite. Its eigenvalues are accurate even if X or Y is too large for double
+    precision. If X or Y is singular, the matrix is never positive definite, and the answer is None
+    unless X or Y is
+    0. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
+    H-infinity control, Linear Algebra and its Applications 425 (2007).
     """
     assert control.subspace is not None
     assert filter_.subspace is not None

@@ -3,9 +3,11 @@
 The plant G, which includes the actuators, is shaped: G_s = W2 G W1. W1 is diagonal and constant,
 and W2 is diagonal with entries k (1 + c/s)/(1 + τ s). With G_s = M⁻¹ N, M M* + N N* = I, the
 controller stabilizes all (M + Δ_M)⁻¹ (N + Δ_N), ‖[Δ_N Δ_M]‖∞ < 1/γ. The commands drive a model of
-the aircraft with its optimal control law. The loop acts only on the difference between aircraft
-and model. Sources: McFarlane and Glover, IEEE Trans. Automatic Control 37 (1992), 759-769;
-Francis, SIAM J. Control 15 (1977), 486-505.
+the aircraft with an optimal control law. The loop acts only on the difference between aircraft and
+model.
+
+Sources: McFarlane and Glover, IEEE Trans. Automatic Control 37 (1992), 759-769. Francis, SIAM J.
+Control 15 (1977), 486-505.
 """
 
 from __future__ import annotations
@@ -42,8 +44,8 @@ class Robust(NamedTuple):
 def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float = 1.1) -> Robust:
     """Return the central controller for γ = factor γ_min, robust to coprime-factor perturbations.
 
-    It stabilizes all plants within the distance 1/γ of C (sI - A)⁻¹ B. With A'X + XA - XBB'X + C'C
-    = 0 and AZ + ZA' - ZC'CZ + BB' = 0:
+    The controller stabilizes all plants within the distance 1/γ of C (sI - A)⁻¹ B. With A'X + XA -
+    XBB'X + C'C = 0 and AZ + ZA' - ZC'CZ + BB' = 0:
 
       γ_min² = 1 + ρ(XZ),  F = B'X,  H = γ² ((γ² - 1) I - ZX)⁻¹ Z C'
 

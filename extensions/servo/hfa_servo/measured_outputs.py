@@ -16,9 +16,11 @@ from trim.point.operating_point import OperatingPoint
 class MeasuredOutputs:
     """Measured outputs y - Y0 = C x + D a + F w + G a' of the linear model at a trim.
 
-    x are the deviations of the states of the linear model, a those of the actuator positions, and
-    a' the actuator rates. w is the updraft, for a model with this disturbance. INPUT_position and
-    INPUT_rate are also outputs. An accelerometer depends on the angle of attack through the air.
+    x: deviations of the states of the linear model
+    a: deviations of the actuator positions, with the actuator rates a'
+    w: updraft, for a model with this disturbance
+
+    INPUT_position and INPUT_rate are also outputs.
     """
 
     def __init__(self, model: Model, point: OperatingPoint, names: tuple[str, ...]) -> None:

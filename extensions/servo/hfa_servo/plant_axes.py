@@ -1,9 +1,9 @@
 """State coordinates that separate the fast and the slow states of a plant.
 
-In coordinates that mix them, rounding errors are proportional to the fast states and hide the slow
-ones. For a plant with poles from 1e-4 to 1e4 rad/s, neither Riccati equation would have a correct
-digit. The transformation and its inverse are computed in twice the digits and rounded once at the
-end, so no digit of the given numbers is lost.
+In coordinates that mix fast and slow states, rounding errors are proportional to the fast states
+and hide the slow states. For a plant with poles from 1e-4 to 1e4 rad/s, neither Riccati equation
+would have a correct digit. The transformation and its inverse are computed in twice the digits and
+rounded once at the end, so no digit of the given numbers is lost.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """The control side of a generalized plant as a game.
 
 The filter side is the control side of the transposed plant. Completing the squares in u and then
-in w converts its Riccati equation to that of a `Game`. [C D] is split into a part that u can
-cancel and a remainder, whose feedthrough D becomes a change of A, E and C. The cancellation causes
-rounding errors proportional to its terms, which are stored with the game. Source: Zhou, Doyle and
-Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2.
+in w converts the Riccati equation of a side to that of a `Game`. [C D] is split into a part that u
+can cancel and a remainder. The feedthrough of the remainder becomes a change of A, E and C. The
+cancellation causes rounding errors proportional to the canceled terms, which are stored with the
+game. Source: Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Reduced(NamedTuple):
 class Side(NamedTuple):
     """One side of the problem: x' = A x + E w + B u, z = C x + D w + N u.
 
-    It is the plant for the control side, and its transpose for the filter side.
+    The control side is the plant, and the filter side is the transposed plant.
     """
 
     A: np.ndarray
@@ -69,7 +69,7 @@ class Side(NamedTuple):
     def form(self, delta: float) -> NormalForm:
         """Return the normal form of the game at δ, with bounds on its rounding errors.
 
-        The bounds are the magnitudes of the terms from which its matrices are computed.
+        The bounds are the magnitudes of the terms from which the matrices of the game are computed.
         """
         form = NormalForm.of(self.game(delta))
         sizes = self._sizes(delta).in_coordinates(form.T, np.diag(form.units))
@@ -120,9 +120,10 @@ class Side(NamedTuple):
 
 
 def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| for M = I - D D'/δ² = L L'.
+    """Return bounds |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| on the rounding errors of M⁻¹ and
+    L⁻¹.
 
-    They bound the rounding errors of M⁻¹ and L⁻¹.
+    M = I - D D'/δ² = L L'.
 
     sizes: magnitudes of the terms of D, from which |M| is computed
     """

@@ -52,11 +52,11 @@ class ScheduledController(ByValue, Reported):
     """Scheduled controller x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y.
 
     The command is U0 + u, and x(0) = 0. η is the measured scheduling variable of `model`. Every
-    matrix is linear in η between `breakpoints` and constant beyond them. y = [measured; commanded]
-    are deviations from the trim X0, U0 in which the flight begins. u_applied is u, saturated at the
-    limits if there are any.
+    matrix is linear in η between `breakpoints` and constant beyond the ends. y = [measured;
+    commanded] are deviations from the trim X0, U0 in which the flight begins. u_applied is u,
+    saturated at the limits if there are any.
 
-    name: name of its design
+    name: name of the design
     feedback: "state" or "output"
     breakpoints: (N,), values of η, radians for angles, increasing
     A: (N, n, n)
@@ -68,15 +68,17 @@ class ScheduledController(ByValue, Reported):
     measurements: names of measured states, outputs and parts of outputs, and INPUT_position and
       INPUT_rate for actuators
     commands: OUTPUT_command r, OUTPUT_command_rate r', and OUTPUT_command_end, the unfiltered
-      command; the controller itself integrates measured minus commanded
+      command
     inputs: names of u, (m,); other inputs remain at U0
-    trim_states, trim_inputs: trims at the breakpoints, (N, number of states or inputs of the model)
-    dynamics, parameters: name of the model and `parameter_hash` of its values
+    trim_states: trims at the breakpoints, (N, number of states of the model)
+    trim_inputs: trims at the breakpoints, (N, number of inputs of the model)
+    dynamics: name of the model
+    parameters: hash of the model's parameter values (`identity`)
     command_filter: bandwidth (rad/s) and damping of the controller's command filter, or ()
-    about: table of its design, provenance
+    about: table of the design, and provenance
     model: the model whose names are used
 
-    Raises BadInputError if a shape, an order or a name is wrong.
+    Raises BadInputError if a shape, an order, a number or a name is wrong.
     """
 
     name: str
@@ -227,10 +229,8 @@ class ScheduledController(ByValue, Reported):
         return self.dynamics
 
     def report(self) -> Report:
-        """Return the report of the design.
-
-        It contains delta and the signals, and for each scheduling value delta_min or gamma_min and
-        the verdict of the certificate.
+        """Return the report of the design: delta, signals, and the certificate at each scheduling
+        value.
         """
         rows = self.about.get("angles", [])
         limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
@@ -381,7 +381,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
     """Return the controller in a .npz file written by `save_controller`, in the units of a model.
 
-    Raises BadInputError with the file and its fault.
+    Raises BadInputError with the file and the fault.
     """
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
@@ -411,8 +411,8 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
 def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
     """Return the controller or the gain schedule in a file.
 
-    A controller that is u = -K(η) x of the states of the linear model is returned as a gain
-    schedule. Raises BadInputError with the file and its fault.
+    A controller u = -K(η) x of the states of the linear model is returned as a gain schedule.
+    Raises BadInputError with the file and the fault.
     """
     if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
         controller = load_controller(path, model)
@@ -428,7 +428,7 @@ def _is_controller(content: Mapping[str, Any]) -> bool:
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
     """Return the controller that the arrays of a file represent.
 
-    Raises BadInputError if it was made for another model.
+    Raises BadInputError if the controller was made for another model.
     """
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.extras.variants):

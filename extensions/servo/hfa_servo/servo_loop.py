@@ -59,7 +59,7 @@ class ServoLoop:
     def closed(self) -> np.ndarray:
         """Matrix of the closed loop, with the states [x; x_c].
 
-        Raises NoSolutionError if its numbers overflow.
+        Raises NoSolutionError if a number of the matrix overflows.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
@@ -262,7 +262,7 @@ def _smallest_table(
 ) -> Table:
     """Return a table of the smallest gain, phase and delay margins, one row for each name.
 
-    Gain and phase margins are followed by the place where they occur.
+    The place of the smallest gain margin and of the smallest phase margin is included.
 
     names: header of the first columns
     """
@@ -287,12 +287,11 @@ def check_margins(
 ) -> MarginTable:
     """Return the margins of a controller about the trims at several scheduling values.
 
+    Each bandwidth is used with actuators of order 1 and of order 2, or of order 2 alone if the
+    controller measures the rate of an actuator.
+
     scheduling_values: (N,)
-    bandwidths: bandwidths of the actuators, rad/s, equal at all inputs; empty for no actuators.
-        Each
-      bandwidth is used with the orders 1 and 2, or with order 2 alone if the controller measures
-        the
-      rate of an actuator.
+    bandwidths: bandwidths of the actuators, rad/s, equal at all inputs; empty for no actuators
 
     Raises BadInputError if the controller was made for another model or other scheduling values.
     """

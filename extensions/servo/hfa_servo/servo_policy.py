@@ -32,7 +32,7 @@ class ServoPolicy(Policy):
     η is the measured scheduling variable, and x is the memory of the policy.
 
     controller: controller with these matrices
-    commands: `CommandSteps` of its outputs, or an object with the same names, at, rate and end
+    commands: `CommandSteps` of outputs, or an object with the same names, at, rate and end
     outputs: `MeasuredOutputs`, or an object with the same method `at`
     regulated: the commanded outputs
     scheduled_at: η at the trim in which the flight begins
@@ -67,7 +67,7 @@ class ServoPolicy(Policy):
         return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Return rms and largest error of each commanded output. It is {} for symbolic commands."""
+        """Return rms and largest error of each commanded output, or {} for symbolic commands."""
         if not isinstance(self.commands, CommandSteps):
             return {}
         return {
@@ -80,9 +80,7 @@ class ServoPolicy(Policy):
         }
 
     def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
-        """Return y = [measured; commands]. The command of an output that is not commanded is 0,
-        the trim.
-        """
+        """Return y = [measured; commands], with command 0 for an output that is not commanded."""
         values = dict(
             zip(
                 COMMAND_SIGNALS,
@@ -123,7 +121,7 @@ class ServoPolicy(Policy):
 class MatrixTables:
     """Several tables of matrices (N, rows, columns), linear between breakpoints.
 
-    They are one CasADi function, which is called and not inlined.
+    All tables are one CasADi function, which is called and not inlined.
     """
 
     def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:

@@ -14,12 +14,11 @@ from controller.riccati.normal_form import NormalForm
 def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
     """Return a bound on the effect of rounding on v'P v, to first order, for the stabilizing P.
 
-    It is inf if rounding hides whether L = A - S P is stable. A change R of the Riccati equation at
-    P changes P by D with L'D + D L = -R. v'D v is the sum of the entries of Z and R multiplied one
-    by one, where L Z + Z L' = -v v'. The weights of relative changes are therefore, entry by entry,
-    2 P Z for A, 2 P Z P B for B, 2 P Z P E / δ² for E, and Z for Q. Source: Kenney and Hewer, The
-    sensitivity of the algebraic and differential Riccati equations, SIAM J. Control and
-    Optimization 28 (1990).
+    Returns inf if rounding hides whether L = A - S P is stable.
+
+    With L Z + Z L' = -v v', the weights of relative changes are, entry by entry, 2 P Z for A, 2 P Z
+    P B for B, 2 P Z P E / δ² for E, and Z for Q. Source: Kenney and Hewer, The sensitivity of the
+    algebraic and differential Riccati equations, SIAM J. Control and Optimization 28 (1990).
 
     form: normal form of the game, without rotation of the coordinates
     P: (n, n), in the user's coordinates

@@ -118,7 +118,9 @@ def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -
 def test_matrices_are_linear_between_angles_and_constant_beyond(
     published_aircraft: Model,
 ) -> None:
-    """The matrices are linear between breakpoints and constant beyond them."""
+    """The matrices are linear between breakpoints and constant beyond the first and last
+    breakpoint.
+    """
     controller = small_controller(published_aircraft)
     cases = (
         (5.0, (1, 0, 0)),
@@ -251,7 +253,7 @@ def test_path_from_inputs_sensor_once_closed_equations_say(
 ) -> None:
     """With a direct path D from inputs to a sensor, the closed loop has the correct rates.
 
-    They are compared with the equations solved for u, where u = Ck x_c + Dk (C x + D u).
+    The rates are those of the equations solved for u, u = Ck x_c + Dk (C x + D u).
     """
     rng = np.random.default_rng(0)
     shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}

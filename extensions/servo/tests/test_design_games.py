@@ -195,8 +195,9 @@ def test_a_design_becomes_file_that_prints_same_table() -> None:
 
 
 def test_a_controller_in_metres_is_controller_in_feet() -> None:
-    """A controller designed with --units si is the converted controller, and its flights are the
-    same.
+    """A controller designed with --units si is the converted controller.
+
+    A flight with --units si ends in the converted state.
     """
     words = ("design", SIMVFA["simvfa-1"], "--dihedral", "11", "--bandwidth", "10")
     feet = hfa(*words, "-o", "feet.npz")

@@ -1,5 +1,6 @@
-"""Designs in files and their design models: gains compared with a peer's, matrices compared with
-differences, and refusal of faulty designs.
+"""Designs in files and their design models.
+
+Gains are compared with a peer's, and matrices with differences. Faulty designs are refused.
 """
 
 from __future__ import annotations
@@ -129,7 +130,7 @@ def test_the_peer_s_settings_give_peer_s_gains(
 def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
     """At the altitude with the peer's air density, gains agree in all six stored digits.
 
-    At 40,000 ft they do not: a change of the density by 1e-5 changes the last two digits.
+    At 40,000 ft, some digits differ.
     """
     own, in_its_air = released_simulation()
     for altitude, digits in ((in_its_air, True), (40_000.0, False)):

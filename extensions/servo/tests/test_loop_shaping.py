@@ -233,7 +233,7 @@ def test_model_answers_command_and_loop_feels_none_of(
 ) -> None:
     """With the actuators of the followed model, the aircraft's states equal those of the model.
 
-    The observer's states remain 0. In steady state, the outputs equal the commands.
+    The states of the observer remain 0. In steady state, the outputs equal the commands.
     """
     design = load_design("servo", hfa.aircraft())
     model = model_at(11.0)
@@ -336,12 +336,11 @@ def pencil_of(
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
 def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
-    """With two surfaces, the zeros from them to dihedral and A_z include a pair at 0.67 rad/s in
-    the right half plane.
+    """From two surfaces to dihedral and A_z, a pair of zeros at 0.67 rad/s is in the right half
+    plane.
 
-    At a zero s, [A - s I, B; C, D] loses rank. Zeros are the poles of a loop that holds both
-    outputs tightly, and gusts excite them. With pitch in place of A_z there are no such zeros. With
-    all inputs of the servo, the rank is full at these s.
+    At a zero s, [A - s I, B; C, D] loses rank. With pitch in place of A_z, no zero is complex. With
+    all inputs of the servo, the matrix has full rank at the zeros of the two surfaces.
     """
     two = ("aileron_outer", "elevator_center")
     zeros = {}

@@ -28,7 +28,7 @@ def _linear() -> LinearModel:
 
 
 def test_step_and_simulate_agree_with_exponentials() -> None:
-    """A step response satisfies x' = A x + B, and a simulation of the same input agrees with it.
+    """A step response satisfies x' = A x + B, and a simulation of the same input agrees.
 
     Inputs may be given by name or as an array. Wrong inputs and times are refused.
     """
@@ -94,7 +94,7 @@ def test_functions_of_matrices_take_those_of_the_model() -> None:
     """Functions of python-control such as ctrb(A, B) are called with the matrices of the linear
     model.
 
-    Their errors become a one-line message.
+    An error of python-control becomes a one-line message.
     """
     linear = _linear()
     assert np.array_equal(linear.ctrb(), control.ctrb(linear.A, linear.B))
@@ -250,9 +250,7 @@ def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
 
 
 def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> None:
-    """fly(model, FILE) converts a gain from the units that the file states to those of the
-    model.
-    """
+    """fly(model, FILE) converts a gain from the units in the file to those of the model."""
     point = find_operating_point(MODEL)
     run = hfa.learn(hfa.paper.published_game(point.linearize()), seed=0)
     run.save(Path("learned.npz"))
@@ -396,7 +394,7 @@ def test_modes_are_a_table_and_a_method() -> None:
 
 
 def test_sweeps_and_flights_are_tables_and_curves() -> None:
-    """Sweeps and flights have the methods of their pandas table, and can be plotted by name."""
+    """Sweeps and flights have the methods of a pandas table, and can be plotted by name."""
     swept = hfa.sweep(MODEL, at=[0.1, 0.2])
     assert np.array_equal(hfa.sweep(MODEL, [0.1, 0.2]).A, swept.A)
     table = swept.to_pandas()

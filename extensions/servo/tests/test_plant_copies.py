@@ -40,7 +40,7 @@ def signed(rng: Generator) -> float:
 def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator of a random transfer function.
 
-    It has one to three poles and fewer zeros, from 0.1 to 10 rad/s.
+    One to three poles and fewer zeros lie between 0.1 and 10 rad/s.
     """
     order = int(rng.integers(1, 4))
     denominator = np.ones(1)
@@ -127,10 +127,9 @@ def test_copies_agree_above_and_below_the_smallest_delta() -> None:
 
 
 def test_what_cancels_in_turned_axes_hides_nothing() -> None:
-    """In rotated coordinates, delta_min lies between 1.2845 and 1.2846, where rho(XY) = delta².
+    """In rotated coordinates, delta_min of a plant lies between 1.2845 and 1.2846.
 
-    Without a change of coordinates, rounding would move it by 0.001. The poles are from 8e-4 to
-    5,148 rad/s.
+    The plant has poles from 8e-4 to 5,148 rad/s.
     """
     plant = mixed_sensitivity(15)
     for copy in copies(plant, 15, 4):
@@ -141,7 +140,7 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
 def test_a_turned_plant_is_solved_as_given_one() -> None:
     """A plant with poles from 2e-4 to 1000 rad/s has the same coupling in rotated coordinates.
 
-    Its controller attains the gain.
+    The loop with the controller attains the gain.
     """
     plant = mixed_sensitivity(12)
     delta = 1.01 * plant.minimum_delta().value
@@ -156,9 +155,7 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
 
 
 def test_axes_are_left_as_they_were_entered() -> None:
-    """A change of coordinates and back leaves matrices unchanged within 1e-14 of their largest
-    entry.
-    """
+    """A change of coordinates and back leaves matrices unchanged within 1e-14 of the largest entry."""
     turned = [copy.problem for copy in copies(mixed_sensitivity(15), 15, 4)][-1]
     axes = turned.axes
     for name, into, back in (
@@ -180,9 +177,9 @@ def test_axes_are_left_as_they_were_entered() -> None:
 
 
 def test_sizes_are_those_of_the_parts_that_cancel() -> None:
-    """If large terms cancel in A, `sizes` contains their magnitude, not that of the difference.
+    """If u = -N⁺ C x subtracts 1e6 from A and leaves 1, `sizes` contains 2e6 and not 1.
 
-    Here, u = -N⁺ C x subtracts 1e6 from A and leaves 1.
+    The error of the stable subspace is more than 1e5 times that without these sizes.
     """
     side = Side(
         A=np.array([[1e6 + 1.0]]),
@@ -210,10 +207,9 @@ def test_the_loop_keeps_a_gain_near_the_smallest() -> None:
 
 @pytest.mark.slow
 def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
-    """For 171 plants and their copies, the brackets of delta_min overlap with each other and with
-    slycot.
+    """For 171 plants, the brackets of delta_min of plant, copies and slycot overlap.
 
-    No bracket is wider than 6e-4, and few are wider than the tolerance.
+    No bracket is wider than 1 %, and at most 20 of 684 are wider than the tolerance.
     """
     changed = []
     opened: Counter[str] = Counter()

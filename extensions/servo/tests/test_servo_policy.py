@@ -143,8 +143,9 @@ def test_flight_on_linear_model_is_loop_written_out(
 def test_anti_windup_input_is_what_was_not_applied(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """The anti-windup term W (u_applied - u) is 0 without saturation and reduces the integral
-    with it.
+    """Without saturation, the anti-windup term W (u_applied - u) has no effect.
+
+    With saturation, the largest integral is less than half of that without the term.
     """
     lowest = np.array(point.inputs) - 1e-4
     highest = np.array(point.inputs) + 1e-4

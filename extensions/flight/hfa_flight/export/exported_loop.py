@@ -142,8 +142,10 @@ def exported_loop(
 ) -> ExportedLoop:
     """Return the loop X' = f(X, U, w) with the states [X; actuators; memory of the policy; filter].
 
-    The inputs are [w; v], with w the disturbances of the model. `steering` defines v and computes
-    U; by default v = U. Actuator states and memory are deviations from trim.
+    The inputs are [w; v], with w the disturbances of the model. Actuator states and memory are
+    deviations from trim.
+
+    steering: defines v and computes U; by default v = U
 
     Raises BadInputError if a trim input is outside its actuator's limits, or if the policy measures
     actuator states that do not exist.

@@ -1,7 +1,7 @@
 """Exported C code of aircraft and controllers.
 
-It compiles without warnings, computes the same numbers as the product, and uses no dynamic memory.
-Its example loops run.
+The code compiles without warnings, computes the same numbers as the product, and uses no dynamic
+memory. The example loops run.
 """
 
 from __future__ import annotations
@@ -170,10 +170,9 @@ Z = "vertical_acceleration_short_period"
 
 @pytest.fixture(scope="module")
 def controller(published_aircraft: Model) -> ScheduledController:
-    """Return a controller with random matrices.
+    """Return a controller with random matrices, two inputs, four states and two commands.
 
-    It has two inputs, four states, two commands and three measurements, one of them an actuator
-    position.
+    One of its three measurements is an actuator position.
     """
     random = np.random.default_rng(3)
     shapes = {
@@ -297,7 +296,7 @@ def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: 
 def test_the_footprint_is_static_and_names_are_there(law_folder: Path) -> None:
     """The controller's C code uses little static memory and calls only math functions.
 
-    Its header contains names, units and the range of the schedule.
+    The header contains names, units and the range of the schedule.
     """
     text, data, bss, asked = footprint(law_folder, LAW_SOURCE)
     assert asked <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}

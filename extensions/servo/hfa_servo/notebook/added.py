@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def _to_json(value: Any) -> Callable[..., Any] | None:
     """Return the method `to_json` of a result, or None if the value is not a result.
 
-    The method returns JSON text, or writes it to a given file.
+    The method returns JSON text. With a path, the method writes the file.
     """
     if not isinstance(value, Reported):
         return None
@@ -76,7 +76,7 @@ def _to_scipy(value: Any) -> Callable[[], Any] | None:
 
 
 def _plot(value: Any) -> Callable[[], Any] | None:
-    """Return the method `plot` of a result, or None if it has no picture.
+    """Return the method `plot` of a result, or None for a result without a picture.
 
     The method draws the poles of a solution, the weights of a training run, or the first picture of
     another result's report. Raises AttributeError for a Model.
@@ -136,7 +136,7 @@ def _to_pandas(value: Any) -> Callable[[], Any] | None:
 def _linearize(value: Any) -> Callable[..., LinearModel] | None:
     """Return the method `linearize` of a linear model, or None for another value.
 
-    The method returns the linear model itself. With options, it linearizes again at the same point.
+    The method returns the linear model itself, or with options a linear model at the same point.
     """
     if not isinstance(value, LinearModel):
         return None
@@ -177,8 +177,8 @@ def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
 def _margins(value: Any) -> Callable[..., Any] | None:
     """Return the method `margins` of a linear model, or None for another value.
 
-    With a gain K, the method returns the margins of each input. Without a gain, it returns
-    python-control's margins of a single loop.
+    - With a gain K: the margins of each input.
+    - Without a gain: python-control's margins of a single loop.
     """
     if not isinstance(value, LinearModel):
         return None

@@ -59,11 +59,11 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
 def draw_curves(value: Any, *names: Any) -> np.ndarray:
     """Draw named values in a new pyplot figure and return its Axes.
 
-    Values of a flight are drawn over time, and those of a sweep over its last variable.
+    The horizontal axis is the time of a flight, or the last variable of a sweep.
 
     names: texts, or one list of texts
 
-    Raises BadInputError if no names are given.
+    Raises BadInputError if no names are given, or if a sweep does not form complete lines.
     """
     shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
     if not isinstance(shown, Sequence) or not shown:
@@ -95,7 +95,7 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
 
 
 def _label(name: str, unit: str) -> str:
-    """Return the label of an axis: the name and, unless it is 1, the unit."""
+    """Return the label of an axis: the name, and the unit unless the unit is 1."""
     return name if unit == "1" else f"{name}, {shown_unit(unit)}"
 
 

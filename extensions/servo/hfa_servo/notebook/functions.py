@@ -110,7 +110,7 @@ def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
 
 
 def _with_units(linear: LinearModel, stored: Mapping[str, Any]) -> LinearModel:
-    """Return the linear model with the name and the units that its file states."""
+    """Return the linear model with the name and the units stored in the file."""
     changes: dict[str, Any] = {}
     if "dynamics" in stored:
         changes["name"] = f"{linear.model.name} of {stored['dynamics']}"

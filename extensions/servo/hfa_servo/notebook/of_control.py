@@ -18,8 +18,8 @@ def of_control(model: LinearModel, name: str) -> Any:
 
     The name is that of an attribute of StateSpace or of a function of python-control or its MATLAB
     interface. A call of the returned function accepts inputs= and outputs=, which select transfer
-    functions. The first texts of a call are also inputs and outputs. If the first parameters of the
-    function are matrices, as in ctrb(A, B), they are the matrices of the model. An error of
+    functions. The first texts of a call are also inputs and outputs. A function whose first
+    parameters are matrices, as in ctrb(A, B), receives the matrices of the model. An error of
     python-control becomes a BadInputError.
     """
     import control

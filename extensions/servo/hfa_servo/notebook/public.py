@@ -9,6 +9,6 @@ from typing import Any
 def public() -> Any:
     """Return the module `hfa`.
 
-    It is imported at the first call, because this extension may be loaded while `hfa` is imported.
+    The import is inside the function, because this extension may be loaded while `hfa` is imported.
     """
     return import_module("hfa")

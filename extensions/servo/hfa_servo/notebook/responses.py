@@ -102,7 +102,7 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
 
 
 def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[np.ndarray]:
-    """Return the value of each of `names` in order, 0 if it is not in `named`.
+    """Return the value of each of `names` in order, 0 for a name that is not in `named`.
 
     kind: "input" or "state", for the message
 
