@@ -43,7 +43,7 @@ class Layout(NamedTuple):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: inputs, and states or the outputs that replace them."""
+        """Names of the variables of a trim: states, or outputs in their place, then inputs."""
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
 

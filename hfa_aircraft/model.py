@@ -224,7 +224,7 @@ class Model(Reported):
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: inputs, and states or the outputs that replace them."""
+        """Names of the variables of a trim: states, or outputs in their place, then inputs."""
         return self.layout.variables
 
     @cached_property
@@ -400,7 +400,7 @@ class Model(Reported):
         outputs: names of outputs or states
         disturbances: names of the disturbances in w
 
-        Raises FloatingPointError if a result is not finite.
+        Raises BadInputError as `linearized` does, and FloatingPointError if a result is not finite.
         """
         from hfa_aircraft.linearization import Linearization, linearized_rows, places_of_parts
 

@@ -61,11 +61,12 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
 
 
 def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
-    """Return values of the unknowns (p,) near which a second minimum may lie, the best first.
+    """Return values of the unknowns (p,) near which a second minimum may lie.
 
-    Each differs from the fit in one parameter. This parameter has a value for which the state
-    derivatives along the simulation are similar. Without such a value, the parameter has the
-    negative of its estimate, provided that L is lower there than at 0.
+    At most `_TRIED` values within the limits are returned, the most promising first. Each differs
+    from the fit in one parameter. This parameter has a value for which the state derivatives along
+    the simulation are similar. Without such a value, the parameter has the negative of its
+    estimate, provided that L rises there by less than the fraction `_FALL` of its rise at 0.
     """
     least = search.level(fit.theta, fit.starts)
     flown = [
@@ -121,7 +122,7 @@ def _searched(
     """Return the fit found from distant unknowns, or None in these cases:
 
     - The search diverges or does not converge.
-    - The records are less likely with the fit found than with the original fit.
+    - L exceeds that of the original fit by `AS_LIKELY` or more.
     - Both fits agree.
     """
     try:

@@ -43,11 +43,12 @@ class Search:
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
         """Return the fit of the complete records.
 
-        The search begins with a fit of short windows, whose simulations do not diverge even if the
-        initial parameters are far off. If the fit of the complete records fails, the windows are
-        fitted again with the variance of the motion as noise variance.
+        The search begins with a fit of short windows, whose simulations diverge less easily. If the
+        fit of the complete records diverges, does not converge or contradicts the measured motion,
+        the windows are fitted again with the variance of the motion as noise variance. The more
+        likely fit is returned.
 
-        Raises FloatingPointError if the simulation diverges nevertheless.
+        Raises FloatingPointError if all simulations diverge.
         """
         found = None
         for by_motion in (False, True):

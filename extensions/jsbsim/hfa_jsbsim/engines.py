@@ -368,7 +368,8 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
 def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
     """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`).
 
-    The limiter acts once per frame. Outside frames the throttle is returned unchanged.
+    The limiter acts once per frame. Outside frames, or without limiter or propeller, the throttle
+    is returned unchanged.
     """
     given = throttle_of(file, around)
     properties = around.properties

@@ -165,7 +165,7 @@ class Properties:
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
-        """Return property -> its writers, in the order of evaluation."""
+        """Return property -> its writers, in the order in which they were added."""
         return self._writers
 
     def add_state(self, component: Element) -> ca.SX:
@@ -228,7 +228,7 @@ class Properties:
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
-        """Return the last writer of a property, or None."""
+        """Return the writer of a property that was added last, or None."""
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 
