@@ -26,8 +26,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
 _HEAD = """# Verdicts on published answers
 
-`hfa printed` checks the digits of a published solution against the solution computed for the
-published plant:
+`hfa printed` compares each printed digit of a published solution with the solution computed for
+the published plant:
 
 ```console
 $ hfa printed studies/published/sources/radp_suspension.toml
@@ -35,10 +35,10 @@ as printed: all 20 entries
 ...
 ```
 
-[A verdict](critics.md#a-printed-answer) describes the agreement of digits, not the cause of a
-difference. [The table](../studies/published/results.csv) lists the verdict on each published
-solution. [The source files](../studies/published/sources) contain the printed digits. `python -m
-studies.published` checks all source files.
+`python -m studies.published` checks the [files with the printed
+digits](../studies/published/sources) of all solutions and writes the [verdict on each
+solution](../studies/published/results.csv). The table counts the solutions by
+[verdict](critics.md#a-printed-answer).
 """
 
 
