@@ -98,7 +98,7 @@ class Identified(Result, Reported):
         turbulence was not estimated.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
-    plan: maneuvers that would narrow the bands further, the best first.
+    plan: maneuvers that would narrow the bands further, the best first, empty if not requested.
     """
 
     schema = "hfa.identified/1"

@@ -305,7 +305,7 @@ class Responses:
     def steps_between(
         self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
     ) -> int:
-        """Return the number of integration steps between two samples.
+        """Return the number of integration steps between two samples, at most `_MOST_STEPS`.
 
         step: largest step, in time constants of the fastest mode at the initial state
         """

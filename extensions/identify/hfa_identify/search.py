@@ -165,8 +165,8 @@ class Search:
 def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
     """Return the guess of a record's initial state, (n,).
 
-    Each component is the first measured value, the value in `held`, or the value in the model's
-    trim, in this order of precedence.
+    Each component is the first finite measured value, the value in `held`, the value in the
+    model's trim, or the declared start of the state, in this order of precedence.
     """
     start = []
     for name, signal in model.states.items():

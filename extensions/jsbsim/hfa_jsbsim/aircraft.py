@@ -449,7 +449,7 @@ class Equations:
         ]
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set the time derivatives of all states, and the outputs.
+        """Set the outputs and the time derivatives of all states except filter states.
 
         x: object with the states as attributes
         air_force, air_moment: aerodynamic loads, lb and ft lb, body axes, (3,) each

@@ -407,6 +407,9 @@ class _Declaration:
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
         """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
 
+        Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
+        down at this limit, the limit is returned.
+
         values: name -> value; other variables have their declared initial values
         """
         name = f"rpm{file.number}"

@@ -89,8 +89,8 @@ def differences(name, kcas):
 def test_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
     """The linear model of a jet agrees with JSBSim's, which is computed with finite differences.
 
-    The largest relative difference is 1e-8 for A without the column of beta, 5e-5 for this column,
-    and `of_B` for B.
+    The largest relative difference is below 1e-8 for A without the column of beta, 5e-5 for this
+    column, and `of_B` for B.
     """
     worst = differences(name, kcas)
     assert worst["A"] < 1e-8

@@ -176,7 +176,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def over_bound(self) -> float | None:
         """Cost divided by the lower bound, or None without a positive bound.
 
-        The cost is at most this factor above the least cost.
+        The cost divided by the least cost is at most this number.
         """
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None

@@ -238,7 +238,8 @@ def drawn_starts(
 
     For the same seed, a larger count only appends rows.
 
-    box: half-widths, (k,), reduced to the limits. By default they are those of `usual_box`.
+    box: half-widths, (k,), reduced so that the box is within the limits. By default they are those
+        of `usual_box`.
     """
     rng = np.random.default_rng(seed)
     half = usual_box(problem) if box is None else _inside(problem, box)
