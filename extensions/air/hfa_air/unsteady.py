@@ -352,8 +352,8 @@ def _lagged_alpha(
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the hinge moment of the lift due to the hinge motion, ft lbf, and the rates of its lag
-    states.
+    """Return the hinge moment of the lift due to the hinge motion, ft lbf, and the rates of the lag
+    states of the tip.
 
     The hinge rate changes the angle of attack linearly along an outer wing.
 

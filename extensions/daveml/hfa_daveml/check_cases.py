@@ -120,10 +120,10 @@ def _texts(output: CheckedOutput) -> tuple[str, str, str]:
 
 
 def checked_document(document: Document) -> CheckedDocument:
-    """Recompute the check cases of a file from its tables and formulas.
+    """Recompute the check cases of a file from the tables and formulas in the file.
 
     Raises BadInputError if a case names an unknown variable, uses another unit than the variable,
-    or gives no value for an input without an initial value.
+    or contains an output that cannot be computed from the inputs.
     """
     return CheckedDocument(
         document, [each for case in document.cases for each in _checked(document, case)]

@@ -76,7 +76,7 @@ class Signal:
     """The value of a variable in a check case.
 
     name: name or varID of the variable
-    units: its units, as spelled in the file, or "" if none are given
+    units: units, as spelled in the file, or "" if none are given
     value: the printed value
     tolerance: largest permitted difference of an output; 0 for inputs
     """

@@ -48,10 +48,9 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains the
-    estimate.
+    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around the estimate.
 
-    Each pair is the uncertainty band of a parameter or of a sensor error.
+    Each entry must be named like a parameter of the model or a sensor error of the file.
     """
     bands = _table(path, data, "bands")
     sensors = _table(path, data, "sensors")

@@ -64,7 +64,7 @@ class Table:
     derivatives: name -> value, per rad for an angle.
     meanings: name -> coefficient and argument of a derivative.
     surfaces: control surface -> lowest and highest deflection, rad.
-    thrust: lowest and highest thrust.
+    thrust: lowest and highest thrust, lbf or N.
     axes: axes of the rolling and yawing moments and rates, "body" or "stability".
     """
 

@@ -79,7 +79,7 @@ class DiscreteSolution(Reported):
 
     @property
     def H(self) -> Matrix:
-        """Matrix of the Q-function over (x, u, w) (`DiscreteGame.q_function`)."""
+        """Matrix of the Q-function over (x, u, w), or over (x, u) with delta = inf."""
         return self.problem.q_function(self.P)
 
 

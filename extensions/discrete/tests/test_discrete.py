@@ -394,10 +394,10 @@ def test_hard_games_those_value_iteration_with_90_digits(kind, seed):
 
 
 def test_sampling_keeps_the_digits_of_a_short_step():
-    """P - P(dt = 0) is proportional to dt at 1e-7 s, where rounding of A alone would change P by
-    1e-9.
+    """P - P(dt = 0) at 2e-7 s is twice that at 1e-7 s.
 
-    The smallest delta is √dt times that in continuous time, and is not marked as uncertain.
+    At 1e-6 s, the smallest delta is √dt times that in continuous time, and is not marked as
+    uncertain.
     """
     game = _game(3)
     exact = solve_game(game).P

@@ -44,8 +44,9 @@ class Departure(NamedTuple):
 class ControlExcess(NamedTuple):
     """An input beyond a control limit.
 
-    value: the value with the largest excess
-    limit: the exceeded limit
+    input: name of the input
+    value: the value with the largest excess, in `unit`
+    limit: the exceeded limit, in `unit`
     """
 
     input: str

@@ -127,9 +127,7 @@ class _Swings(NamedTuple):
 
     amplitude: mean of the peaks
     frequency: rad/s, from the first and the last zero crossing
-    rate: decay rate of the amplitude, 1/s, from a least-squares fit of its logarithm; negative for
-        a
-      growing amplitude
+    rate: decay rate of the amplitude, 1/s, by least squares of log amplitude; negative for growth
     """
 
     amplitude: float

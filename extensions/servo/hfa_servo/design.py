@@ -320,20 +320,21 @@ def load_design(name: str, model: Model) -> Design:
     The design uses the units that the model declares. A file contains:
 
     - inputs, integrals: lists of names
-    - disturbance: "states", "commands" or a disturbance of the model; or a table [disturbance] of
-      several of these with their intensities
+    - disturbance: "states", "commands" or a disturbance of the model
+    - [disturbance]: several of these, with their intensities
     - delta: a number, inf for no disturbance
     - [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness
     - [weights.states], [weights.inputs]: name = weight
-    - [sensors]: output or state = intensity of its noise
-    - instead of a game, [shaping]: factor, dihedrals (deg; for a model scheduled over speed:
-      speeds)
-    - [shaping.inputs], [shaping.outputs.NAME]: gain; gain, corner, lag
+    - [sensors]: output or state = intensity of the noise
+    - [shaping], instead of a game: factor, and dihedrals in deg or, for a model scheduled over
+      another variable, its name with s, such as speeds
+    - [shaping.inputs]: input = gain
+    - [shaping.outputs.NAME]: gain, corner, lag
     - [shaping.schedule]: output = factors
     - [shaping.following]: filter, bandwidth, and by name outputs, states, rates
     - [newton.TABLE]: entries that replace those above for the equations `newton`
 
-    Raises BadInputError with the file, the entry and the fault.
+    Raises BadInputError if the file cannot be read, or an entry is unknown, missing or invalid.
     """
     data = read_named("design", name, NAMED, "hfa_servo", {...: None})
     return design_of(name, data, native_of(model))
@@ -345,7 +346,7 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
     name: name of the design
     data: the entries
 
-    Raises BadInputError with the entry and the fault.
+    Raises BadInputError if an entry is unknown, missing or invalid.
     """
     breakpoints = f"{model.schedule}s"
     form: dict[str, Any] = {**_FILE}

@@ -280,13 +280,14 @@ class GeneralizedPlant(Reported):
 def stored_plant(
     path: str | Path, found: dict[str, Any] | None = None
 ) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
-    """Return the generalized plant in a file, its delta or None, and notes on its entries.
+    """Return the generalized plant in a file, its delta or None, and notes on unused entries.
 
     The file contains A, B1, B2, C1, D12 and optionally C2, D21, D11, D22 and delta.
 
     found: entries of the file, if they have been read already
 
-    Raises BadInputError with the file and the fault.
+    Raises BadInputError if the file cannot be read, an entry is missing or invalid, or delta is not
+    positive.
     """
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):

@@ -196,7 +196,8 @@ def solution_of_plant(
     origin: name of the plant
     notes: notes on the file of the plant
 
-    Raises NoSolutionError with the assumption or the condition that fails.
+    Raises NoSolutionError if there is no certified controller. The message names the assumption or
+    condition that fails.
     """
     smallest = plant.minimum_delta()
     if delta is None:

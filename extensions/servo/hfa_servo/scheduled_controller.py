@@ -381,7 +381,8 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
     """Return the controller in a .npz file written by `save_controller`, in the units of a model.
 
-    Raises BadInputError with the file and the fault.
+    Raises BadInputError if the file is not a controller file, is damaged, or was made for another
+    model.
     """
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
@@ -412,7 +413,7 @@ def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | 
     """Return the controller or the gain schedule in a file.
 
     A controller u = -K(η) x of the states of the linear model is returned as a gain schedule.
-    Raises BadInputError with the file and the fault.
+    Raises BadInputError if the file contains neither, is damaged, or was made for another model.
     """
     if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
         controller = load_controller(path, model)

@@ -73,11 +73,10 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
     "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
 def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
-    """delta_min is at most the gain that slycot attains, and the loop at 1.001 delta_min attains
-    it.
+    """delta_min is at most the gain that slycot's loop attains.
 
-    If slycot reports another value than delta_min, slycot's loop has a gain above delta_min or
-    above the reported value.
+    At δ = 1.001 delta_min, the loop has a gain below δ. If slycot reports another value than
+    delta_min, slycot's loop has a gain above delta_min or above the reported value.
     """
     plant = random_plant(seed, seed % 3)
     smallest, (stated, reached) = smallest_of(seed, seed % 3), of_slycot(plant)

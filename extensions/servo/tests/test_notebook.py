@@ -137,7 +137,7 @@ def test_poles_and_zeros_are_drawn() -> None:
 def test_a_free_response_is_the_matrix_exponential() -> None:
     """A simulation without inputs returns x(t) = e^(A t) x(0).
 
-    x(0) may be given by name or as an array. Wrong ones are refused.
+    x(0) may be given by name or as an array. A wrong x(0), or a function as input, is refused.
     """
     linear = _linear()
     start = 0.05 * np.eye(6)[linear.states.index("alpha")]

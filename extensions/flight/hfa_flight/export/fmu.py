@@ -196,7 +196,7 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
     compiler: command of the compiler
     sources: file name -> text
 
-    Raises NoSolutionError with the first message of the compiler if it fails.
+    Raises NoSolutionError if the compiler fails.
     """
     with temporary_folder() as folder:
         for name, text in sources.items():
