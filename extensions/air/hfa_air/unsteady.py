@@ -377,7 +377,7 @@ def _with_apparent_mass(
     """Return the loads including the apparent mass of wings and tails.
 
     The accelerations a = (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0. M is the
-    inertia of the aircraft and M_a that of the carried air (`_carried_air`). a_0 are the
+    inertia of the aircraft, and M_a the inertia of the carried air (`_carried_air`). a_0 are the
     accelerations due to all loads except -M_a a.
 
     loads: loads without apparent mass
@@ -491,8 +491,9 @@ def _with_forces(
     pitching_moment: Quantity,
     hinge_moment: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads with body-axis forces (lbf) added to lift and drag, and with the given
-    moments (ft lbf) in place of the present ones.
+    """Return the loads with body-axis forces, lbf, added to lift and drag, and with new moments.
+
+    pitching_moment, hinge_moment: moments in place of those of `loads`, ft lbf
     """
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)

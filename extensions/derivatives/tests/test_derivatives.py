@@ -355,7 +355,7 @@ def test_the_f104_has_its_published_modes(mode):
     """The longitudinal modes of the F-104 agree with the printed polynomials within `tolerance`.
 
     The modes of the matrix derived by hand agree as well. With Cm_alpha 10 % too large, the short
-    period disagrees.
+    period disagrees, and the phugoid agrees.
     """
     damping, stiffness, tolerance = PRINTED_F104[mode]
     root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))

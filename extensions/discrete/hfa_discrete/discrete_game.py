@@ -140,8 +140,8 @@ class DiscreteGame(Reported):
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
         """Return an equivalent step without cross weights, and F = R⁻¹N', (m, n).
 
-        The step has the input v = u + F x and the matrices A - B F and Q - N R⁻¹ N'. The latter is
-        positive semidefinite in spite of rounding.
+        The step has the input v = u + F x and the matrices A - B F and Q - N R⁻¹ N'. Q - N R⁻¹ N'
+        is positive semidefinite in spite of rounding.
         """
         step = self.step
         if not self.N.any():

@@ -134,12 +134,12 @@ class StepForm(NormalForm):
     def equivalent(self) -> NormalForm:
         """Continuous-time game with the same X.
 
-        The state of this game is (y + y⁺)/√2, and its rate is (y⁺ - y)/√2. This is the map z = (1 +
-        s)/(1 - s). In both games, the value y'X y increases by y⁺'X y⁺ - y'X y.
+        The state of this game is (y + y⁺)/√2, and the rate is (y⁺ - y)/√2. This is the map
+        z = (1 + s)/(1 - s). In both games, the value y'X y increases by y⁺'X y⁺ - y'X y.
 
-        For signals of alternating sign, the step has the matrices -A, -B and -E and the same X. Of
-        the two equivalent games, the one with the smaller Hamiltonian is returned, so that no mode
-        is near the pole of the map, z = -1 or 1.
+        In signals of alternating sign, the step has the matrices -A, -B and -E and the same X,
+        which gives a second equivalent game. The game with the smaller Hamiltonian is used, because
+        none of its modes is near the pole of the map, z = -1 or 1.
 
         Raises NoSolutionError if every closed loop has modes at both poles. Raises NoValueError if
         a disturbance of constant or alternating sign has a gain above δ for every input.

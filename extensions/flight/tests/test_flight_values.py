@@ -33,7 +33,7 @@ def test_steps_of_an_input_give_the_step_response() -> None:
 def test_every_kind_of_policy_flies(kind: str) -> None:
     """A gain, a solution, a critic and two Python functions of the same K give the same flight.
 
-    The functions are evaluated once a tick, hence the tolerance of 0.005.
+    The tolerance is 0.005, because the functions are called once a tick.
     """
     game = hfa.game(hfa.linearize(CART, POINT), Q=np.eye(2), R=np.eye(1))
     solution = hfa.solve_game(game)

@@ -87,7 +87,7 @@ def test_the_envelope_limits_the_angle_through_the_air(
 
 
 def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
-    """The default envelope is centered at the trim. Limits can be changed, and wrong ones are
+    """The default envelope is centered at the trim. Limits can be changed. Wrong limits are
     refused.
     """
     p = newton.aircraft

@@ -85,9 +85,9 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
 def load_claims(path: Path) -> Claims:
     """Return the content of claims.json.
 
-    path: the file or its folder
+    path: the file, or the folder that contains it
 
-    Raises BadInputError if the file cannot be read or its entries are not those of the study.
+    Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
     file = path / "claims.json" if path.is_dir() else path
     study = "`python -m studies.section5`"

@@ -1,4 +1,4 @@
-"""Tables of A and B with the printed entries below the computed ones."""
+"""Tables of A and B with the printed entries below the computed entries."""
 
 from __future__ import annotations
 

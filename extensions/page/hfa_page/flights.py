@@ -77,9 +77,9 @@ def flights_section(
 def load_flights(path: Path) -> StoredFlights:
     """Return the content of best_flights.json.
 
-    path: the file or its folder
+    path: the file, or the folder that contains it
 
-    Raises BadInputError if the file cannot be read or its entries are not those of the study.
+    Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
     file = path / "best_flights.json" if path.is_dir() else path
     try:

@@ -231,7 +231,7 @@ def _line(positions: Any) -> dict[str, Any]:
 def locus_plot(swept: Sweep) -> InteractivePlot | None:
     """Return the root locus of a sweep, or None if no point has a trim.
 
-    If some modes are much slower than others, a second figure shows only the slow ones.
+    If some modes are much slower than others, a second figure shows the slow modes.
     """
     if not swept.mode_names:
         return None

@@ -3,8 +3,8 @@
 x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u
 
 The controller must achieve ‖z‖ < δ ‖w‖ for every w. Each Riccati equation is that of a `Game`
-(`Side`), which is solved and certified like any other game. Source: Zhou, Doyle and Glover, Robust
-and Optimal Control, Chapter 17; Glover and Doyle 1988.
+(`Side`). Sources: Zhou, Doyle and Glover, Robust and Optimal Control, Chapter 17. Glover and Doyle
+1988.
 """
 
 from __future__ import annotations
@@ -746,7 +746,7 @@ def scaled_root(M: np.ndarray) -> np.ndarray:
     """Return F (n, n) with F F' = M for a positive semidefinite M.
 
     M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales the
-    rows of F, and small entries of M are not lost in the rounding of large ones.
+    rows of F. Small entries of M are not lost in the rounding of large entries.
     """
     d = np.sqrt(np.diag(M).clip(0.0))
     safe = np.where(d > 0.0, d, 1.0)

@@ -61,8 +61,9 @@ def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
 def mixed_sensitivity(seed: int) -> GeneralizedPlant:
     """Return a random plant with weights of S, K S and T.
 
-    The weight of S is an integrator with a lag at 1e-4 to 0.1 of the bandwidth. That of K S is a
-    gain, or a lead up to 1000 rad/s. T has a weight beyond 1 to 100 rad/s, or none.
+    - S: an integrator with a lag at 1e-4 to 0.1 of the bandwidth
+    - K S: a gain, or a lead up to 1000 rad/s
+    - T: a weight beyond 1 to 100 rad/s, or none
     """
     rng = np.random.default_rng([44, seed])
     transfer = random_transfer(rng)

@@ -51,7 +51,7 @@ class Argument:
 
     @property
     def size(self) -> int:
-        """Return the number of channels."""
+        """Number of channels."""
         return int(self.value.numel())
 
     def at(self, _: Any) -> ca.SX:

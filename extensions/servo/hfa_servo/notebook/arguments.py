@@ -361,8 +361,8 @@ class _Reading:
     def _derived(self, link: Any, found: Mapping[str, Any]) -> Any:
         """Return a missing model or operating point, derived from other arguments, or None.
 
-        A model is that of a given point. A point is the trim of the model at the values given as
-        keywords.
+        A missing model is the model of a given point. A missing point is the trim of the model at
+        the values given as keywords.
         """
         if link is Model:
             given = (*self.rest, *self.words.values())

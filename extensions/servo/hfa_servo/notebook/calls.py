@@ -94,7 +94,7 @@ _SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loo
 
 
 class _Number(float):
-    """A number that can also be called, so that game.delta_min and game.delta_min() are equal."""
+    """A number that returns itself when called, so that game.delta_min() equals game.delta_min."""
 
     def __call__(self) -> float:
         """Return the number."""

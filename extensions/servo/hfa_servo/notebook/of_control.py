@@ -16,11 +16,11 @@ from trim.linear.reduction import Names, chosen
 def of_control(model: LinearModel, name: str) -> Any:
     """Return the function or attribute of python-control with this name for a model, or None.
 
-    The name is that of an attribute of StateSpace or of a function of python-control or its MATLAB
-    interface. A call of the returned function accepts inputs= and outputs=, which select transfer
-    functions. The first texts of a call are also inputs and outputs. A function whose first
-    parameters are matrices, as in ctrb(A, B), receives the matrices of the model. An error of
-    python-control becomes a BadInputError.
+    The name is looked up in StateSpace, python-control and its MATLAB interface. A call of the
+    returned function accepts inputs= and outputs=, which select transfer functions. The first texts
+    of a call are also inputs and outputs. A function whose first parameters are matrices, as in
+    ctrb(A, B), receives the matrices of the model. An error of python-control becomes a
+    BadInputError.
     """
     import control
     from control import matlab
