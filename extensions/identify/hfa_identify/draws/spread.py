@@ -79,7 +79,10 @@ class Draws(Result):
 
     @property
     def first_line(self) -> str:
-        """Numbers of trimmed and stable aircraft in one line, with the largest cost of a gain."""
+        """Line with the number of stable aircraft, and the number of trimmed ones or the cost lost.
+
+        The cost lost is stated only with a gain, if all aircraft are trimmed.
+        """
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
             return (
@@ -172,7 +175,7 @@ class DrawnAircraft:
         return self._alone(bands, drawn)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """Return the stability and the largest cost of the law u = -K z on the drawn aircraft.
+        """Return the stability and the largest excess cost of u = -K z on the drawn aircraft.
 
         game: game of the given aircraft; the drawn aircraft have the same weights
         K: gain, (m, n)
