@@ -125,6 +125,8 @@ class _Files:
         """Return the aircraft as a `Model`.
 
         source: paths joined by +, and hash of the contents
+
+        Raises BadInputError if a unit is wrong, a size is not positive, or there is no lift.
         """
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}

@@ -74,7 +74,9 @@ def learn(request: LearnRequest, named: NamedGame) -> int:
 def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     """Run `hfa verify` for a discrete-time plant on one critic and return the exit code.
 
-    paths: one path of a file with W, P, K, L or H, or of a network
+    paths: path of a file with W, P, K, L or H, or of a network
+
+    Raises BadInputError unless there is exactly one path.
     """
     from hfa.commands.verify import about
     from hfa_discrete.critic_check import check_discrete

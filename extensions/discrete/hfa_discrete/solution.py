@@ -115,7 +115,8 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
     discount: discount of one step
     dt: sample time of a continuous-time game, s; None if `game` is in discrete time
 
-    Raises NoSolutionError if no solution is certified (`solve_discrete`).
+    Raises BadInputError if the discount or dt is out of range. Raises NoSolutionError if no
+    solution is certified (`solve_discrete`).
     """
     return solve_discrete(
         DiscreteGame(game, discount) if dt is None else sampled(game, dt, discount)

@@ -205,6 +205,9 @@ def numbers(
 ) -> Callable[[str], tuple[float, ...]]:
     """Return a function that converts a text such as "1:2:3" to numbers.
 
+    The function raises BadInputError for a wrong number of parts, or for a part that is not a
+    number.
+
     form: description of the text for error messages
     count: number of numbers
     otherwise: default values of the last numbers
@@ -292,7 +295,9 @@ def turbulence_option() -> Any:
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
-    """Return the typed turbulence. A level without an altitude receives the altitude of --hold.
+    """Return the typed turbulence, or None if none was typed.
+
+    A level without an altitude receives the altitude of --hold.
 
     hold: values of --hold by name
     """
@@ -406,6 +411,9 @@ class ScenarioOptions(LawOptions, TrimOptions):
 
         For several members, the scenario includes random quantities that are not drawn yet. The
         tick is the longest whole number of ms that divides both 10 ms and the delay.
+
+        Raises BadInputError if the delay is out of range, or if both --gust and --turbulence are
+        given.
         """
         duration = self.duration
         delay = self.delay
@@ -524,7 +532,10 @@ class FlightOptions(ScenarioOptions):
     def _controller_policy(
         self, model: Model, point: OperatingPoint, steps: CommandSteps
     ) -> tuple[Policy, Any]:
-        """Return the policy of --controller and its reference."""
+        """Return the policy of --controller and its reference.
+
+        Raises BadInputError for a controller of `hfa design` without --actuators.
+        """
         from hfa_flight.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
 

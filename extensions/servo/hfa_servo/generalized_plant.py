@@ -187,7 +187,9 @@ class GeneralizedPlant(Reported):
 
         C: (p, n)
         D: (p, m), or None for 0
-        V: (p, p), positive definite
+        V: (p, p)
+
+        Raises BadInputError if V is not positive definite or a shape is wrong.
         """
         V = checked_matrix("V", V, LARGEST)
         check_definite("V", V, strictly=True)
@@ -675,9 +677,9 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
       [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]]
 
     is positive definite. Its eigenvalues are accurate even if X or Y is too large for double
-    precision. If X or Y is singular, the matrix is never positive definite, and the answer is None
-    unless X or Y is
-    0. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
+    precision. If X or Y is singular and not 0, the matrix is never positive definite. Then the
+    answer is None, or
+    False. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
     H-infinity control, Linear Algebra and its Applications 425 (2007).
     """
     assert control.subspace is not None

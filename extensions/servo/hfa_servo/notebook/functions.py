@@ -63,7 +63,10 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
         return None
 
     def of_result(*arguments: Any, **named: Any) -> Any:
-        """Return the property, or the value of the method, of the first argument."""
+        """Return the property, or the value of the method, of the first argument.
+
+        Raises BadInputError if the first argument is not a result.
+        """
         result = arguments[0] if arguments else None
         if not isinstance(result, (Reported, Mode, ByName)):
             import control
