@@ -37,8 +37,8 @@ as printed: all 20 entries
 
 `python -m studies.published` checks the [files with the printed
 digits](../studies/published/sources) of all solutions and writes the [verdict on each
-solution](../studies/published/results.csv). The table counts the solutions by
-[verdict](critics.md#a-printed-answer).
+solution](../studies/published/results.csv). The table shows the number of
+published solutions with each [verdict](critics.md#a-printed-answer).
 """
 
 
