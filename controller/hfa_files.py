@@ -81,14 +81,13 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
 
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return the paper's E, Q, R and delta as defaults for the paper's aircraft, and no defaults
-    for any other plant.
+    """Return the paper's E, Q, R and delta as defaults for the paper's aircraft.
 
     A plant with six states and five inputs is taken for the paper's aircraft
     - if its known names are those of the aircraft, or
     - if it has no names, and the file does not contain both Q and R.
-
-    E and Q are converted to the units of the states, if the file gives them.
+    Any other plant has no defaults. If the file names the states, E and Q are converted to the
+    units in the file.
 
     parts: entries of the file, with A and B
     names: names and units in the file

@@ -25,7 +25,8 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 def plant_names(linear: LinearModel) -> PlantNames:
     """Return the names and units of a linear model's states and inputs.
 
-    Their origin is the name of the model; for the flexible aircraft also the flight condition.
+    `origin` is the name of the model. For the flexible aircraft `origin` also contains the flight
+    condition.
     """
     model = linear.model
     origin = model.name
@@ -45,7 +46,9 @@ def paper_game(
     """Return the paper's game on (A, B), in the units of the model.
 
     names: names of the plant; states other than the paper's have weight 0 and no disturbance
-    model: model whose native units are converted, or None
+    model: model of the plant; for a model in SI units the paper's E, Q and R are converted. None
+        for a
+        plant in the paper's units.
     changes: Q, R, delta or E in place of the paper's
     """
     states = names.states

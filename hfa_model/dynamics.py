@@ -23,12 +23,11 @@ def rates_from_loads(
           c2 = 2 I_zz - 2 I_yy + m s²/6,
     η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3,
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q².
-
     m, s and I are the mass, span and inertias of a panel, and k_c and k_k are the damping and
     stiffness of a hinge.
 
-    x: states; V is the speed over ground
-    loads: L, D, M, H and T; wind affects the rates only through them
+    x: states, with the speed V over ground
+    loads: L, D, M, H and T, which contain all effects of wind
     p: parameters
     variant: determines `coupling` and d3 (`variants.py`)
 

@@ -1,7 +1,7 @@
 """Outputs of the aircraft other than its states, as functions of state, input and wind.
 
-Axes are as in `kinematics.py`: x forward, y to the right, z down. An accelerometer fixed to the
-panel would measure the accelerations and load factors, so that the load factor in steady level
+Axes are as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors
+are the values measured by an accelerometer fixed to the panel. The load factor in steady level
 flight is 1.
 """
 

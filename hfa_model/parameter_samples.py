@@ -9,16 +9,13 @@ from hfa_support.entry_points import PARTS, part
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
     """Return random samples p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)), of the identified parameters.
 
-    The other parameters are unchanged.
+    The other parameters are unchanged. The samples are Gaussian in the logarithms, because the
+    printed matrices determine products and quotients of the parameters much more precisely than the
+    parameters.
 
     parameters: p and its covariance C
     count: number of samples
     seed: the same seed gives the same samples
-
-    The printed matrices determine products and quotients of the parameters much more precisely than
-    the parameters themselves. Their logarithms are sums, and a Gaussian preserves the variance of
-    sums. Samples of p + N(0, C) would make the standard deviation of an entry of A up to 4.8 times
-    too large.
 
     Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
     seed is out of range.

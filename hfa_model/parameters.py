@@ -50,7 +50,7 @@ class Parameters(NamedTuple, Generic[T]):
 class Field(NamedTuple):
     """Description of a parameter in a file.
 
-    unit: unit of its value
+    unit: unit of the value
     meaning: description in words
     positive: whether the value must be positive
     """
@@ -165,8 +165,6 @@ NAMED = {
 def default_parameters() -> ParameterSet:
     """Return the identified parameters that are part of the package.
 
-    `python -m studies.identification` writes their file.
-
     >>> import hfa
     >>> round(hfa.paper.default_parameters().values.panel_mass, 2)  # slug
     9.33
@@ -242,7 +240,9 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Return parameter -> its value, the identified value and the unit, for those that differ."""
+    """Return parameter -> value, identified value and unit, for each value that is not the
+    identified one.
+    """
     identified = default_parameters().values
     changes = {}
     for name, field_of_name in FIELDS._asdict().items():

@@ -1,8 +1,7 @@
 """Critics: learned policies u(z), and their values V(z) where known.
 
 z is the deviation of the state from trim. A critic is a matrix, weights of a basis, or a network.
-In all three cases u and V are CasADi functions, so that checks, simulation and export treat every
-critic alike.
+In all three cases u and V are CasADi functions.
 """
 
 from __future__ import annotations
@@ -35,17 +34,17 @@ class Critic(Reported):
     K: (m, n), -∂u/∂z at z = 0
     P: (n, n), ½ ∂²V/∂z² at z = 0, or None if only a policy is known
     origin: source of the critic: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1"
-    weights: (M,), V = weights'ψ(z) + constant, or None for a critic without weights
+    weights: (M,), V = weights'ψ(z) + constant, or None for a critic without a `Basis`
     basis: ψ, or None without weights
-    constant: V(0)
+    constant: V(0), or 0 if V is unknown
     precision: floating-point type of the numbers in the critic's file
     feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None for an
         independent policy
     time: time of this critic in a history, s, or None
-    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each output of the
-        network; empty for matrices and polynomials
+    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each known function of a
+        network or a list of functions; empty for all other critics
     variants: possible misreading of the file -> function that returns the critic for this reading
-    implies_policy: True if the policy in `network` is derived from its V or ∂V/∂z
+    implies_policy: True if the policy in `network` is derived from V or ∂V/∂z of the network
     is_layer: True for a network with one layer on a basis
 
     >>> import hfa
@@ -75,7 +74,11 @@ class Critic(Reported):
 
     @property
     def is_quadratic(self) -> bool:
-        """True if V has the form z'Pz + constant."""
+        """True if the critic has no `network` and every weight of a term that is not quadratic is
+        0.
+
+        A critic without a value counts as quadratic.
+        """
         if self.network:
             return False
         if self.weights is None or self.basis is None:
@@ -84,16 +87,17 @@ class Critic(Reported):
 
     @property
     def finite(self) -> bool:
-        """True if no entry of K and P is NaN or exceeds `LARGEST_CRITIC_ENTRY` in magnitude.
-
-        Within this limit, P S P cannot overflow.
-        """
+        """True if no entry of K and P is NaN or exceeds `LARGEST_CRITIC_ENTRY` in magnitude."""
         matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
         return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
 
     @property
     def linear(self) -> bool:
-        """True if the policy has the form u = -K z."""
+        """True if the policy is defined as u = -K z.
+
+        Critics with a `network` are never linear. A policy that follows from weights is linear only
+        if the basis has no terms that are not quadratic.
+        """
         if self.network:
             return False
         if self.feedback is None or self.basis is None:
@@ -174,7 +178,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     game: the game whose solution the critic approximates
     K: (m, n)
 
-    Raises BadInputError if K is not m x n or is complex.
+    Raises BadInputError if K is not a real m x n matrix.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -191,7 +195,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     game: the game whose solution the critic approximates
     P: (n, n)
 
-    Raises BadInputError if P is not n x n or is complex.
+    Raises BadInputError if P is not a real n x n matrix.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -212,13 +216,14 @@ def from_parts(
 ) -> Critic:
     """Return the critic defined by weights "W", a value matrix "P", a gain "K", or several of them.
 
-    The value is W'ψ(z) if W is given, else z'Pz. The policy is -K z if K is given; otherwise it
-    follows from the value.
+    The value is W'ψ(z) if W is given, else z'Pz. The policy is -K z if K is given. Otherwise the
+    policy follows from the value.
 
     parts: "W", "P" and "K" -> array, at least one of them
     functions: basis of W
 
-    Raises BadInputError for a wrong shape, and if W and P define different values.
+    Raises BadInputError if no part is given, if a shape is wrong, or if W and P define different
+    values.
     """
     gain = from_gain(game, parts["K"]) if "K" in parts else None
     critic = gain
@@ -259,8 +264,7 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     """Return new symbols z (n,) for the functions.
 
     The type is SX if all functions are SX functions, otherwise MX. With SX symbols, a wide network
-    would need a minute and a gigabyte. The annotations state SX for both types, because the code
-    that uses the symbols accepts either.
+    would need a minute and a gigabyte.
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)

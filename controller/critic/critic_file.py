@@ -34,7 +34,8 @@ class Reading:
     """Settings for reading a critic file that the file does not contain.
 
     basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
-        basis named in the file, else "quadratic".
+        basis
+        named in the file of a history, else "quadratic".
     network: outputs of a network file, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output
@@ -65,8 +66,9 @@ class Reading:
 
 
 class CriticReader(Protocol):
-    """Function that reads the critic files of one format; the entry points in `hfa.critics` supply
-    it."""
+    """Function that reads critic files of one format, registered as an entry point of
+    `hfa.critics`.
+    """
 
     def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
         """Return the critic in a file, as a function of the game's states.
@@ -78,11 +80,13 @@ class CriticReader(Protocol):
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
     """Return the critics in a file: one, or one for each time of a history, with its `time`.
 
-    A file contains a network (`is_network`), or any of W (also `weights`), P and K (also `gains`).
-    In a history, with `time` (also `times`, `t`), the arrays are W (N, M), P (N, n, n) and K (N, m,
-    n). A matrix may also be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N). The
-    shape of an array without a name determines whether it is W, P or K. Weights and matrices in
-    other units than the plant's are converted.
+    - A network file (`is_network`) contains one critic.
+    - A file of arrays contains any of W (also `weights`), P and K (also `gains`).
+    - A history also contains `time` (also `times`, `t`), and W (N, M), P (N, n, n) or K (N, m, n).
+      A matrix may be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N).
+    - An array without a name is W, P or K according to its shape.
+
+    Arrays in other units than those of the plant are converted.
 
     Raises BadInputError with the name of the file.
     """
@@ -121,7 +125,9 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """Return the critic in a file, or the last critic of a history.
 
-    The arguments and errors are those of `critics_in`.
+    path, game, reading: as for `critics_in`
+
+    Raises BadInputError with the name of the file.
     """
     return critics_in(path, game, reading)[-1]
 
@@ -136,12 +142,16 @@ def read_critic(
     activation: str | None = None,
     scale: Any = None,
 ) -> Critic:
-    """Return the critic in a file of matrices, weights or a network; of a history, the last critic.
+    """Return the critic in a file of matrices, weights or a network, or the last critic of a
+    history.
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
-    game: the game with the states and inputs of the critic; without it only a gain K can be read
+    game: the game with the states and inputs of the critic. None is allowed only for a file with a
+        gain
+        K and without `state_units`.
     basis: basis of the weights: a name, or a list of functions; by default the basis named in the
-        file, else "quadratic"
+        file
+        of a history, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output
@@ -167,10 +177,10 @@ def critic_suffixes() -> tuple[str, ...]:
 
 
 def is_network(path: Path) -> bool:
-    """Return whether the file contains a network.
+    """Return whether a file contains a network, according to its suffix.
 
-    The suffix decides. A .npz or .json file contains a network if the name of an array is "weight"
-    or ends with ".weight".
+    A .npz or .json file contains a network if the name of an array is "weight" or ends with
+    ".weight".
     """
     if path.suffix.lower() not in MATRIX_FILES:
         return path.suffix.lower() in offered(CRITICS)
@@ -231,8 +241,10 @@ def single_parts(
     plant: names and units of the plant
     functions: basis of W
 
-    Raises BadInputError if the file has no such entry, or an array has a wrong shape or a number
-    out of range.
+    Raises BadInputError
+    - if the file has none of these entries,
+    - if an array has a wrong shape or a number out of range,
+    - if the units or the order of the states in the file do not fit the plant.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
@@ -258,10 +270,11 @@ def single_parts(
 def in_plant_units(
     parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Return a critic's arrays, converted from the file's units to those of the plant.
+    """Return a critic's arrays, converted from the file's units to the units of the plant.
 
-    For the state s x in the file's units, W, P and K become those of W'ψ(s x), (s x)'P (s x) and K
-    s x. An array whose shape does not fit the plant is returned unchanged.
+    For the state s x in the file's units and the state x of the plant, with * entry by entry: W'ψ(s
+    * x) becomes the value, P becomes diag(s) P diag(s), and K becomes K diag(s). An array whose
+    shape does not fit the plant is returned unchanged, as is W if `functions` is not a `Basis`.
 
     parts: W (..., M), P (..., n, n), K (..., m, n)
     scales: s, (n,)

@@ -27,11 +27,14 @@ def critics_over_time(
     game: the game whose solution the critics approximate
     times: (N,), s, increasing, the first at least 0
     functions: name of the basis of W
-    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
-        K (m, n) applies to the last time
+    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them. A single W (M,), P (n, n) or
+        K
+        (m, n) applies to the last time.
 
-    Raises BadInputError if a number is not finite or too large, the times do not increase, or an
-    array does not have one row per time.
+    Raises BadInputError
+    - if a number is not finite or too large,
+    - if the times do not increase from 0 or later,
+    - if no array has one row per time, or an array has another number of rows or a wrong shape.
 
     >>> import hfa
     >>> import numpy as np
@@ -74,11 +77,12 @@ def critics_over_time(
 def rows_over_time(
     entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
-    """Return the critics of a history, or None if the arrays W, P and K have no axis of time.
+    """Return the critics of a history, or None if no array has an axis of time.
 
     entries: entries of the file, with "time"
 
-    Raises BadInputError for a list of functions as basis, and for an array of a wrong shape.
+    Raises BadInputError if `reading.basis` is a list of functions, if the entry "basis" is not one
+    name, or if an array has a wrong shape.
     """
     if reading.lists_functions:
         raise BadInputError(

@@ -23,9 +23,9 @@ def from_functions(
 
     K and P are the exact derivatives of these expressions at z = 0.
 
-    game: the game; its R⁻¹B' defines the policy if none is given
+    game: the game; R⁻¹B' of the game defines the policy if "policy" is not in `outputs`
     z: (n,), symbols
-    outputs: "V", "gradient" (∂V/∂z) or "policy", or both "V" and "policy" -> expression
+    outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
     variants: possible misreading of the file -> function that returns the critic for this reading

@@ -32,7 +32,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     states: n
     names: names of the states
 
-    Raises BadInputError, with the unknown expression, for any other content.
+    Raises BadInputError for any other content.
     """
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}
@@ -52,11 +52,11 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
 def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
     """Return the CasADi expressions of a list of formulas.
 
-    text: formulas, separated by commas
+    text: formulas, separated by commas; only the first `_LONGEST` characters are read
     symbols: name -> symbol
     known: text with the permitted names, for an error message
 
-    Raises BadInputError for an unknown name or operation, and SyntaxError for text that is no
+    Raises BadInputError for an unknown name or operation, and SyntaxError for text that is not a
     formula.
     """
     tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body

@@ -2,8 +2,8 @@
 
 A damaged file can crash or hang the process in which SciPy reads it. The arguments are the file and
 the largest permitted size of its content in bytes. In the output, the arrays are named "0", "1" and
-so on. The array "paths" is JSON text with the name of each, preceded by the names of the structures
-that contain it.
+so on. The array "paths" is a JSON list. For each array it contains the list of the names that lead
+through the structures to the array.
 """
 
 from __future__ import annotations
@@ -27,13 +27,16 @@ _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32
 def leaves(
     value: Any, path: tuple[str, ...], largest: int
 ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Yield (names, array) for each array of numbers or text; names lead through nested structures.
+    """Yield (names, array) for each array of numbers or text. The names lead through nested
+    structures.
+
+    Values of other kinds are omitted.
 
     value: content of the file, or of a structure in it
     path: names that lead to the value
     largest: largest permitted size of a sparse matrix as a full one, bytes
 
-    Other values are omitted. Raises ValueError for a larger sparse matrix.
+    Raises ValueError for a larger sparse matrix.
     """
     if isinstance(value, dict):
         for name, each in value.items():

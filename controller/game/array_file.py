@@ -1,7 +1,4 @@
-"""Reading of named arrays from .json, .npz, .npy, .mat and .csv files.
-
-The result is a mapping name -> value. A faulty file raises a one-line error that names the fault.
-"""
+"""Reading of named arrays from .json, .npz, .npy, .mat and .csv files."""
 
 from __future__ import annotations
 
@@ -18,12 +15,14 @@ from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Return name -> array of a file. A structure is a mapping, and a JSON value is unchanged.
+    """Return name -> value of the entries of a file. A structure is a mapping.
 
-    A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv. With A.csv or A.npy,
-    the other matrices of the plant (B, ...) in the same folder are read as well. A .npy file with
-    any other name is stored under `file_entries.UNKNOWN`. In a .csv file, the first row and the
-    first column may contain names, with units as in "speed [ft/s]".
+    - A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv.
+    - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also
+      read.
+    - A .npy file with any other name is stored under `file_entries.UNKNOWN`.
+    - In a .csv file, the first row and the first column may contain names, with units as in "speed
+      [ft/s]".
 
     Raises BadInputError with the name of the file.
     """

@@ -89,8 +89,7 @@ class Basis(Reported):
         return P + P.T
 
     def weights(self, P: np.ndarray) -> np.ndarray:
-        """Return the weights W (M,) with W'ψ(z) = z'Pz. Weights of terms that are not quadratic are
-        0.
+        """Return the weights W (M,) with W'ψ(z) = z'Pz.
 
         P: (n, n), symmetric
         """

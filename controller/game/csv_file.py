@@ -20,9 +20,11 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     """Return name -> matrix of each file, and the names and units of states and inputs.
 
     The names are stored as "states" and "inputs", the units as "state_units" and "input_units".
-    Entries that the files do not contain are omitted. Raises ValueError that names the fault.
+    Names and units that the files do not contain are omitted.
 
     files: name of the matrix -> file
+
+    Raises ValueError for a faulty file.
     """
     sides: dict[str, list[list[str]]] = {}
     matrices = {}

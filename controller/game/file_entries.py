@@ -16,7 +16,10 @@ UNKNOWN = "the array"
 
 
 def found_in(stored: Mapping[str, Any]) -> str:
-    """Return text that lists the names in a file, " (found: A, B)", for the end of a message."""
+    """Return text that lists the names in a file, " (found: A, B)", for the end of a message.
+
+    For a file without entries the text is " (the file is empty)".
+    """
     if not stored:
         return " (the file is empty)"
     return f" (found: {shortened(', '.join(sorted(stored)), 200)})"
@@ -43,10 +46,10 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """Return the factors s (n,) from the plant's state x to the file's state s x.
 
     The units in the file are its entry `state_units`. The factor of a state is 1 if its unit is
-    unknown in the file or in the plant.
+    unknown in the file or in the plant. All factors are 1 if the file does not contain n units.
 
     Raises BadInputError for units that cannot be converted, and if the file's `states` or `inputs`
-    are those of the plant in another order.
+    are the names in the plant in another order.
     """
     for key in ("states", "inputs"):
         in_file = words(stored, key)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class PlantNames(NamedTuple):
-    """Names and units of a plant's states and inputs. Unknown ones are ().
+    """Names and units of a plant's states and inputs, () where unknown.
 
     states: n names
     inputs: m names
@@ -31,7 +31,9 @@ class PlantNames(NamedTuple):
         """Return names and units for n states and m inputs.
 
         Unknown states are named x1, x2, ..., unknown inputs u1, u2, ..., and unknown units are "".
-        Raises BadInputError if known names or units are not as many as the states or inputs.
+
+        Raises BadInputError if the number of known names or units is not n for states or m for
+        inputs.
         """
         return PlantNames(
             _as_many("states", self.states, numbered("x", n)),

@@ -1,7 +1,4 @@
-"""Files with one matrix each, .npy and .csv, named after the matrix.
-
-All files of a plant are in one folder.
-"""
+"""Files with one matrix each, .npy and .csv, named after the matrix."""
 
 from __future__ import annotations
 
@@ -23,9 +20,9 @@ CRITIC = ("W", "P", "K", "weights")
 def matrices(path: Path) -> dict[str, Any]:
     """Return name -> matrix of a file with one matrix.
 
-    If the file contains a matrix of a plant, the other matrices of the plant in the same folder are
-    included. For .csv files, the result also contains the names and units in them. A .npy file that
-    is not named after a matrix of a plant or critic is stored under `UNKNOWN`.
+    If the file contains A, the other matrices of the plant in the same folder are included. For
+    .csv files, the result also contains the names and units in them. A .npy file that is not named
+    after a matrix of a plant or critic is stored under `UNKNOWN`.
     """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))

@@ -6,9 +6,9 @@ import numpy as np
 
 
 def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
-    """Return the first time, s, from which all sizes are within the limit.
+    """Return the first time, s, from which all sizes are at most the limit.
 
-    The result is inf if the last size exceeds the limit.
+    The result is inf if the last size exceeds the limit or is NaN.
 
     times: (N,), s
     sizes: (N,)

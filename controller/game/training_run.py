@@ -131,15 +131,16 @@ class TrainingRun(Result, Reported):
 
     @property
     def settling_time(self) -> float:
-        """First time from which `settling_residual` remains below `SETTLED`, in units of `clock`,
-        or inf."""
+        """First time from which `settling_residual` is at most `SETTLED`, in units of `clock`, or
+        inf.
+        """
         return settled_at(self.time, self.settling_residual, SETTLED)
 
     @property
     def settled(self) -> bool:
-        """True if the data determine the weights and the residual has settled.
+        """True if the data have full rank and `settling_time` is finite.
 
-        A settled critic may be wrong. Only `check_critic`, which uses A, can decide.
+        The critic of a settled run may still be wrong.
         """
         has_rank = self.excitation.rank >= self.excitation.size
         return has_rank and math.isfinite(self.settling_time)

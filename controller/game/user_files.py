@@ -43,8 +43,7 @@ class StoredGame(NamedTuple):
 
     notes: unused entries, and defaults that were used
     provenance: entry -> text on the origin of the plant, as stored in the file
-    discrete: for a plant in discrete time, the discrete-time game whose step is `game`; otherwise
-        None
+    discrete: discrete-time game whose step is `game`, or None for a plant in continuous time
     has_time: True if the file declares continuous or discrete time
     stated: names of the entries A, B, E, Q, R and delta that the file contains
     """
@@ -71,15 +70,16 @@ def stored_game(
 ) -> StoredGame:
     """Return the game of the plant in a file with A, B, Q, R and optionally E and delta.
 
+    - Q, R and delta are taken from `changes`, else from the file, else from the defaults.
+    - Without any value, E is the identity and delta is inf (linear quadratic regulator).
+    - In a file with the entry `disturbances`, E describes the wind and is not used.
+    - If neither A nor B is at the top level, the entries of the only structure with both are read.
+    - With time = "discrete" the game is in discrete time and has no defaults. The file may then
+      also contain `discount` and the cross weights `N`.
+
     found: entries already read by `read_arrays`; otherwise the file is read
     defaults: (entries, names) -> defaults for missing entries
-    changes: Q, R, delta that replace the entries of the file, where not None
-
-    An argument overrides the file, and the file overrides the defaults. Without any of them, E is
-    the identity and delta is inf (no disturbance: the linear quadratic regulator). If A and B are
-    not at the top level, they are read from the only structure that contains both. With time =
-    "discrete" the game is in discrete time, with the optional entries `discount` and `N` (cross
-    weights).
+    changes: Q, R, delta, or None to keep the entry of the file
 
     Raises BadInputError with the name of the file.
     """
@@ -123,8 +123,9 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     """Return the entries of a plant under this project's names, and notes for the user.
 
     found: arrays read by `read_arrays`
-    needed: required entries; if none of them is at the top level, all entries are read from the
-        only structure that contains all required ones
+    needed: required entries. If none of them is at the top level, all entries are read from the
+        only
+        structure that contains all required ones.
 
     Raises BadInputError if the entry `dt` of python-control is neither 0 nor None.
     """

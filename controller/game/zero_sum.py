@@ -71,7 +71,7 @@ class Game(ByValue, Reported):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check all fields, so that solvers need not, and replace diagonals by matrices."""
+        """Check all fields, and replace diagonals by matrices."""
         if self.Q is None or self.R is None:
             raise BadInputError("Q or R is missing; give both, each as a matrix or as its diagonal")
         if self.E is None:
@@ -206,10 +206,9 @@ def _checked_delta(delta: float) -> float:
 
 
 def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """Raise BadInputError unless the matrix is symmetric and positive semidefinite (up to
-    rounding).
+    """Raise BadInputError unless the matrix is symmetric and positive semidefinite up to rounding.
 
-    strictly: whether it must be positive definite (by more than rounding)
+    strictly: whether the matrix must be positive definite by more than rounding
     """
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
@@ -231,9 +230,7 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
 def is_semidefinite(matrix: np.ndarray) -> bool:
     """Return whether a symmetric matrix (n, n) is positive semidefinite up to rounding.
 
-    The smallest eigenvalue is that of the matrix scaled to a unit diagonal
-    (`least_scaled_eigenvalue`), which does not depend on units. A large entry cannot hide a small
-    negative one.
+    The result does not depend on units.
     """
     return least_scaled_eigenvalue(matrix) >= -SEMIDEFINITE
 

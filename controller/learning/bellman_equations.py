@@ -56,19 +56,17 @@ class Residuals(NamedTuple):
 class StackEquations:
     """Bellman residuals e_j(W) of recorded samples, in the coordinates y = z / scales.
 
-    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j
-    σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j)
-    S_s = S_u - s S_d/δ²
-
-    P is the quadratic part of W. Its extremal policies are u = -R⁻¹B'P z and d = s δ⁻²E'P z. For a
-    quadratic basis this is the paper's residual (Eq. 32-34), with the policies evaluated again at
-    the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the discounted plant A - βI.
-    β = 0 and s = 1 give the game itself.
+    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j) S_s = S_u - s
+    S_d/δ² P is the quadratic part of W. The extremal policies of P are u = -R⁻¹B'P z and d = s
+    δ⁻²E'P z. For a quadratic basis e_j is the paper's residual (Eq. 32-34), with the policies
+    evaluated again at the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the
+    discounted plant A - βI. With β = 0 and s = 1 the residuals are those of the game.
 
     states, drifts: z_j and F_j, (N_h, n), scaled
     gradient: ∂ψ_j, (N_h, M, n)
     control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P
-        is a small difference of large numbers, but |G'P z|² is not.
+        is a
+        small difference of large numbers, but |G'P z|² is not.
     disturbance: (n, k), a square root of S_d/δ²
     drift_matrix: A fitted to F = A z by least squares, used only to test whether a policy
         stabilizes
@@ -117,8 +115,7 @@ class StackEquations:
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
         """Return the regressors and residuals of all samples for scaled weights (M,).
 
-        The last result is cached, because a law uses the same weights several times per tick.
-        Therefore the weights must not be changed in place.
+        The last result is cached. Therefore the weights must not be changed in place.
         """
         last_weights, last_problem, last_residuals = self._last
         if last_weights is weights and last_problem == problem:
@@ -258,9 +255,8 @@ def control_root(game: Game) -> np.ndarray:
 def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
     """Return the least-squares solution N, (M,), of σ̄ N = ē, with σ̄ = σ/n and ē = e/n.
 
-    W - N is the full step of policy iteration. The equation is solved by QR of (σ̄, ē) without
-    dropping singular values: near the limit of stability σ̄ is nearly singular, and a
-    pseudo-inverse with a tolerance would drop the decisive direction.
+    W - N is the full step of policy iteration. No singular values are dropped: near the limit of
+    stability σ̄ is nearly singular, and a tolerance would drop the decisive direction.
 
     found: regressors σ and residuals e
     normaliser: n, (N_h,)
@@ -306,8 +302,9 @@ class Riccati(NamedTuple):
     def correction(self, P: np.ndarray) -> np.ndarray:
         """Return the Newton correction N, (n, n), with (A - S P)'N + N (A - S P) = `residual`.
 
-        P - N is the next iterate of policy iteration. N is computed from n² linear equations.
-        Raises numpy.linalg.LinAlgError if they are singular.
+        P - N is the next iterate of policy iteration.
+
+        Raises numpy.linalg.LinAlgError if the equation of N is singular.
         """
         closed = (
             self.A
@@ -320,10 +317,10 @@ class Riccati(NamedTuple):
         return np.asarray(step + step.T) / 2.0
 
     def refined(self, P: np.ndarray) -> np.ndarray:
-        """Return P after Newton corrections P <- P - N.
+        """Return P after at most `MOST_REFINEMENTS` Newton corrections P <- P - N.
 
-        The corrections end when one is not smaller than half of the last one (rounding), or when
-        their equation is singular.
+        The corrections end when a correction is not smaller than half of the one before, or when
+        the equation of N is singular.
         """
         last = np.inf
         for _ in range(MOST_REFINEMENTS):

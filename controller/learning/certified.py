@@ -1,9 +1,8 @@
 """Certified learning law: the exact game solution from recorded data within a predefined time.
 
 Newton (policy-iteration) steps on the recorded samples lead from the discounted LQ problem to the
-game. They are limited to the range in which theory guarantees stability. The discount is removed
-first, then 1/δ² is raised from 0. In the LQ stage the scalar law y' = -k (y^(1-η) + y^(1+η)) makes
-the residual vanish by a predefined time.
+game. The discount is lowered to 0 first, and then 1/δ² is raised from 0. In the LQ stage the scalar
+law y' = -k (y^(1-η) + y^(1+η)) makes the residual vanish by a predefined time.
 """
 
 from __future__ import annotations
@@ -64,8 +63,8 @@ def fraction_to_reach(
 ) -> float:
     """Return the smallest f in (0, 1] with |constant + f linear + f² quadratic| = target.
 
-    If no f reaches the target, the f with the smallest norm is returned (exact line search; Benner
-    and Byers 1998). The result is 1 if no step lowers the norm.
+    If no f reaches the target, or the target is 0, the f with the smallest norm among f = 1 and the
+    stationary points of the norm in (0, 1] is returned (Benner and Byers 1998).
 
     constant, linear, quadratic: residuals along a Newton direction, (N_h,)
     """
@@ -145,16 +144,18 @@ def iterate(
     """Take full Newton steps W <- W - N for one problem. Return the last point and whether it
     converged.
 
+    The steps of an LQ problem (share 0) are shortened by `stabilizing_step` where needed (Kleinman
+    1968). A singular or infinite step ends the iteration without convergence.
+
     equations: Bellman residuals of the recorded samples
     here: initial weights, and the problem
     normaliser: as for `newton_step`
     to_the_floor: whether to continue until the correction no longer halves, instead of stopping at
-        the relative correction `TRACKING`
+        the
+        relative correction `TRACKING`
     most: largest number of steps
 
-    For an LQ problem (share 0) the steps are those of Kleinman (1968), which converge from every
-    stabilizing policy, and `stabilizing_step` safeguards each of them. A singular or infinite step
-    ends the iteration without convergence.
+    Raises NoSolutionError if `stabilizing_step` fails.
     """
     last_correction = np.inf
     for _ in range(most):
@@ -205,8 +206,7 @@ def stabilizing_step(
 def discount_at(progress: float, start: float) -> float:
     """Return the discount β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s.
 
-    The discount falls from β₀ at p = 0 to 0 at p = 1. For β below 1, where P changes fast, the
-    discount changes slowly.
+    The discount falls from β₀ at p = 0 to 0 at p = 1.
 
     progress: p
     start: β₀
@@ -220,11 +220,12 @@ def lower_discount(
     """Return the solution of the LQ problem with the smaller discount `target`.
 
     Each step lowers β by at most half the stability margin. The policy therefore remains
-    stabilizing, and from a stabilizing policy the Newton iteration of an LQ problem converges.
+    stabilizing.
 
     here: solution at the present discount
 
-    Raises NoSolutionError if no input can stabilize the plant.
+    Raises NoSolutionError if a step of β becomes too small, or if the Newton iteration does not
+    converge.
     """
     while here.problem.discount > target:
         discount = here.problem.discount
@@ -258,7 +259,8 @@ def raise_disturbance(
     here: solution at the present share
     delta: δ of the game
 
-    Raises NoSolutionError, with the δ at which the solution ceases to exist.
+    Raises NoSolutionError, with the δ at which the solution ceases to exist, if a step becomes too
+    small.
     """
     if not equations.disturbance.any():
         return here._replace(problem=here.problem._replace(share=target))
@@ -340,8 +342,8 @@ class CertifiedSettings:
     basis: name of the basis
     samples: N_h >= M, number of samples chosen from the pool; None means 50, or more for a basis of
         more than 33 weights (`enough_for`)
-    pool_samples: number of random states in the pool; None means 500, or more for a large basis
-        initial_weights: W(0) in the model's units, one number for all or (M,)
+    pool_samples: number of random states in the pool; None means the larger of 500 and 5 N_h
+    initial_weights: W(0) in the model's units, one number for all or (M,)
     """
 
     predefined_time: float = 10.0
@@ -380,22 +382,16 @@ class CertifiedLaw:
     The law uses only B, E, Q, R and δ of the game.
 
     Stage 1 solves the LQ problem (1/δ² = 0) by
-
         W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|,  k = π/(2 η θ T),
-
     with the normalization n_j = sqrt(1 + σ_j'σ_j) at the start of the stage. σ̄W' is parallel to ē,
     so that |ē| satisfies the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In each
     tick, Newton sub-steps W <- W - f N use the f with which |ē| attains the exact scalar value.
-    While no f attains it, f minimizes |ē|. For f in (0, 1] such a step preserves stability: with
-    the full step P₁ = P - N and A_f = A - S(P - fN),
-
+    While no f attains this value, f minimizes |ē|. For f in (0, 1] such a step preserves stability.
+    With the full step P₁ = P - N and A_f = A - S(P - fN),
         A_f'P₁ + P₁A_f = -Q - (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁).
+    If the initial policy is not stabilizing, the plant gets a discount β. The drift is then F - βz.
 
-    If the initial policy is not stabilizing, the plant gets a discount β, the largest real part of
-    the closed-loop eigenvalues plus a margin. The drift is then F - βz.
-
-    Stage 2 lowers β to 0 and then raises 1/δ² to its final value. Newton steps follow the solution.
-    Stage 2 ends at T + θT.
+    Stage 2 lowers β to 0 and then raises 1/δ² to its final value. Stage 2 ends at T + θT.
 
     stack: chosen samples (z_j, F_j)
     drift_misfit: relative misfit of the linear fit of the drifts (`Stack.linear`)
@@ -429,10 +425,11 @@ class CertifiedLaw:
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:
-        """Return the initial memory: W(0), the normalization n_j, and the initial discount.
+        """Return the initial memory: W(0) with its auxiliary problem, the normalization n_j, and
+            the discount.
 
-        The discount is 0 if W(0) stabilizes the plant. Otherwise W(0) stabilizes the plant with
-        this discount.
+        The discount is 0 if W(0) stabilizes the plant by more than `RELATIVE_MARGIN` times the
+        largest eigenvalue magnitude. Otherwise W(0) stabilizes the plant with this discount.
         """
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
@@ -449,9 +446,10 @@ class CertifiedLaw:
         return np.sqrt(1.0 + np.sum(regressors**2, axis=1))
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """Return the memory after tick number `tick`: stage 1 before T, stage 2 after T.
+        """Return the memory after tick number `tick`.
 
-        A tick that contains T belongs to both stages.
+        Stage 1 acts in each tick that begins before θT. Stage 2 acts in each tick that ends after
+        T, until the game is reached.
         """
         begin = self.time(tick)
         end = self.time(tick + 1)
@@ -569,17 +567,15 @@ class CertifiedLaw:
 def certified_law(
     game: Game, chosen: CertifiedSettings, seed: int, pool: Stack | None = None
 ) -> CertifiedLaw:
-    """Return the certified law on recorded samples, by default random ones
-    (`recording.random_pool`).
+    """Return the certified law on recorded samples.
 
-    The drifts are replaced by their linear fit over all samples. The plant of the game is linear,
-    so that exact drifts are unchanged. With the fit, noise of relative size ε in 500 samples
-    changes P by about ε, without it by tens of ε. The law then uses the `samples` rows that differ
-    most.
+    The drifts are replaced by their linear fit over all samples, which reduces the effect of noise.
+    The law then uses the samples that differ most (`recording.choose`).
 
-    pool: recorded samples, or None
+    pool: recorded samples, or None for random ones (`recording.random_pool`)
 
-    Raises BadInputError if the rank of the chosen samples is below M.
+    Raises BadInputError if the number or the rank of the chosen samples is below M, or if the pool
+    is smaller than the number of samples.
     """
     functions = basis(chosen.basis, game.A.shape[0])
     samples = enough_for(functions.size, 50) if chosen.samples is None else chosen.samples
@@ -605,7 +601,8 @@ def learn(
     """Learn the value z'Pz and the gain K of a game with the certified law. Return the training
     run.
 
-    Use `run` for a learning law that you define yourself.
+    Use `run` for a learning law that you define yourself. The result is not verified: use
+    `hfa.check_critic`, which uses A.
 
     game: the game
     law: "certified"
@@ -614,10 +611,9 @@ def learn(
     progress: called with (fraction done, 1, text)
     options: fields of `CertifiedSettings`
 
-    The result is not verified: use `hfa.check_critic`, which uses A. Raises BadInputError for an
-    unknown law or option, for Q = 0, and for data that cannot determine the weights. Raises
-    NoSolutionError if the law cannot finish: the game has no value at this delta, (A, B) is not
-    stabilizable, or numbers overflow.
+    Raises BadInputError for an unknown law or option, for Q = 0, and for data that cannot determine
+    the weights. Raises NoSolutionError if the law cannot finish: the game has no value at this
+    delta, (A, B) is not stabilizable, or numbers overflow.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

@@ -159,9 +159,8 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
 
     Pivoted QR orders the unit vectors ψ(z_j)/|ψ(z_j)|. Each chosen sample has the largest component
     outside the span of the samples chosen before. After each M samples the choice starts again with
-    the remaining samples. The first remaining vector is slightly lengthened, because otherwise
-    rounding would decide which of the unit vectors comes first. Source: Golub and Van Loan, Matrix
-    Computations, section 5.4.2.
+    the
+    remaining samples. Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
 
     Raises BadInputError if `samples` is below M or above the size of the pool, or if the rank of
     the chosen vectors is below M.
@@ -205,13 +204,12 @@ def rank(rows: np.ndarray) -> int:
 def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
     """Return the excitation of recorded samples.
 
-    regressors: σ_j, (N_h, M). The smallest eigenvalue is that of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ /
-        sqrt(1 + σ'σ).
-    samples: ψ(z_j), (N_h, M). Rank and condition are computed from the rows ψ/|ψ|.
+    For every stabilizing policy the regressors have the same rank as ψ. The rank is computed from ψ
+    because rounding does not affect the rank of ψ when the closed loop is stiff.
 
-    σ = L'ψ, with L the Lyapunov operator of the closed loop, which is invertible for every
-    stabilizing policy. Therefore the regressors have the same rank as ψ. The rank of ψ is used
-    because rounding does not affect this rank when the closed loop is stiff.
+    regressors: σ_j, (N_h, M), for the smallest eigenvalue of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ /
+        sqrt(1 + σ'σ)
+    samples: ψ(z_j), (N_h, M), for the rank and condition of the rows ψ/|ψ|
     """
     rows = unit_rows(samples)
     count, size = rows.shape

@@ -1,4 +1,4 @@
-"""Balancing of matrices and games, so that their entries have similar size, and eigenvalues."""
+"""Balancing of matrices and games, and eigenvalues of balanced matrices."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Spectrum(NamedTuple):
         imaginary axis.
 
         The distance is the norm of the smallest change of M that puts an eigenvalue on the axis,
-        relative to the norm of M. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, the
-        distance is reliable for an ill-conditioned eigenvalue: a double eigenvalue on the axis is
-        computed with |Re λ| of about 1e-8 ‖M‖, but the distance is computed as about 1e-16.
+        relative to the norm of M. The distance is accurate to `SHARP` or to rounding. Unlike |Re
+        λ|, the distance is reliable for an ill-conditioned eigenvalue. For a double eigenvalue on
+        the axis, the computed |Re λ| is about 1e-8 ‖M‖, but the computed distance is about 1e-16.
         """
         return self.nearest_to_axis()[0]
 
@@ -107,8 +107,9 @@ def is_hurwitz(matrix: np.ndarray) -> bool:
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return D⁻¹ M D, with rows and columns of similar size, and the diagonal of D, (n,).
 
-    The diagonal consists of powers of two. LAPACK is called directly, because SciPy's
-    `matrix_balance` is ten times slower.
+    The diagonal consists of powers of two.
+
+    Raises ValueError if an entry is not finite.
     """
     scaled, scalings = balanced_stack(matrix[None])
     return scaled[0], scalings[0]
@@ -119,6 +120,8 @@ def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
     n).
 
     The diagonals consist of powers of two.
+
+    Raises ValueError if an entry is not finite.
     """
     from scipy.linalg.lapack import dgebal
 
@@ -136,14 +139,15 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Return units u (..., n) for which the Hamiltonian in the coordinates y, z_i = u_i y_i, is
     balanced.
 
+    The units are powers of two, so that the change of units causes no rounding. The units do not
+    depend on P, so that an entry of P that is zero up to rounding remains small. If Q = 0 and A and
+    S are not 0, the units also give the largest entry of S in y about the size of the largest entry
+    of A. Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22
+    (2001).
+
     A: (..., n, n)
     S: (..., n, n)
     Q: (..., n, n)
-
-    The units are powers of two, so that the change of units causes no rounding. The units depend on
-    the game and not on P, so that an entry of P that is zero up to rounding remains small. Without
-    a cost (Q = 0) the units make |S P| = |A|. Source: Benner, Symplectic balancing of Hamiltonian
-    matrices, SIAM J. Sci. Comput. 22 (2001).
     """
     n = A.shape[-1]
     matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)

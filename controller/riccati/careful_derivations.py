@@ -1,7 +1,6 @@
-"""Accurate solutions X of the Riccati equation of one normal form, by the Schur form and by
-doubling.
+"""Accurate solutions X of the Riccati equation of one normal form, by Schur form and by doubling.
 
-They are not tested here.
+The solutions are not tested here.
 """
 
 from __future__ import annotations
@@ -26,19 +25,20 @@ _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
 
 def by_schur(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, refined in twice the
-    precision.
+    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, followed by `refined`.
 
-    Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, or V1 is
-    singular. Source: Laub, IEEE Trans. Automatic Control 24 (1979), 913-921.
+    Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, if V1 is
+    singular, or if the equation of a refinement step is singular within rounding. Source: Laub,
+    IEEE Trans. Automatic Control 24 (1979), 913-921.
     """
     return refined(form, unrefined(form))
 
 
 def unrefined(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), by the Schur form to about ten digits, for a search.
+    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, without refinement.
 
     If Q = 0 and A is Hurwitz, X is exactly 0, because the Schur form would return rounding errors.
+
     Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, or V1 is
     singular.
     """

@@ -103,10 +103,11 @@ class Loops(NamedTuple):
 
 
 class Certified(NamedTuple):
-    """Solution X (n, n) of one normal form, with the tests that it passed.
+    """Certified solution X (n, n) of one normal form.
 
-    form: normal form of the game, or of the game in the coordinates in which X is accurate
-    certificate: the tests
+    X: solution in the coordinates of `form`
+    form: normal form of the game, possibly in other coordinates than those of the user's form
+    certificate: the passed tests
     loops: closed loops of X
     """
 
@@ -119,9 +120,9 @@ class Certified(NamedTuple):
 def certified_solution(form: NormalForm) -> Certified:
     """Return the certified solution of the normal form of one game.
 
-    Eigenvectors and doubling are tried first. If they are not accurate enough, the Schur form and
-    refined doubling are used, in coordinates in which X is of moderate size. Raises NoSolutionError
-    with the reason of the first failed test.
+    The form of the result may be in other coordinates, in which X is of moderate size.
+
+    Raises NoSolutionError with the reason of the first failed test.
     """
     stack = certified_stack(form[None])
     if stack.holds[0]:
@@ -258,8 +259,10 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
     H must have n eigenvalues on each side of the imaginary axis, and none near the axis.
 
-    given: the original form, if `form` is its levelled form. Then a further check shows that
-        rounding of the given entries cannot move an eigenvalue to the axis, because levelling
+    given: the original form, if `form` is its levelled form. If the other checks pass, a further
+        check
+        shows that rounding of the given entries cannot move an eigenvalue to the axis, because
+          levelling
         enlarges this rounding.
     """
     _refuse_overflow(form)

@@ -27,16 +27,16 @@ LOSS_TOLERANCE = 1e-10
 class FlightCost(Result):
     """Cost of u = -K z above the optimum, in percent of the optimal cost z'P*z.
 
-    The costs of the policy and of the optimum are those under the worst disturbance of each. The
-    excess is inf if the cost has no bound, because the L2 gain is not below delta or the loop is
-    unstable.
+    Both costs are computed under the worst disturbance for the respective policy. The excess is inf
+    if the cost has no bound, because the L2 gain is not below delta or the loop is unstable.
 
     worst: largest over the initial conditions
     mean: mean over initial conditions of equal optimal cost
     gain: L2 gain, which must be below delta
     exact_gain: L2 gain of the optimum
     distance: smallest change of A - B K that gives an undamped mode, relative to the norm of A - B
-        K in balanced units; 0 for an unstable loop
+        K in
+        balanced units; 0 for an unstable loop
     exact_distance: the same distance for the optimum
     """
 
@@ -55,11 +55,10 @@ class FlightCost(Result):
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost, L2 gain and distance to instability of a gain K (m, n), and those of the
-    optimum.
+    """Return the cost, L2 gain and distance to instability of a gain K (m, n) and of the optimum.
 
-    If K does not stabilize or has an entry above `LARGEST_CRITIC_ENTRY`, its costs and L2 gain are
-    inf, and its distance is 0.
+    If K does not stabilize or has an entry above `LARGEST_CRITIC_ENTRY`, the costs and the L2 gain
+    of K are inf, and the distance is 0.
 
     exact: solution of the game
     """
@@ -103,12 +102,11 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
-    """Return D >= 0, (n, n), such that the worst disturbance under u = -K z costs z'(P* + D) z.
+    """Return D >= 0, (n, n), such that u = -K z costs z'(P* + D) z under its worst disturbance.
 
-    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
-
-    This is the cost equation of K minus the cost equation of K*, so that small losses keep their
-    digits. The result is None if the cost has no bound or the steps do not converge.
+    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*. This is the cost
+    equation of K minus the cost equation of K*, so that small losses keep their digits. The result
+    is None if the cost has no bound or the steps do not converge.
 
     exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing

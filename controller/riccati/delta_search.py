@@ -1,8 +1,7 @@
-"""Search for the smallest δ with a solution, where existence at a δ may be undecided.
+"""Search for the smallest δ with a solution.
 
-Rounding can hide whether a solution exists at a δ. The result at this δ is then undecided.
-Non-existence is reported only if it is shown. `smallest_delta` is the only search that uses such
-results.
+Existence at a δ may be undecided because of rounding. Non-existence is reported only if it is
+shown.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ BELOW = (0.9, 0.5, 0.1, 0.01)
 class Answer(NamedTuple):
     """Existence of a solution at one δ.
 
-    exists: True or False if shown; None if rounding leaves it undecided
+    exists: True or False if shown, None if rounding leaves the existence undecided
     reason: reason why no solution exists or why existence is undecided; "" if a solution exists
     condition: name of the condition that fails or is undecided, if there are several
-    gain: a lower bound of the smallest δ: no δ up to it has a solution
+    gain: lower bound of the smallest δ with a solution, or 0
     """
 
     exists: bool | None

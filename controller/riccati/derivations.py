@@ -1,6 +1,6 @@
 """Fast solutions X of the Riccati equations of many normal forms, by eigenvectors and by doubling.
 
-They are not tested here.
+The solutions are not tested here.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ LAST = 2.0**-4
 
 
 class FromEigenvectors(NamedTuple):
-    """Solutions from the eigenvectors of N Hamiltonians, with data for their tests.
+    """Candidate solutions from the eigenvectors of N Hamiltonians, with data for their tests.
 
-    X: (N, n, n), nan if there is no solution
+    X: (N, n, n), no solution unless `stable` is n, nan if V1 is singular
     correction: (N,), last Newton step, relative to X
     stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
     axis_distance: (N,), lower bound of `Spectrum.axis_distance` of the Hamiltonian
@@ -53,11 +53,10 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     """Return X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, after Newton
     steps.
 
-    V1 contains the eigenvectors of A - S X. They also solve the Lyapunov equation of a Newton step,
-    and V1⁻¹ (A - S X) V1 is diagonal up to rounding. The condition number of all eigenvectors of
-    the Hamiltonian bounds its distance to the imaginary axis (Bauer and Fike). The eigenvectors of
-    the other eigenvalues are [U; X U + (V1')⁻¹], and the rows of the inverse matrix have the same
-    norms. Source: Zhou, Doyle and Glover, Section 13.2.
+    V1 contains the eigenvectors of A - S X, so that V1⁻¹ (A - S X) V1 is diagonal up to rounding.
+    The condition number of all eigenvectors of the Hamiltonian bounds its distance to the imaginary
+    axis (Bauer and Fike). The eigenvectors of the other eigenvalues are [U; X U + (V1')⁻¹], and the
+    rows of the inverse matrix have the same norms. Source: Zhou, Doyle and Glover, Section 13.2.
     """
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)

@@ -1,4 +1,4 @@
-"""Decision whether the value of a game exists. Rounding can leave it undecided."""
+"""Decision whether the value of a game exists, which rounding can leave undecided."""
 
 from __future__ import annotations
 
@@ -36,12 +36,11 @@ class StableSubspace(NamedTuple):
 
 
 def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """Return the stable subspace of the Hamiltonian with an error bound, or None if its dimension
-    is not n.
+    """Return the stable subspace of the Hamiltonian with an error bound.
 
-    The error is |D| / sep. D is a relative change `BACKWARD` of the terms of the Hamiltonian, and
-    sep is the separation of the stable and unstable blocks of its Schur form. Source: Golub and Van
-    Loan, Theorem 7.2.4.
+    The result is None if the dimension is not n or the Schur form fails. The error is |D| / sep. D
+    is a relative change `BACKWARD` of the terms of the Hamiltonian, and sep is the separation of
+    the stable and unstable blocks of its Schur form. Source: Golub and Van Loan, Theorem 7.2.4.
     """
     basis, separation = ordered_basis(form.hamiltonian, job=b"V")
     if basis is None:
@@ -54,8 +53,8 @@ class Found(NamedTuple):
     """Existence of the value of a game, with the data of the decision.
 
     answer: whether the value exists
-    form: the game in the coordinates in which this was decided
-    subspace: stable subspace of its Hamiltonian, or None if unknown
+    form: the game in the coordinates of the decision
+    subspace: stable subspace of the Hamiltonian of `form`, or None if unknown
     """
 
     answer: Answer
@@ -66,23 +65,23 @@ class Found(NamedTuple):
 def existence(form: NormalForm) -> Answer:
     """Return whether the value of a game exists.
 
-    Let [X1; X2] be a basis of the stable subspace of the Hamiltonian. The value exists if the
-    Hamiltonian has n eigenvalues on each side of the imaginary axis and X1'X2 > 0, or if every test
-    of P passes. If X1 is regular, P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has
-    the signs of P. As delta falls to its minimum, P grows without bound while X1 and X2 remain
-    bounded, and an eigenvalue of X1'X2 passes through zero. Therefore the minimum can be found
-    although P cannot be computed there. If P is singular, an eigenvalue is zero at every delta; the
-    tests of P can then show existence, but not refute it.
+    Let [X1; X2] be a basis of the stable subspace of the Hamiltonian.
+    - The value exists if the Hamiltonian has n eigenvalues on each side of the imaginary axis and
+      X1'X2 > 0, or if every test of P passes.
+    - The value does not exist if an eigenvalue of X1'X2 is below 0 by more than rounding, or if at
+      some frequency the gain from the disturbance exceeds delta for every input.
+    - Otherwise the existence is undecided.
 
-    The value does not exist if an eigenvalue of X1'X2 is below 0 by more than rounding, or if at
-    some frequency the gain from the disturbance exceeds delta for every input. Source: Basar and
-    Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
+    If X1 is regular, P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has the signs of
+    P. As delta falls to its minimum, P grows without bound, but X1 and X2 remain bounded. An
+    eigenvalue of X1'X2 then passes through zero. Source: Basar and Bernhard, H-infinity Optimal
+    Control, Section 4.5 (conjugate points).
     """
     return value_found(form).answer
 
 
 def value_found(form: NormalForm) -> Found:
-    """Return whether the value exists, and the coordinates in which this was decided.
+    """Return whether the value exists, with the coordinates of the decision.
 
     The given coordinates, `turned` and `levelled` are tried in this order, until the existence is
     decided.
@@ -138,9 +137,8 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
     """Return P, (n, n), by the Schur form if every test of P passes, otherwise None.
 
-    The result has no certificate, because the tests bound the residual of P and not its error.
-    Within about 1e-6 of the smallest delta of a stiff plant, they may pass although no solution
-    exists.
+    P has no certificate, because the tests bound the residual of P and not its error. Within about
+    1e-6 of the smallest delta of a stiff plant, the tests may pass although no solution exists.
     """
     try:
         X = by_schur(form)

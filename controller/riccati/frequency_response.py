@@ -85,7 +85,7 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
 
     K: (m, n)
 
-    Raises BadInputError if K is not m x n or is complex.
+    Raises BadInputError if K is not a real m x n matrix.
     """
     K = game.checked_gain(K)
     C = np.vstack([square_root(game.Q), square_root(game.R) @ K])

@@ -1,4 +1,4 @@
-"""Certified exact solution of the zero-sum game on a linear model, or why none exists."""
+"""Certified exact solution of the zero-sum game on a linear model."""
 
 from __future__ import annotations
 
@@ -40,8 +40,9 @@ class Solution(Result, Reported):
     closed_loop_eigenvalues: eigenvalues of A - B K, the loop without disturbance, 1/s
     worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the loop under the worst
         disturbance, 1/s
-    abscissa_error: largest change of the real parts' maximum, for A - B K, by rounding of A, B and
-        K, 1/s, to first order
+    abscissa_error: change of the largest real part of the eigenvalues of A - B K by rounding of A,
+        B
+        and K, 1/s, to first order
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -95,7 +96,7 @@ class Solution(Result, Reported):
         return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
 
     def margins(self) -> dict[str, dict[str, float]]:
-        """Return input -> margins of its loop: gain (factors), phase (deg), delay (s) and disk."""
+        """Return input -> margins of the loop at this input (`named_margins`)."""
         from controller.riccati.loop_margins import margins_of_inputs
 
         return margins_of_inputs(self.names, certified(NormalForm.of(self.game)))

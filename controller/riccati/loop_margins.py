@@ -1,6 +1,6 @@
 """Margins of one loop with all other loops closed, or of several loops with equal changes.
 
-They are computed from M = S - I/2 (`margins`).
+The margins are computed from M = S - I/2 (`margins`).
 """
 
 from __future__ import annotations
@@ -43,11 +43,13 @@ Loci = Callable[[np.ndarray], np.ndarray]
 class LoopMargin(NamedTuple):
     """Margins of one loop, or of several loops for one common factor, phase shift or delay.
 
-    gain_low, gain_high: the loop remains stable if its gain is multiplied by a factor between them
-    phase: largest tolerated phase shift, deg; inf if every one is tolerated
+    gain_low, gain_high: the loop remains stable if its gain is multiplied by a factor between these
+        limits
+    phase: largest tolerated phase shift, deg; inf if every phase shift is tolerated
     crossover: frequency at which this phase shift makes the loop unstable (|l| = 1), rad/s; nan if
-        |l| is never 1
-    delay: largest tolerated delay of the signal, s; inf if every one is tolerated
+        |l|
+        is never 1
+    delay: largest tolerated delay of the signal, s; inf if every delay is tolerated
     disk: α of `DiskMargin`, for simultaneous changes of gain and phase
     """
 
@@ -170,14 +172,16 @@ def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
 
 
 def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> LoopMargin:
-    """Return the margins of k loops under the same change.
-
-    loci: ω (N,) -> M of the loops, (N, k), in any order
-    grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on it
-    loop: the loop of the loci, for its M at infinite frequency and its sampling time; or None
+    """Return the margins of k loops for one common factor, phase shift or delay.
 
     Zeros of Im M and Re M are searched for wherever their signs change between frequencies of the
-    grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
+    grid.
+    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
+
+    loci: ω (N,) -> M of the loops, (N, k), in any order
+    grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on the
+        grid
+    loop: the loop of the loci, for its M at infinite frequency and its sampling time; or None
     """
     for _ in range(_HALVINGS):
         seen = _followed(loci(grid))

@@ -1,8 +1,8 @@
 """Margins of a closed loop for simultaneous changes at all inputs, within disks.
 
-They are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. A scalar loop
-l = (1/2 - M) / (1/2 + M) is real where M is real, and |l| = 1 where M is imaginary. Gain margins
-are factors (not dB), phases are in degrees and frequencies in rad/s.
+The margins are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. A
+scalar loop l = (1/2 - M) / (1/2 + M) is real where M is real, and |l| = 1 where M is imaginary.
+Gain margins are factors (not dB), phases are in degrees and frequencies in rad/s.
 """
 
 from __future__ import annotations
@@ -86,8 +86,10 @@ class ClosedLoop(NamedTuple):
         return self.D + self.C @ responses(self.A, self.B, frequencies)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
-        """Convert frequencies of s to physical frequencies, rad/s; for a sampled loop by z = exp(jω
-        dt)."""
+        """Convert frequencies of s to physical frequencies, rad/s.
+
+        For a sampled loop the physical frequency ω satisfies z = exp(jω dt).
+        """
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 
@@ -112,7 +114,8 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
 def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
     """Return M at all inputs of u = -K z.
 
-    Raises NoSolutionError if A - B K is not Hurwitz.
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
+    Hurwitz.
     """
     K = game.checked_gain(K)
     return closed_at(game.A - game.B @ K, game.B, -K)
@@ -207,12 +210,12 @@ def _above(
 
 
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-    """Return log D, (m,), of the diagonal D > 0 with the smallest σ_max(D M D⁻¹).
+    """Return log D, (m,), of the diagonal D > 0 that minimizes σ_max(D M D⁻¹) by BFGS.
 
-    This σ_max is an upper bound of μ(M), exact for m <= 3. BFGS minimizes this bound, with a line
-    search that does not need smoothness, because the two largest singular values are often equal at
-    the minimum. Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton,
-    Mathematical Programming 141 (2013), 135-163.
+    The minimum is an upper bound of μ(M), exact for m <= 3. The line search does not need
+    smoothness, because the two largest singular values are often equal at the minimum. Sources:
+    Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical Programming 141
+    (2013), 135-163.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`

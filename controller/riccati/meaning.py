@@ -31,7 +31,7 @@ def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Chec
 
 
 def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """Return X, (n, n): the policies u = -K z and d = L z cost z0'X z0 from the initial state z0.
+    """Return X, (n, n), such that u = -K z and d = L z cost z0'X z0 from the initial state z0.
 
     F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
 
@@ -59,6 +59,8 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 
 def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
     """Return the check that the policies of P cost z0'P z0, computed from a Lyapunov equation.
+
+    The check fails with the value inf if the policies of P are not stabilizing.
 
     initial: initial state z0, (n,)
     """

@@ -21,7 +21,8 @@ _PASSES = 3
 def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """Return the least relative change found of A and B that makes a mode uncontrollable, (N,).
 
-    Only modes that do not decay are considered. The result is 1 if every mode decays.
+    Only modes with Re λ >= -`_NEAR` |A| are considered. The result is 1 for a plant without such a
+    mode.
 
     A: (N, n, n)
     B: (N, n, m)
@@ -72,16 +73,16 @@ def rank_distance(
     """Return the least relative change found for which [A' - λI; rows] loses full column rank,
     (K,).
 
-    The result is an upper bound, at most 1, attained by one vector.
+    The result is an upper bound, at most 1. λ and the singular vector of the smallest singular
+    value are searched for together. Each row is divided by the magnitude of its terms, so that fast
+    states do
+    not hide entries of slow states. Source: Higham, Accuracy and Stability of Numerical Algorithms,
+    Theorem 7.3 (Oettli and Prager).
 
     A: (K, n, n)
     rows: (K, p, n)
     values: (K,), initial λ of the search
     nearest: numbers -> nearest permitted λ
-
-    λ and the singular vector of the smallest singular value are searched for together. Each row is
-    divided by the magnitude of its terms, so that fast states do not hide entries of slow ones.
-    Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager).
     """
     n = A.shape[-1]
     both = np.concatenate([A.mT, rows], axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
     """Return an orthonormal basis (2n, n) of the stable subspace of a Hamiltonian.
 
-    The result is None if the dimension of the subspace is not n.
+    The result is None if the dimension of the subspace is not n or the Schur form fails.
     """
     return ordered_basis(matrix, job=b"N")[0]
 
@@ -16,9 +16,8 @@ def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
     """Return an orthonormal basis (2n, n) of the stable subspace, and its separation.
 
-    The basis is None if the dimension is not n. The separation is computed only for the LAPACK job
-    "V". LAPACK is called directly, because SciPy's ordered Schur form calls Python for each
-    eigenvalue and prints two lines after an interrupt.
+    The basis is None if the dimension is not n or the Schur form fails. The separation is computed
+    only for the LAPACK job "V".
     """
     from scipy.linalg.lapack import dgees, dtrsen
 

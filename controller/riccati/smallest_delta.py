@@ -40,7 +40,7 @@ class DeltaMin(NamedTuple):
 
     value: smallest delta found to have a solution
     refused: largest delta shown to have no solution
-    condition: for a generalized plant, the condition that fails just below, or "none"
+    condition: for a generalized plant, the condition that fails just below `value`, or "none"
     """
 
     value: float
@@ -223,14 +223,16 @@ class Obstacle(NamedTuple):
 def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     """Return the reason why no solution exists without disturbance.
 
-    unreached, hidden: sentences with {} for the name of the mode
-
     The Riccati equation without disturbance has a stabilizing solution if and only if two matrices
-    have full rank: [A - λI, B] for every eigenvalue λ of A with Re λ >= 0 (stabilizable; otherwise
-    `unreached`), and [A - λI; Q] for every λ with Re λ = 0 (otherwise `hidden`). An unstable mode
-    without cost is not an obstacle: P is then the least cost among the policies for which the state
-    converges to 0. A mode that rounding may have moved off the axis is also treated as a mode on
-    the axis. Source: Zhou, Doyle and Glover, Theorem 13.7.
+    have full column rank:
+    - [A' - λI; B'] for every eigenvalue λ of A with Re λ >= 0, otherwise the reason is `unreached`,
+    - [A - λI; Q] for every λ with Re λ = 0, otherwise the reason is `hidden`.
+    An unstable mode without cost is not an obstacle. P is then the least cost among the policies
+    for which the state converges to 0. A mode that rounding may have moved off the axis is also
+    treated as
+    a mode on the axis. Source: Zhou, Doyle and Glover, Theorem 13.7.
+
+    unreached, hidden: sentences with {} for the name of the mode
     """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     sentence = ""

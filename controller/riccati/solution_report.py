@@ -145,8 +145,8 @@ def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Analysed
 
     The regulator is the solution of the game without disturbance, `hfa.game(linear, Q, R)`.
 
-    linear: the linear model, with A and B; or A
-    more: B after A; then Q and R, as for `hfa.game`
+    linear: the linear model, or A
+    more: B after A, then Q and R, as for `hfa.game`
     weights: Q and R as keyword arguments
 
     Raises BadInputError if B is missing or a weight does not fit, and NoSolutionError if there is

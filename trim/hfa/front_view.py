@@ -1,4 +1,4 @@
-"""Front view of the flexible aircraft (HFA) in a trim. The extension `page` draws it."""
+"""Front view of the flexible aircraft (HFA) in a trim, drawn by the extension `page`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     """Return a figure of the aircraft from the front, with lift, weight and hinge moments.
 
-    Raises BadInputError if the package that draws it is not installed.
+    Raises BadInputError if the extension that draws the figure is not installed.
     """
     draw = part(PARTS, "trim.picture", "the picture of a trim")
     figure: Figure = draw(aircraft, point)

@@ -83,7 +83,7 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed as 0 and is 0 up to rounding; tables omit it."""
+        """True if the entry is printed as 0 and is 0 up to 1e-6 half units."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -171,7 +171,9 @@ def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray
 
 
 def printed_at(point: OperatingPoint) -> PublishedModel | None:
-    """Return the printed pair (A, B) of this flight condition, or None if there is none."""
+    """Return the printed pair (A, B) for the flight condition of a point, or None if none is
+    printed.
+    """
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
         if all(
@@ -238,12 +240,11 @@ def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
 class Bands(ByValue, Reported):
     """Half-widths of the error bands of a linear model's entries, in their units.
 
+    Each half-width is two standard errors, propagated from the rounding of the printed matrices
+    through the parameters and the trim. Errors of the equations are not included.
+
     A: (6, 6)
     B: (6, 5)
-
-    Each half-width is two standard errors, propagated from the rounding of the printed matrices
-    through the parameters and the trim. The equations are assumed to be correct;
-    `docs/validation.md` lists their tests.
     """
 
     A: np.ndarray

@@ -96,12 +96,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Names of the states; the same as `states`."""
+        """Names of the states, equal to `states`."""
         return self.states
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs; the same as `inputs`."""
+        """Names of the inputs, equal to `inputs`."""
         return self.inputs
 
     @property
@@ -210,8 +210,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
 
         By default all inputs and outputs are used. With outputs=(), the zeros are the eigenvalues
-        of the modes that no input affects. With inputs=(), they are the eigenvalues of the modes
-        that no output shows.
+        of the modes that no input affects. With inputs=(), the zeros are the eigenvalues of the
+        modes that no output shows.
         """
         from trim.linear.frequency import zeros_of
         from trim.linear.reduction import chosen
@@ -236,7 +236,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return the outputs after a unit impulse of each input, (outputs, inputs, N), as
         deviations.
 
-        The arguments are those of `step`.
+        time, inputs, outputs: as for `step`
         """
         return _responses().response(self, "impulse", time, inputs, outputs)
 

@@ -30,9 +30,10 @@ class Block(NamedTuple):
 
 
 def linear_model_report(model: LinearModel) -> Report:
-    """Return a report with A, B, the offsets and the modes; its data also contain E and F.
+    """Return a report with A, B, the offsets and the modes.
 
-    C and D are included if the outputs are not the states.
+    C and D are included if the outputs are not the states. The data of the report also contain E
+    and F.
     """
     point = model.point
     signals = point.model

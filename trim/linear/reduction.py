@@ -62,7 +62,9 @@ def reduced(
 ) -> LinearModel:
     """Return the model with the named states and inputs.
 
-    The arguments and errors are those of `LinearModel.select`.
+    states, inputs, residualize: as for `LinearModel.select`
+
+    Raises BadInputError as `LinearModel.select` does.
     """
     if states is None:
         states = tuple(name for name in model.states if name not in residualize)

@@ -42,13 +42,13 @@ def exact_sides(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of the rates below and above a point, each (n, columns).
 
+    The derivatives are extrapolated by 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h) from exact derivatives J
+    at multiples of a step h from the point, because a kink may be up to one step from the point.
+    The error is of the order of h³ J'''.
+
     z: (n + m,), state and input
     p: parameters
     columns: indices of the states and inputs at a kink
-
-    The derivatives are extrapolated to the point from exact derivatives J at 2 to 3 steps h from
-    it, because a kink may be up to one step from the point: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h).
-    The error is of the order of h³ J'''.
     """
     n = len(model.states)
     steps = np.array(steps_of(model))

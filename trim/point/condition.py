@@ -23,22 +23,26 @@ _ROUNDING = 1e-12
 @dataclass(frozen=True)
 class TrimCondition:
     """Trim condition: equations f(X, U) = rates and y(X, U) = values, with free variables in
-    limits.
+        limits.
 
-    Some of X, U and y are imposed; the other X and U are free within limits. All values are in the
+    Some of X, U and y are imposed. The other X and U are free within limits. All values are in the
     units of the model, angles in radians.
 
     model: model of the aircraft
     imposed: variable or output -> value, or a table of values over the scheduling variable, which
-        `at` evaluates
+        `at`
+        evaluates
     rates: state -> imposed rate; by default zero for the steady states of the model. A rate that is
-        not listed is not balanced.
+        not
+        listed is not balanced.
     limits: name -> (lowest, highest), instead of the model's limits
     begin: variable -> initial value of the search
     name: name of a condition from a file
 
-    In `at` and `release`, the name of a rate is the name of its state with the suffix _dot. Raises
-    BadInputError if a name is unknown, or a value is not finite or outside its limits.
+    In `at` and `release`, the name of a rate is the name of its state with the suffix _dot.
+
+    Raises BadInputError if no rate is imposed, a name is unknown, a value is not finite or outside
+    its limits, or a lower limit is not below the upper limit.
 
     >>> import hfa
     >>> from hfa import TrimCondition
@@ -57,9 +61,9 @@ class TrimCondition:
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        """Check all fields.
+        """Complete `rates` and check all fields.
 
-        Raises BadInputError for an unknown name, a value that is not finite, and wrong limits.
+        Raises BadInputError for a faulty field.
         """
         model = self.model
         if self.rates is None:
@@ -210,7 +214,7 @@ class TrimCondition:
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """Return the differences as text: "speed 60 ft/s, alpha free, throttle within 0 and 50".
+        """Return the differences from the model's trim as text: "speed 60 ft/s, alpha free".
 
         The text is "" for the trim that the model declares.
         """
