@@ -26,7 +26,9 @@ def halving(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
-    Each step is halved until it is accepted. The arguments are those of `newton`.
+    Each step is halved until it is accepted.
+
+    system, z, c, moving, bounded: as for `newton`
     """
     best = z.copy()
     settled = np.zeros(len(z), dtype=bool)
@@ -101,7 +103,8 @@ def newton_step(
 ) -> np.ndarray:
     """Return the Newton steps d (N, k) with J d = -r.
 
-    If J is singular or not square, the step has least norm. If J is not finite, the step is nan.
+    If J is singular or not square, or d has an entry above `LONGEST`, the step of least norm is
+    returned. If J or r is not finite, the step is nan.
 
     jacobian: J, (N, m, k)
     residual: r, (N, m)

@@ -19,7 +19,7 @@ def newton(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
-    A step J d = -r is halved until |r| decreases, or |J⁻¹ r|, which does not depend on the scales
+    A step J d = -r is halved until |r| or |J⁻¹ r| decreases. |J⁻¹ r| does not depend on the scales
     of the equations. A step from a residual of at most `NEARLY` is the last one, and the point has
     then converged. If J is singular or not square, d is the solution of least norm. A point that
     does not converge keeps the best unknowns found.
@@ -29,7 +29,8 @@ def newton(
     c: (N, ..), constants that differ between the points
     moving: indices of the unknowns that may change; by default all
     bounded: whether every trial is moved to the nearest point within the limits; angles without
-        limits are then limited to 90 deg
+        limits
+        are then limited to 90 deg
     """
     if moving is not None or bounded or not system.is_quick:
         from trim.point.halving import halving

@@ -145,9 +145,9 @@ class TrimProblem:
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
         """Yield initial points for further searches: evenly spread points within the limits.
 
-        Of `STARTS` points, only those are yielded at which the Jacobian differs from the one at the
-        guess, because equations with a constant Jacobian have one solution. There are none without
-        unknowns, or with more equations than unknowns.
+        Of `STARTS` points, only those are yielded at which the Jacobian differs from the Jacobian
+        at the guess, because equations with a constant Jacobian have one solution. No point is
+        yielded without unknowns, or with more equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
         ratio), so that no random numbers are needed.

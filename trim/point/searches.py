@@ -1,8 +1,8 @@
 """Searches for a trim, used if Newton's method fails from the default initial point.
 
-They begin at the least-squares solution within the limits, follow a path from the trim that the
-model declares (continuation), or begin at other points. If there are more unknowns than equations,
-they minimize the control effort.
+The searches begin at the least-squares solution within the limits, follow a path from the trim that
+the model declares (continuation), or begin at other points. With more unknowns than equations, the
+searches minimize the control effort.
 """
 
 from __future__ import annotations

@@ -42,13 +42,15 @@ def find_operating_point(
 ) -> OperatingPoint:
     """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs.
 
-    Every residual is at most `BALANCE` times its scale, and every variable is within its limits. If
-    there are as many equations as unknowns, Newton's method with halved steps is used. If there are
-    more unknowns, the result has the least control effort Σ (u / scale)², a local minimum near the
-    initial point. If this gives no trim, the search begins at the least-squares solution within the
-    limits, then follows a path from the trim that the model declares (continuation), and then
-    begins at `STARTS` other points within the limits. `started` of the result is the number of this
-    point.
+    Every residual is at most `BALANCE` times its scale, and every variable is within its limits.
+
+    - With as many equations as unknowns, Newton's method with halved steps is used.
+    - With more unknowns, the result has the least control effort Σ (u / scale)², a local minimum
+      near the initial point.
+    - If the first search fails, further searches begin at the least-squares solution within the
+      limits, follow a path from the trim that the model declares (continuation), and begin at
+      `STARTS` other points within the limits. `started` of the result is the number of the
+      successful point.
 
     model: model of the aircraft
     condition: imposed and free variables; by default the trim that the model declares
@@ -59,6 +61,7 @@ def find_operating_point(
 
     Raises TrimError if the equations cannot be balanced within the limits. Raises BadInputError if
     the condition is not well posed, or numbers overflow in the equations of the model.
+
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
     >>> import hfa

@@ -123,11 +123,10 @@ class Equations:
 
 @lru_cache(maxsize=32)
 def step_rows(equations: Equations, steps: int) -> RowFunction:
-    """Return the Function (z, c) -> z after full steps of Newton's method, and whether it
-    converged.
+    """Return the Function (z, c) -> z after full steps of Newton's method, and whether z converged.
 
-    A point has converged if |r| decreased at each step and is at most `NEARLY` before the last
-    step.
+    A point has converged if |r| decreased or was at most `NEARLY` at each step, and |r| is at most
+    `NEARLY` before the last step.
 
     steps: number of steps
     """
@@ -298,8 +297,8 @@ class TrimSystem:
     usual: (k,), 90 deg for angles without limits, in scaled units, and inf for other unknowns
     watched: limits of the watched states and outputs
     row_scales: (e,), scale of each equation
-    moved: number of equations that the unknowns affect; they are the first
-    is_quick: True if `quick_steps` saves time
+    moved: number m of equations that the unknowns affect; the first m equations
+    is_quick: True if the equations are square and have at most `_FEW` unknowns
     steps: largest number of Newton steps
     """
 
@@ -334,8 +333,7 @@ class TrimSystem:
 
     @property
     def only_inputs(self) -> bool:
-        """True if all unknowns are inputs. The equations are then nearly affine and have one
-        solution."""
+        """True if all unknowns are inputs."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
 
     def far_out(self, z: np.ndarray) -> np.ndarray:

@@ -218,9 +218,9 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
 def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[OperatingPoint]:
     """Return further solutions of a condition with as many equations as unknowns.
 
-    Newton's method searches for them from the declared initial values and from `STARTS` points
-    within the limits. An example is the back side of the power curve. More solutions may exist. The
-    list is empty if the numbers of equations and unknowns differ.
+    The solutions are those that Newton's method finds from the declared initial values and from
+    `STARTS` points within the limits. An example is the back side of the power curve. More
+    solutions may exist. The list is empty if the numbers of equations and unknowns differ.
     """
     problem = TrimProblem.of(condition, point)
     trim = problem.unknowns(point.values)

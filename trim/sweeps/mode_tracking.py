@@ -52,26 +52,24 @@ def track_modes(
 ) -> np.ndarray:
     """Return the eigenvalues (N, n) of N matrices (N, n, n), with one mode in each column.
 
+    The eigenvalues λ and μ of two neighbors are paired by the permutation that maximizes the sum of
+    min(|tr P_i Q_i|, 1) - 2 |λ_i - μ_i| / (|λ_i| + |μ_i|). P_i and Q_i are the projectors on a mode
+    along all other modes. Conjugate pairs are paired first. The first term preserves the shape of a
+    mode where eigenvalues cross. The second term distinguishes the two members of a pair. From the
+    first point on, the pairings are followed along the tree of the most similar neighbors. The
+    first point is sorted as in `fastest_first`.
+
+    The columns of modes that cross between two points can be interchanged if their shapes are
+    nearly parallel or change much from point to point. A finer grid avoids such interchanges.
+    Eigenvalues that coincide at a point have no individual shapes. After this point they are paired
+    with the last point at which they were distinct.
+
     A: (N, n, n)
     states: names of the rows of each matrix, states of the model
     model: model of the aircraft
     neighbours: (M, 2), pairs of adjacent points, or None for points along a path
 
-    The eigenvalues λ and μ of two neighbors are paired by the permutation that maximizes the sum of
-    min(|tr P_i Q_i|, 1) - 2 |λ_i - μ_i| / (|λ_i| + |μ_i|). Conjugate pairs are paired first, with
-    both members. P_i and Q_i are the projectors on a mode along all other modes. The first term
-    preserves the shape of a mode where eigenvalues cross, in any units, even if two shapes are
-    nearly parallel. The second term distinguishes the two members of a pair. From the first point
-    on, the pairings are followed along the tree of the most similar neighbors. The first point is
-    sorted as in `fastest_first`.
-
-    The columns of modes that cross between two points can still be interchanged if their shapes are
-    nearly parallel or change much from point to point. This occurs in 3 % of random crossings of
-    shapes a few degrees apart, on 11 to 41 points. A finer grid avoids such interchanges.
-
-    Eigenvalues that coincide at a point have no individual shapes. After this point they are paired
-    with the last point at which they were distinct. Eigenvalues that coincide at every point, such
-    as two integrators, need no order.
+    Raises BadInputError for an unknown state.
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)

@@ -60,8 +60,7 @@ class Points(NamedTuple):
     A: (N, n, n), nan if not trimmed
     B: (N, n, m), nan if not trimmed
     failures: number of a point without a trim -> reason from `find_operating_point`
-    one_by_one: (N,), True if the point needed `find_operating_point`, which is a thousand times
-        slower
+    one_by_one: (N,), True if the point needed `find_operating_point`
     """
 
     status: np.ndarray

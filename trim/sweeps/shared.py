@@ -13,9 +13,10 @@ from trim.point.system import Equations, RowsOf, TrimSystem
 
 
 class SharedSystem(TrimSystem):
-    """Trim system whose constants are followed by the terms that depend only on them.
+    """Trim system whose constants c are followed by the terms of the equations that depend only on
+    c.
 
-    These terms are not used for small systems, which `quick_steps` solves.
+    The terms are omitted for the small systems that `quick_steps` solves (`is_quick`).
     """
 
     @cached_property

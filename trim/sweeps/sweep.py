@@ -76,8 +76,8 @@ def run_points(
 ) -> dict[str, Any]:
     """Return name -> array of a sweep's results, for the points of one task.
 
-    Worker processes run this function. Two entries are dictionaries by the number of a point:
-    `failures` contains the reason why it has no trim, and `kinked` its notes on kinks.
+    Two entries are dictionaries by the number of a point. `failures` contains the reason for a
+    missing trim, and `kinked` the notes on kinks.
     """
     points = trim_points(
         model,
@@ -125,7 +125,9 @@ def trimmed_words(trimmed: int, count: int) -> str:
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
-    """Return a list with one note if many points were trimmed one by one, otherwise []."""
+    """Return a list with one note if at least `_MANY_SLOW` points were trimmed one by one,
+    otherwise [].
+    """
     if one_by_one < _MANY_SLOW:
         return []
     return [
@@ -229,7 +231,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def slow(self) -> np.ndarray:
         """Mask of the slow eigenvalues, (k,).
 
-        Their largest magnitude in the sweep is less than `_SLOW` times that of the fastest.
+        An eigenvalue is slow if its largest magnitude in the sweep is below `_SLOW` times the
+        largest magnitude of all eigenvalues.
         """
         size = np.nanmax(np.abs(self.eigenvalues), axis=0)
         return np.asarray(size < _SLOW * size.max())
@@ -543,20 +546,21 @@ def sweep(
 ) -> Sweep:
     """Trim and linearize at every combination of the given values.
 
-    With `listed`, the values are columns of a table, and each row of the table is one point.
-
     model: model of the aircraft
     grid: trim variable or parameter of the model -> imposed values, in the units of the model
-        condition: condition of all other variables; by default the trim that the model declares.
-        The grid overrides the condition.
+    condition: condition of all other variables; by default the trim that the model declares. The
+        grid
+        overrides the condition.
     start: initial point of the search at each point
     listed: whether the values of the grid are columns, with one row for each point
     at: values of the scheduling variable, added to the grid
     progress: called with (finished points, all points)
     columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]
 
-    A point without a trim is a row with its reason. Raises BadInputError if a name is unknown, a
-    value is outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
+    A point without a trim is a row with its reason.
+
+    Raises BadInputError if a name is unknown, a value is outside its limits, or the grid is empty
+    or has more than `MOST_POINTS` points.
 
     >>> import hfa
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape

@@ -16,7 +16,7 @@ class NonlinearPlant(NamedTuple):
     """Nonlinear plant in deviations from its trim.
 
     rates: CasADi Function (z, u) -> z'
-    lowest, highest: (m,), limits of u
+    lowest, highest: (m,), limits of the deviation u, which include 0
     """
 
     rates: ca.Function

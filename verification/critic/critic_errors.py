@@ -3,10 +3,9 @@
 V - V* is a polynomial with the coefficients c = W - W*. In the coordinates y_i = z_i / b_i, with b
 the half-widths of the box, V - V* is Σ_m c_m ψ_m(b) ψ_m(y), and |ψ_m(y)| <= 1. Therefore the sum of
 |c_m ψ_m(b)| bounds the error at every state in the box. Derivatives are bounded in the same way.
-Unlike samples, a bound includes the errors between them.
 
 The scale of a linear problem is arbitrary. Therefore each bound is valid for every box λb with
-1/`REACH` <= λ <= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
+1/`REACH` <= λ <= `REACH`. A term of degree p counts λ^(p-2) times as much as the quadratic V*.
 """
 
 from __future__ import annotations
@@ -62,8 +61,7 @@ class Box(NamedTuple):
 
 
 def balanced_box(game: Game) -> Box:
-    """Return the box with the balanced units of the game, used if typical deviations are
-    unknown."""
+    """Return the box whose half-widths are the balanced units of the game."""
     about = "balanced units of the game (a convention, because no typical deviations are given)"
     return Box(NormalForm.of(game).units, about)
 
@@ -121,10 +119,10 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
 def critic_errors(
     game: Game, critic: Critic, exact: Exact, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Return the checks of all errors of a critic: of K, of P if it is known, and in the box.
+    """Return the checks of the errors of K, of P if P is known, and in the box for a critic without
+    network.
 
-    The box is `balanced_box` by default. Errors of a network in the box are computed elsewhere, by
-    a search.
+    box: by default `balanced_box`
     """
     checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
     if not critic.network:
@@ -140,8 +138,10 @@ def matrix_errors(
 ) -> tuple[Check, ...]:
     """Return three checks of the errors of "P" (n, n) or "K" (m, n).
 
-    With the balanced units U they are: the norm of the error in the units of the game, the norm of
-    the error of U P U or R^(1/2) K U, and the worst entry of U P U or diag(R)^(1/2) K U.
+    With the balanced units U, the checks compare
+    - the norm of the matrix in the units of the game,
+    - the norm of U P U or R^(1/2) K U,
+    - the worst entry of U P U or diag(R)^(1/2) K U.
     """
     units = NormalForm.of(game).units
     if name == "P":
@@ -170,7 +170,8 @@ def box_errors(
 
     The errors are upper bounds. The error of V is relative to the sum of its terms at the corner of
     the box, and all other errors to the largest exact value in the box. u is the critic's policy,
-    and d = ½ δ⁻²E'∂V/∂z is the worst disturbance. Without P, only the policy is checked.
+    and d = ½ δ⁻²E'∂V/∂z is the worst disturbance. Without P, only the policy is checked. With δ =
+    inf, d is not checked.
 
     box: (n,), half-widths
     """
