@@ -47,7 +47,8 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 def _checked_parameters(parameters: Parameters) -> Parameters:
     """Return the parameters unchanged.
 
-    Raises BadInputError if one is not finite or a size is negative, and TypeError for another type.
+    Raises BadInputError if a parameter is not finite or a size is negative, and TypeError for
+    another type.
     """
     if not isinstance(parameters, Parameters):
         raise TypeError("parameters must be Parameters, such as default_parameters().values")

@@ -188,11 +188,12 @@ def is_network(path: Path) -> bool:
 
 
 def _format_of(path: Path) -> str:
-    """Return the name of the entry point in `CRITICS` that reads a file, or "" if this module reads
-    it.
+    """Return the name of the entry point in `CRITICS` that reads a file, or "" for a file of
+    matrices.
 
-    The name is "weight" for a .npz or .json file with the layers of a network, and "" for other
-    files of matrices and for damaged ones. For any other file it is the suffix.
+    - "weight" for a .npz or .json file with the layers of a network
+    - "" for other files of matrices and for damaged ones
+    - the suffix for any other file
     """
     suffix = path.suffix.lower()
     names: list[str] = []

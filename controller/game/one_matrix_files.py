@@ -35,10 +35,10 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Return name -> file for `path` and, if it contains A, for the plant's other files in its
-    folder.
+    """Return name -> file for `path`, with the other files of the plant in the folder if `path`
+    contains A.
 
-    Raises BadInputError if the file is not named after a matrix.
+    Raises BadInputError if the file is not named A, W, P or K.
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(

@@ -218,7 +218,8 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
     """Return the names and units in a file.
 
-    An entry with a wrong number of texts is ignored, with a note appended to `notes`.
+    An entry with a wrong number of texts, or with repeated names, is ignored with a note appended
+    to `notes`.
     """
     names: dict[str, tuple[str, ...]] = {}
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):

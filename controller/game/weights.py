@@ -36,7 +36,7 @@ def weights_line(
 def _matrix_text(matrix: np.ndarray) -> str:
     """Return a matrix as one line: "diag(1, 2)" or "[1 0; 3 2]".
 
-    A matrix with more than `_SHOWN` entries is summarized by their number and range.
+    A matrix or diagonal with more than `_SHOWN` entries is summarized by their number and range.
     """
     diagonal = np.diag(matrix)
     is_diagonal = np.array_equal(matrix, np.diag(diagonal))

@@ -71,7 +71,7 @@ class _Answers:
     def refused(self) -> float:
         """Largest δ below `good` shown to have no solution, or 0 if there is none.
 
-        A larger δ is ignored: a solution below it shows that its refusal was due to rounding.
+        A refusal above `good` is due to rounding.
         """
         return max((delta for delta in self._deltas(False) if delta < self.good), default=0.0)
 
@@ -158,7 +158,8 @@ def _descend(answers: _Answers, least: float) -> None:
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Bisect log δ between two ends until their ratio is at most 1 + tolerance.
+    """Bisect log δ between two ends until their ratio is at most 1 + tolerance, or the lower end is
+    0.
 
     ends: returns the present ends
     """

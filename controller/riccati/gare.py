@@ -191,13 +191,12 @@ def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
 
 
 def _abscissa_error(form: NormalForm, certified: Certified) -> float:
-    """Return the largest change of the abscissa of A - B K by rounding, 1/s, to first order.
+    """Return the change of the largest real part of the eigenvalues of A - B K by rounding, 1/s.
 
-    The abscissa is the largest real part of the eigenvalues. Rounding affects A, B and K. A change
-    D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector y by y'D x /
-    y'x. The eigenvectors are those of the form in which X is accurate. In both coordinates rounding
-    changes A by at most n ε |A|, and the gain by at most n ε |K|. The result is inf if the matrix
-    is defective. Source: Golub and Van Loan, Matrix Computations, Section 7.2.2.
+    The result is a first-order bound, or inf if the matrix is defective. Rounding affects A, B and
+    K. A change D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector y
+    by y'D x / y'x. Rounding changes A by at most n ε |A|, and the gain by at most n ε |K|, in both
+    coordinates. Source: Golub and Van Loan, Matrix Computations, Section 7.2.2.
     """
     form_of_X = certified.form
     A = form_of_X.A

@@ -154,7 +154,7 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 def _some_solution(form: NormalForm) -> Certified:
     """Return the solution for delta = inf or, if it cannot be certified, for the delta of the game.
 
-    Raises NoSolutionError with the reason if there is neither.
+    Raises NoSolutionError with the reason if neither solution is certified.
     """
     (reached,) = reach_checks(form)
     if not reached.ok:

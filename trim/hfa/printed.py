@@ -306,8 +306,8 @@ def with_bands(
 def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
     """Return sentences on the largest error band and the largest difference from other dynamics.
 
-    bands: bands of the model's entries, or None if unknown
-    other: the model with the other dynamics at the same condition, or None
+    bands: bands of the model's entries; None gives a sentence on the missing bands
+    other: the model with the other dynamics at the same condition; None gives no sentence
     """
     sentences = []
     if bands is not None:

@@ -112,7 +112,7 @@ def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
 
 
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
-    """Return the eigenvalue of a family if it has exactly one, and this is real, otherwise None."""
+    """Return the eigenvalue of a family with exactly one real eigenvalue, otherwise None."""
     values = _eigenvalues(linear, family)
     if len(values) != 1 or values[0].imag:
         return None

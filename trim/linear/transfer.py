@@ -111,7 +111,7 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
 
     Combinations of states that y measures directly are removed.
 
-    small: singular values up to it count as 0
+    small: singular values up to this limit count as 0
     """
     A, B, C, D = system
     while len(D):

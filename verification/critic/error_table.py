@@ -71,7 +71,7 @@ class ErrorTable(Result):
 
     @property
     def sentence(self) -> str:
-        """Sentence on the settling time, or on the last error if it does not settle."""
+        """Sentence on the settling time, or on the last error if the error does not settle."""
         what = f"the {COLUMNS[self.decides]}"
         if math.isfinite(self.settling_time):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"

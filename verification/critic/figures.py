@@ -30,8 +30,10 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     """Return a figure with heat maps of the learned and the exact P, and of their relative
     difference.
 
-    K is drawn for a critic without P. The color scale is logarithmic with sign. Errors over time
-    are drawn below if the verdict has a table of them.
+    - K is drawn for a critic without P.
+    - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE`.
+    - The errors over time are drawn below if the verdict has a table.
+    The color scale is logarithmic with sign.
 
     make: function (width, height) -> empty figure
     """

@@ -162,17 +162,19 @@ class Verdict(Checked, Result, Reported):
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether every check passes or, with a limit (percent), whether the cost is within
-        it."""
+        """Return whether every check passes or, with a limit (percent), whether `cost_lost` is at
+        most the limit.
+        """
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
     @property
     def grade(self) -> Grade:
         """Grade of the critic: "exact", "near" or "fail".
 
-        "exact": every check passes. "near": only errors are too large, the loop is stable, its
-        equilibrium is within `NEAR_REST`, and its cost is at most `NEAR` above the optimum. "fail":
-        all other cases.
+        - "exact": every check passes.
+        - "near": only errors are too large or the equilibrium is off by at most `NEAR_REST`, and
+          the cost is at most `NEAR` above the optimum.
+        - "fail": all other cases.
         """
         if self.ok:
             return "exact"
@@ -261,8 +263,12 @@ class Verdict(Checked, Result, Reported):
         return data
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
-        """Return the data. With a limit of the cost, percent, they include the verdict on the
-        cost."""
+        """Return the data of the verdict.
+
+        limit_cost: limit of the cost above the optimum, percent. The entry `graded` then also
+            contains the
+            limit and the verdict on the cost.
+        """
         data = self.as_data()
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
