@@ -186,6 +186,11 @@ def _link(classes: Sequence[Any]) -> Any:
     return next((each for each in _LINKS if each in classes), None)
 
 
+def _axes(value: object) -> int:
+    """Return the number of axes of a value as an array. Rows may have different lengths."""
+    return np.asarray(value, dtype=object).ndim
+
+
 class _Reading:
     """Conversion of the arguments and keywords of a call to the form that the function accepts.
 
@@ -285,10 +290,10 @@ class _Reading:
         if name == "critic":
             game = found.get("game", self.words.get("game"))
             return self._critic(game, value) if isinstance(game, Game) else None
-        if name == "grid" and isinstance(model, Model) and model.schedule and np.ndim(value):
+        if name == "grid" and isinstance(model, Model) and model.schedule and _axes(value):
             return {model.schedule: value}
         if name == "points" and (
-            isinstance(value, (OperatingPoint, LinearModel)) or np.ndim(value) == 0
+            isinstance(value, (OperatingPoint, LinearModel)) or _axes(value) == 0
         ):
             return [value.point if isinstance(value, LinearModel) else value]
         return None
@@ -325,7 +330,7 @@ class _Reading:
         if hasattr(value, "critic"):
             made: Critic = value.critic(game)
             return made
-        return from_gain(game, value) if np.ndim(value) == 2 else None
+        return from_gain(game, value) if _axes(value) == 2 else None
 
     def _linear(self, value: Any) -> LinearModel | None:
         """Return the linear model made from a value, or None. A model is linearized at its trim."""
