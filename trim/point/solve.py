@@ -90,8 +90,10 @@ def find_operating_point(
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     """Return the first trim found from a guess.
 
-    A trim in which an angle without limits exceeds 90 deg is returned only if no other is found.
-    Raises TrimError if there is none.
+    A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
+    found.
+
+    Raises TrimError if no trim is found.
     """
     if not problem.free:  # nothing is free, and the point is an equilibrium
         return problem.point(guess, Status.TRIMMED)

@@ -159,7 +159,9 @@ def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
 
 
 def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """Return a table row with a variable's nearer limit, its distance, and whether it binds."""
+    """Return a table row with the nearer limit of a variable, the distance, and whether the limit
+    binds.
+    """
     verdict: str = "-"
     if margin.at_limit:
         verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")
@@ -280,10 +282,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
 
 
 def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """Return a note if the Jacobian of a square system is singular at a solution, otherwise "".
-
-    Such a solution is one of many.
-    """
+    """Return a note if the Jacobian of a square system is singular at a solution, otherwise ""."""
     equations, unknowns = problem.count
     jacobian = problem.at(z).jacobian[:equations]
     if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
@@ -297,8 +296,9 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return a sentence on another trim of the condition, with the initial point that leads to
-    it."""
+    """Return a sentence on another trim of the condition, with an initial point that leads to this
+    trim.
+    """
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
     names = [problem.free[i] for i in np.flatnonzero(apart)]

@@ -117,8 +117,8 @@ def _pair_over_meetings(
     """Pair modes that coincided at the previous point with the last point at which they were
     distinct.
 
-    They are distinguished by their shapes there, and by their eigenvalues minus the mean of the
-    coinciding ones, because this difference changes sign at a crossing.
+    The modes are distinguished by their shapes at that point, and by their eigenvalues minus the
+    mean of the coinciding eigenvalues, because this difference changes sign at a crossing.
 
     point: number of the point
     origin: (N,), the point from which each point is reached, or -1 for the first

@@ -213,8 +213,10 @@ def _settled_together(
 ) -> Points:
     """Return all points, solved together by Newton's method.
 
-    Points without convergence have the status NO_TRIM and are marked in `one_by_one`. If the system
-    is not square, this applies to all points.
+    - TRIMMED: the equations balance within the limits.
+    - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
+    - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
+      square.
     """
     model = system.model
     n = len(model.states)
@@ -258,10 +260,9 @@ def _starts(
 
     The initial unknowns are a Taylor polynomial about the solution at the center of the point's
     cell: quadratic for a single variable, linear for several. The cells are fixed for a model, so
-    that no row depends on its neighbors. The searches for the centers begin at the model's initial
-    point. Terms that change by more than `_STEEPEST` over a cell are omitted, because they may lead
-    to another solution. If all unknowns are inputs, there is one solution, and the searches begin
-    at the same point as single trims, with bit-identical results.
+    that no row depends on its neighbors. Terms that change by more than `_STEEPEST` over a cell are
+    omitted, because they may lead to another solution. If all unknowns are inputs, every point
+    begins at `system.start`, as single trims do.
     """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))

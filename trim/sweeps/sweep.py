@@ -612,7 +612,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the reason why each point has no trim, or "" if it has one.
+    """Return the reason for a missing trim at each point, or "" at a point with a trim.
 
     rows: result of `run_points`
     """

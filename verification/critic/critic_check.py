@@ -159,11 +159,12 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
     """Return three checks of P: A - S P stable, P not indefinite, Riccati residual within the
-    limit.
+        limit.
 
-    The value of a state without cost may be 0, which rounding can make negative. The check of the
-    sign tolerates this, as the certificate does. A limit above the default permits |P - P*| <=
-    limit |P*|, which changes eigenvalues by no more than this (Weyl).
+    - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted, because
+      rounding can make the value of a state without cost negative.
+    - If the limit is above `LIMIT`, the smallest eigenvalue of P may be lower than that of P* by
+      the change that |P - P*| <= limit |P*| permits (Weyl).
 
     P: (n, n)
     exact: P*, (n, n)

@@ -383,8 +383,8 @@ def shown_number(value: float) -> str:
 def _failures(checks: Sequence[Check]) -> Part:
     """Return a line with the reason for each failed check, and the number of checks that passed.
 
-    The lines are sorted: closed loops, then P and K, then other errors. Only the names of failures
-    beyond the first `_FAILURES` are printed.
+    Checks of other kinds than "error" are first, and the errors of P and K are first among the
+    errors. Only the names of failures beyond the first `_FAILURES` are printed.
     """
 
     def order(check: Check) -> tuple[bool, bool]:

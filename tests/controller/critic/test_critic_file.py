@@ -113,7 +113,9 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
 def test_rows_with_times_are_one_critic_each(
     suffix: str, content: dict[str, Any], has_gain: bool
 ) -> None:
-    """Each row of a history becomes a critic with its time, weights and gain."""
+    """Each row of a history becomes a critic with its time and weights, and with its gain if one is
+    stored.
+    """
     critics = critics_in(stored(f"h.{suffix}", **content), GAME)
     assert [critic.time for critic in critics] == TIMES.tolist()
     np.testing.assert_array_equal([critic.weights for critic in critics], W)
@@ -123,7 +125,7 @@ def test_rows_with_times_are_one_critic_each(
 
 @pytest.mark.parametrize("times", [{}, {"t": TIMES}])
 def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
-    """A file with one row of weights and P is read as one critic without a time."""
+    """A file with one row of weights and P is read as one critic with this P and without a time."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
     (critic,) = critics_in(stored("h.npz", W=W[0], P=P, **times), GAME)
     assert critic.time is None
@@ -131,7 +133,7 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
-    """The basis named in the file applies unless the caller names another one."""
+    """The basis named in the file of a history applies unless the caller names another basis."""
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     basis = critic_in(path, GAME).basis
     assert basis is not None

@@ -86,7 +86,9 @@ def test_the_papers_game_in_meters() -> None:
 
 
 def test_an_argument_counts_before_the_file() -> None:
-    """Arguments Q, R and delta override the entries of the file."""
+    """Arguments Q, R and delta override the entries of the file. The text "inf" is read as delta =
+    inf.
+    """
     path = stored("plant.json", **PLANT, delta=5.0)
     assert stored_game(path).game.delta == 5.0
     assert stored_game(stored("inf.json", **PLANT, delta="inf")).game.delta == math.inf

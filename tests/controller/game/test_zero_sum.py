@@ -98,7 +98,7 @@ def test_gains_are_extremals_of_the_hamiltonian() -> None:
 
 
 def test_a_game_cannot_be_changed_from_outside() -> None:
-    """A game copies its matrices, its copies are read-only, and `with_delta` does not change it."""
+    """A game has read-only copies of its matrices, and `with_delta` does not change the game."""
     A = np.array(SMALL["A"])
     game = Game(**(SMALL | {"A": A}))
     A[0, 0] = 7.0
@@ -164,8 +164,9 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 @pytest.mark.parametrize("functions", ALL)
 def test_gradient_has_second_order_remainder(functions: Basis) -> None:
-    """The Taylor remainder of each basis is of second order, and not with an error in its
-    gradient."""
+    """The Taylor remainder of each basis is of second order. With a planted error in the gradient,
+    the order is below 1.5.
+    """
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
     assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)
@@ -211,7 +212,9 @@ def test_weights_and_matrix_agree_in_any_units() -> None:
     ],
 )
 def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: bool) -> None:
-    """A large weight in another unit does not hide a small negative weight."""
+    """Semidefiniteness is decided correctly for entries of very different size, by
+    `is_semidefinite` and in `Game`.
+    """
     matrix = np.asarray(matrix, dtype=float)
     assert is_semidefinite(matrix) is semidefinite
     n = len(matrix)

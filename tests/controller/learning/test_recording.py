@@ -34,8 +34,7 @@ def test_random_pool_follows_its_box_and_seed() -> None:
 
 
 def test_a_list_that_contains_itself_is_refused() -> None:
-    """A list that contains itself is refused as count, seed or box. NumPy would overflow the
-    stack."""
+    """A list that contains itself is refused as count, seed or box."""
     endless: list[Any] = []
     endless.append(endless)
     for count, seed, box in ((endless, 0, None), (9, endless, None), (9, 0, endless)):
