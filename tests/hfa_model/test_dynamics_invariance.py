@@ -136,7 +136,8 @@ def heavier(p: Parameters, factor: float) -> Parameters:
 def longer_chord(p: Parameters, factor: float) -> Parameters:
     """Return the parameters with a longer chord and the same products of area and coefficient.
 
-    C_L and C_D0 are divided by `factor`, C_M by its square, and the tail area is multiplied by it.
+    C_L and C_D0 are divided by `factor`, C_M by factor², and the tail area is multiplied by
+    `factor`.
     """
     once = scaled(
         p,

@@ -78,8 +78,9 @@ def test_copies_agree_whether_a_value_exists() -> None:
 
 @pytest.mark.slow
 def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
-    """Of 20,000 copies of games near delta_min none changes the verdict; at most 20 are
-    undecided."""
+    """None of 20,000 copies of games near delta_min changes the verdict, and at most 20 are
+    undecided.
+    """
     changed = changed_verdicts(random_games(250), 20)
     assert changed["copies"] == 20_000
     assert changed["changed"] == 0
@@ -101,8 +102,9 @@ def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
 
 
 def test_a_copy_is_of_its_kind() -> None:
-    """Each copy differs from its original and has the solution of its original in its
-    coordinates."""
+    """Each copy has another A than the original game, and its solution is that of the original in
+    the copy's coordinates. The kinds of the copies are those of `KINDS`.
+    """
     game = game_models()["published-15"]
     P = solve_game(game).P
     for copy in copies(game, 0, 8, {"P": P}):

@@ -65,7 +65,9 @@ def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
-    """For an unstable loop both methods return inf, and the check states that it is not Hurwitz."""
+    """For an unstable loop both methods return inf, and the failed check names A - B K as not
+    Hurwitz.
+    """
     game, P = first
     K = -game.gain(P)
     assert bounded_real_gain(game, K) == swept_gain(*closed_loop(game, K)).gain == math.inf
@@ -104,7 +106,9 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 
 
 def test_smallest_delta_bounds_the_gain() -> None:
-    """The L2 gain of the game policy is above delta_min and below the delta of the game."""
+    """The L2 gain of the game policy is above the lower end of the bracket of delta_min, and below
+    the delta of the game.
+    """
     rng = np.random.default_rng(6)
     tried = 0
     while tried < 6:

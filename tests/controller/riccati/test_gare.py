@@ -84,8 +84,9 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
-    """delta = inf gives python-control's LQR. For large delta, P differs from it by order
-    1/delta²."""
+    """delta = inf gives python-control's LQR. For large delta, the difference of P from the LQR
+    solution is of order 1/delta².
+    """
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
     )  # slycot, if installed, has an error of 4e-11
@@ -128,7 +129,7 @@ def test_double_eigenvalue_and_no_cost_at_all() -> None:
 
 
 def test_an_unstable_costless_mode_is_stabilized() -> None:
-    """An unstable mode without cost is stabilized: its P is 2 a, not 0."""
+    """An unstable mode z' = a z + u without cost has P = 2 a and not 0."""
     P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
     assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 
@@ -226,7 +227,8 @@ def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> N
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
-    """A solution exists at delta_min, but not at the lower end of its bracket, 1e-6 below."""
+    """A solution exists at delta_min, but not at the lower end of the bracket, at most 1e-6 below.
+    """
     smallest = minimum_delta(game)
     assert (
         smallest.value / smallest.refused <= 1.000001

@@ -218,7 +218,7 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
     """Return whether the solver accepts or refuses a game, and rightly or wrongly.
 
-    Raises AssertionError if it accepts a wrong solution or names a wrong cause.
+    Raises AssertionError if the solver accepts a wrong solution or names a wrong cause.
 
     worst: largest permitted error of P
     """
@@ -275,7 +275,9 @@ def test_a_game_of_each_structure() -> None:
 
 @pytest.mark.slow  # quicker: test_gare_degenerate.py
 def test_smallest_delta_of_each_structure() -> None:
-    """For one game of each structure, the bracket of delta_min is right."""
+    """For one game of each structure, the bracket of delta_min is right, or missing because no
+    delta has a solution.
+    """
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
     assert brackets["right"] >= 6

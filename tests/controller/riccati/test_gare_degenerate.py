@@ -28,9 +28,9 @@ TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 def error(game: Game, P: np.ndarray | None = None) -> float:
     """Return the largest error of P compared with the 60-digit solution, in balanced units.
 
-    P: the matrix to compare; by default that of `solve_game`
-
     The game must have a solution.
+
+    P: the matrix to compare; by default the result of `solve_game`
     """
     reference = reference_solution(game)
     assert reference.exists
