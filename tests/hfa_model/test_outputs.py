@@ -121,7 +121,7 @@ def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray
 def test_panel_load_factors_follow_the_moving_panels(
     aircraft: Model, name: str, height: Callable, side: float
 ) -> None:
-    """A panel's load factor is gravity minus its acceleration, normal to the panel, divided by g.
+    """The load factor of a panel is gravity minus acceleration, normal to the panel, divided by g.
 
     The acceleration is computed by differences along the motion.
     """

@@ -62,8 +62,11 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
 def test_published_knows_steady_wind_and_newton_not(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
-    """Uniform steady wind changes the hinge acceleration of "published", but no acceleration of
-    "newton"."""
+    """Uniform steady wind changes only the hinge acceleration of "published", and nothing of
+    "newton".
+
+    With drag that depends on the speed over ground, wind also changes "newton".
+    """
     winds = winds_named(("updraft", "headwind"), (updraft, headwind))
     newton, published = (
         galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")

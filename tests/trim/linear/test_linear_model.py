@@ -259,7 +259,10 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
 
 
 def test_released_columns_need_drag_over_ground() -> None:
-    """The released simulation's columns are reproduced only with drag by the speed over ground."""
+    """The released simulation's columns of E are reproduced with drag by the speed over ground.
+
+    With drag by the airspeed, the columns of the headwinds differ.
+    """
     same = peer_errors(ground_drag=True)
     through_the_air = peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
@@ -272,7 +275,10 @@ def test_released_columns_need_drag_over_ground() -> None:
 
 
 def test_linear_models_have_poles_plots_and_arrays() -> None:
-    """Linear models offer modes, Bode plots, and channels selected by output and input name."""
+    """Linear models offer modes, Bode plots, and channels selected by output and input name.
+
+    Other indices are refused.
+    """
     linear = model_at(15.0)
     assert np.array_equal(linear.point.linearize().A, linear.A)
     loop = linear["pitch_rate", "elevator_center"]

@@ -54,7 +54,7 @@ def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_pa
 def test_wrong_files_are_refused(
     point: OperatingPoint, tmp_path: Path, pattern: str, replacement: str, words: str
 ) -> None:
-    """A fault planted in a saved point is refused, and the message names it."""
+    """A fault planted in a saved point is refused, and the message names the fault."""
     path = tmp_path / "point.json"
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
     assert count == 1
@@ -100,7 +100,7 @@ def test_the_peers_conditions_have_its_angles(
     ],
 )
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
-    """A fault in a condition file is refused, and the message names it."""
+    """A fault in a condition file is refused, and the message names the fault."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(load_condition, path)

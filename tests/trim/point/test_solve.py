@@ -154,8 +154,9 @@ def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
 def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
-    """If a limit on the throttle prevents the trim, the message names it and the failing
-    equation."""
+    """If a limit on the throttle prevents the trim, the message names the limit and the failing
+    equation.
+    """
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
         find_operating_point(aircraft, release(limited, free=extra))
@@ -258,7 +259,10 @@ def test_contradictions_are_refused() -> None:
 
 
 def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
-    """The message on a failed trim names an aileron without effect, and only then."""
+    """The message on a failed trim names an aileron without effect.
+
+    The message on a failed trim with an effective aileron contains no such clause.
+    """
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
         TrimError, match=r"no trim: .*; no effect of aileron_outer; free another variable\)"
