@@ -129,8 +129,7 @@ def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
 def test_printed_entries_are_whole_last_digits(
     model: PublishedModel,
 ) -> None:
-    """Printed entries are multiples of a unit of their last digit. Only -32.2 has fewer decimals.
-    """
+    """Printed entries are multiples of a unit of their last digit. Only -32.2 has fewer decimals."""
     for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
         units = entries / (2 * half_unit)
         np.testing.assert_allclose(units, np.round(units), rtol=0, atol=1e-6)

@@ -126,7 +126,7 @@ def test_a_property_that_fails_keeps_its_error() -> None:
 def test_names_index_values_and_modes() -> None:
     """Trims, linear models, sweeps, modes, margins and residuals can be indexed by name.
 
-    The error on a wrong name suggests the most similar one.
+    The error on a wrong name suggests the most similar name.
     """
     linear = _linear()
     point = linear.point

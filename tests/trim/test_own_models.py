@@ -215,8 +215,10 @@ def test_rates_of_the_book() -> None:
 
 
 def test_the_back_side_is_another_trim() -> None:
-    """If two speeds have the same throttle, the report of one trim names the other, and an initial
-    point that leads to it."""
+    """If two speeds have the same throttle, the report of one trim names the other trim.
+
+    The report also names an initial point from which the other trim is found.
+    """
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
     front = find_operating_point(F16, condition)
@@ -258,7 +260,7 @@ def test_swept_turns_equal_single_trims() -> None:
 def test_states_without_balance_are_left_and_named() -> None:
     """Freeing north, east and heading, which affect no equation, does not change the trim.
 
-    The JSON output names them and reports their rates.
+    The JSON output names the three states as idle, and reports the rate of north.
     """
     done = hfa(
         "trim",

@@ -80,7 +80,8 @@ def test_a_far_trim_is_noted_first() -> None:
 
 
 def test_a_trim_from_another_start_says_what_failed() -> None:
-    """The report of a trim found from another initial point states why the default one failed.
+    """The report of a trim found from another initial point states why the default initial point
+    failed.
 
     Here a local minimum on the way stops both Newton's method and the least-squares search.
     """

@@ -227,8 +227,7 @@ def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> N
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
-    """A solution exists at delta_min, but not at the lower end of the bracket, at most 1e-6 below.
-    """
+    """A solution exists at delta_min, but not at the lower end of the bracket, at most 1e-6 below."""
     smallest = minimum_delta(game)
     assert (
         smallest.value / smallest.refused <= 1.000001

@@ -157,8 +157,7 @@ CART = Model(
 def test_every_command_names_a_kink(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every command that uses a linear model, or a gain from one, names the kink of the model once.
-    """
+    """Every command that uses a linear model, or a gain from one, names the kink of the model once."""
     monkeypatch.chdir(tmp_path)
     source = KINKED.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
     Path("cart.py").write_text(source, "utf-8")

@@ -534,9 +534,9 @@ def test_a_long_sweep_prints_its_ends(
 
 
 def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:
-    """A note states how many points were trimmed one by one.
+    """A note states how many points were trimmed one by one, in memory and in a store.
 
-    Here all are, because there are more unknowns than equations.
+    With more unknowns than equations, all points are trimmed one by one.
     """
     condition = release(LEVEL_FLIGHT, free=("alpha",))
     plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)

@@ -85,8 +85,7 @@ def test_a_costless_states_value_may_be_0() -> None:
 def test_a_barely_controllable_plant_is_judged() -> None:
     """The exact value of a barely controllable plant passes, and an error of 1e-5 fails.
 
-    The input reaches the unstable mode of 0.5 1/s by the factor 3e-6, so that rounding of P changes
-    its cost.
+    The input reaches the unstable mode of 0.5 1/s only by the factor 3e-6.
     """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
@@ -155,7 +154,7 @@ def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> 
 
 
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
-    """A critic learned from too few samples fails, although its residual on them is tiny."""
+    """A critic learned from too few samples fails, although the residual on these samples is tiny."""
     weights, residual = rank_deficient_weights(game)
     assert residual < 1e-10
     run = result_of(game, weights, 15, predefined_time=10.0)
@@ -212,7 +211,10 @@ def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
 def test_wrong_shapes_and_numbers_are_named(
     game: Game,
 ) -> None:
-    """W, P and K with wrong shapes or entries that are not real numbers are refused by name."""
+    """W, P and K with wrong shapes or entries that are not real numbers are refused by name.
+
+    A critic of a game without a solution is refused, too.
+    """
     makers = {
         "W": (from_weights, np.ones(21)),
         "P": (from_value, np.eye(6)),
@@ -558,8 +560,11 @@ ROUNDING_SHOWN = 1e-12
 
 
 def test_our_own_run_is_a_timed_history(game: Game) -> None:
-    """`check_history` finds the settling time that the training run reports, and its figure is
-    drawn with error lines."""
+    """`check_history` finds the settling time that the training run reports.
+
+    The figure of the verdict contains the error lines. Differences by rounding are stated in the
+    title.
+    """
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = critics_over_time(game, result.times, W=result.weights, K=result.K)

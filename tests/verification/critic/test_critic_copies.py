@@ -21,9 +21,9 @@ from hfa import check_critic, solve_game
     ],
 )
 def test_every_copy_has_the_same_verdict(error: float, passes: bool, count: int) -> None:
-    """All copies of a critic have the same verdict: pass if it is exact, fail if it has an error.
+    """All copies of an exact critic pass, and all copies of a critic with an error fail.
 
-    The error, in a random direction, is a hundred times the limit.
+    The error of P is in a random direction.
     """
     game = game_models()["published-15"]
     exact = solve_game(game)

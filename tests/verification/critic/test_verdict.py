@@ -90,8 +90,9 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
 
 
 def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
-    """No sampled error of a network's V exceeds the reported one, also at the worst policy
-    error."""
+    """No error of a network's V, at random states and at the worst states found, exceeds the
+    reported error.
+    """
     z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
     layers = {
         "0.weight": np.vstack([np.diag(1.0 / BOX), -np.diag(1.0 / BOX)]),
