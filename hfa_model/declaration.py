@@ -174,8 +174,7 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
     """Return the aircraft with the equations of a variant and these parameters, in quasi-steady
     air.
 
-    The parameters are not checked, because a fit of the printed matrices also tries impossible
-    ones.
+    The parameters are not checked.
     """
     # The values are not checked: a fit of the printed matrices also tries impossible ones.
     values = {

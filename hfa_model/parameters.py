@@ -240,8 +240,8 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Return parameter -> value, identified value and unit, for each value that is not the
-    identified one.
+    """Return parameter -> value, identified value and unit, for values that differ from the
+    identified ones.
     """
     identified = default_parameters().values
     changes = {}

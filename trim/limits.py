@@ -1,4 +1,4 @@
-"""Limits of the signals of a model. Only this module decides whether a value is within them."""
+"""Limits of the signals of a model, and the decision whether a value is within its limits."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """Return the limits of the named signals. The result is cached, because every trim needs it.
+    """Return the limits of the named signals, from a cache.
 
     changes: (name, lowest, highest), instead of the declared min and max
     """

@@ -106,10 +106,7 @@ class Critic(Reported):
 
     @property
     def wide(self) -> bool:
-        """True if the critic is a network represented by matrix graphs (CasADi MX).
-
-        The first available function of V, gradient and policy is tested.
-        """
+        """True if the first of V, gradient and policy in `network` is not an SX function of CasADi."""
         first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
         return first is not None and not first.is_a("SXFunction")
 
@@ -244,7 +241,7 @@ def from_parts(
 
 
 def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
-    """Return a copy of the critic with the policy u = -K z and the same value."""
+    """Return a copy of the critic with the policy u = -K z and an unchanged value."""
     network = dict(critic.network)
     if network:
         z = ca.SX.sym("z", K.shape[1])

@@ -177,10 +177,11 @@ def critic_suffixes() -> tuple[str, ...]:
 
 
 def is_network(path: Path) -> bool:
-    """Return whether a file contains a network, according to its suffix.
+    """Return whether a file contains a network.
 
-    A .npz or .json file contains a network if the name of an array is "weight" or ends with
-    ".weight".
+    - .npz and .json: True if the name of an array is "weight" or ends with ".weight"
+    - other files of matrices: False
+    - any other suffix: True if the suffix is registered in `hfa.critics`
     """
     if path.suffix.lower() not in MATRIX_FILES:
         return path.suffix.lower() in offered(CRITICS)
@@ -211,8 +212,9 @@ def _format_of(path: Path) -> str:
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:
-    """Return the entries of a file. An entry stored under an alias is also returned under its
-    standard name."""
+    """Return the entries of a file. Entries under an alias are also returned under the standard
+    name.
+    """
     stored = read_arrays(path)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
@@ -220,7 +222,7 @@ def entries_in(path: str | Path) -> dict[str, Any]:
 def _part_by_shape(array: np.ndarray, game: Game) -> str:
     """Return "W", "P" or "K" for an unnamed array, from its shape.
 
-    Raises BadInputError if none or several of them have this shape.
+    Raises BadInputError if the shape does not fit exactly one of W, P and K.
     """
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]

@@ -58,10 +58,7 @@ def from_functions(
 
 
 def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
-    """Return ∂expression/∂z at z = 0, (k, n), for an expression with k entries.
-
-    Each row is one reverse-mode derivative.
-    """
+    """Return ∂expression/∂z at z = 0, (k, n), for an expression with k entries."""
     weights = type(z).sym("w", expression.numel())
     rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
     each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))

@@ -67,7 +67,9 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
     """Return the CasADi expression of one node of the syntax tree.
 
-    Raises BadInputError for an unknown name or operation; `known` lists the permitted names.
+    known: text with the permitted names, for an error message
+
+    Raises BadInputError for an unknown name or operation.
     """
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):

@@ -111,9 +111,11 @@ class Basis(Reported):
 def basis(name: str, states: int) -> Basis:
     """Return the basis with this name for a number of states.
 
-    "quadratic" contains z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear" adds z_i, and
-    "quadratic+quartic" adds z_i⁴. "paper" has M = 25 functions of the paper's six states: 21
-    quadratic ones and four fourth powers (`PAPER_QUARTIC_CHANNELS`, our assumption).
+    - "quadratic": z_i z_j for i <= j, M = n(n+1)/2
+    - "quadratic+linear": also z_i
+    - "quadratic+quartic": also z_i⁴
+    - "paper": for six states, also z_i⁴ for the four states `PAPER_QUARTIC_CHANNELS`, which are
+      assumed
 
     Raises BadInputError for an unknown name, for no state, and for "paper" without six states.
 

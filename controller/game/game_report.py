@@ -15,7 +15,7 @@ _MOST = 12
 
 
 def game_report(game: Game) -> Report:
-    """Return a report with the matrices of the game; rows and columns are named.
+    """Return a report with the matrices of the game, with named rows and columns.
 
     Matrices with more than `_MOST` rows or columns are omitted from the text.
     """

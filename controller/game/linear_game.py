@@ -58,7 +58,7 @@ def game(
 
 
 def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
-    """Return Q or R as a matrix, diag(1/nominal²) if none is given.
+    """Return Q or R as a matrix, diag(1/nominal²) for None.
 
     matrix: "Q" or "R", for messages
     given: a matrix, its diagonal, name -> weight, or None

@@ -20,10 +20,11 @@ _CHILD = Path(__file__).with_name("_loadmat.py")
 
 
 def structures(path: Path) -> dict[str, Any]:
-    """Return name -> array of a .mat file; a structure is a mapping.
+    """Return name -> array of a .mat file, with a mapping for each structure.
 
-    SciPy reads the file in a child process, because a damaged file may crash or hang it. Raises
-    ValueError if the file cannot be read in time, or at all.
+    SciPy reads the file in a child process, because a damaged file may crash or hang SciPy.
+
+    Raises ValueError if the file cannot be read within `_LONGEST` seconds, or at all.
     """
     command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
     try:

@@ -45,9 +45,10 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the texts, or `usual` if there are none.
+    """Return the texts, or `usual` for ().
 
-    Raises BadInputError, which names the entry `key`, if the two differ in number.
+    Raises BadInputError, which names the entry `key`, if the numbers of texts and of `usual`
+    differ.
     """
     if not texts:
         return usual

@@ -38,7 +38,7 @@ def _beside(path: Path) -> dict[str, Path]:
     """Return name -> file for `path`, with the other files of the plant in the folder if `path`
     contains A.
 
-    Raises BadInputError if the file is not named A, W, P or K.
+    Raises BadInputError if the file is not named A or after an entry of a critic.
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(

@@ -1,4 +1,4 @@
-"""Results of learners: weights over time and the rank of the data. They contain no verdict."""
+"""Results of learners, without a verdict: weights over time and the rank of the data."""
 
 from __future__ import annotations
 

@@ -237,7 +237,9 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
-    """Return the game, with defaults for the missing entries, and append a note that lists them.
+    """Return the game, with defaults for the missing entries.
+
+    A note that lists the missing entries and their defaults is appended to `notes`.
 
     Raises BadInputError if Q or R is missing and has no default.
     """

@@ -102,7 +102,7 @@ class Game(ByValue, Reported):
         return hash((*map(np.sum, (self.A, self.Q, self.R)), self.delta))
 
     def report(self) -> Report:
-        """Return a report with the matrices of the game; rows and columns are named."""
+        """Return a report with the matrices of the game, with named rows and columns."""
         from controller.game.game_report import game_report
 
         return game_report(self)
@@ -160,8 +160,9 @@ class Game(ByValue, Reported):
 
 
 def _with_diagonal(name: str, weights: Any) -> Any:
-    """Return the diagonal matrix (n, n) of a one-dimensional list or array. Return other values
-    unchanged."""
+    """Return the diagonal matrix (n, n) of a one-dimensional list or array, and other values
+    unchanged.
+    """
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
     else:
@@ -249,8 +250,9 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
     """Return the smallest eigenvalue of M_ij / sqrt(M_ii M_jj), for a symmetric M without its zero
     rows.
 
-    The result is 0 for a zero matrix. It is -inf if a diagonal entry is negative, or is 0 in a
-    nonzero row, or if the scaled matrix is not finite.
+    - 0 for a zero matrix
+    - -inf if a diagonal entry is negative, or is 0 in a nonzero row
+    - -inf if the scaled matrix is not finite
     """
     diagonal = np.diag(matrix)
     if (diagonal < 0.0).any():

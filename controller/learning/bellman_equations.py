@@ -144,9 +144,10 @@ class StackEquations:
     def _policies(
         self, half_gradient: np.ndarray, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the effect of both extremal policies on the rate of the state, and their cost.
+        """Return S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,).
 
-        The effect is S_s ½∇V, (N_h, n), and the cost ½∇V' S_s ½∇V, (N_h,).
+        The first result is the effect of both extremal policies on the rate of the state, the
+        second result the cost of these policies.
 
         half_gradient: ½∇V, (N_h, n)
         problem: discount and share
@@ -225,9 +226,7 @@ class StackEquations:
         e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V with ∇V = ∂ψ'W (paper Eq. 33 with the extremal policies).
 
         residual_norm: |e| divided by |z'Qz|
-        settling_residual: |e| divided by the magnitude of the terms that cancel in e, in [0, 1].
-            This residual decides whether a critic has settled. If Q is small compared with the
-            value, rounding alone would make `residual_norm` exceed the limit.
+        settling_residual: |e| divided by the magnitude of the terms that cancel in e, in [0, 1]
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts

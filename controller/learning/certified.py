@@ -96,9 +96,6 @@ def _roots_in_unit_interval(polynomial: np.ndarray) -> list[float]:
     finite.
 
     polynomial: coefficients, highest power first
-
-    The reciprocals 1/f are computed, because the leading coefficient of their polynomial is not
-    small.
     """
     reversed_ = polynomial[::-1] / np.abs(polynomial).max()
     if not np.all(np.isfinite(reversed_)):
@@ -485,10 +482,8 @@ class CertifiedLaw:
         )
 
     def _descend(self, here: Point, normaliser: np.ndarray, target: float) -> Point:
-        """Take Newton sub-steps until |ē| reaches `target` or no longer decreases. Return the
-        point.
-
-        With noisy data, |ē| may stop decreasing above the target.
+        """Return the point after Newton sub-steps until |ē| is at most `target` or no longer
+        decreases.
         """
         last = np.inf
         for _ in range(MOST_SUBSTEPS):

@@ -134,13 +134,11 @@ def natural_spread(game: Game) -> np.ndarray:
     """Return the standard deviation of each state under white inputs and disturbances, (n,).
 
     The variances are the diagonal of X with
-
         (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
         β = max(largest real part of the eigenvalues of A, 0) + 10 % of the spectral radius.
-
-    A spectral radius of 0 is replaced by 1/s. A state that no input or disturbance affects gets the
-    factor by which the balancing of A scales it. The standard deviations change with the units of
-    the states, so that the choice of samples does not depend on units.
+    A spectral radius of 0 is replaced by 1/s. The result of a state that no input or disturbance
+    affects is the scale of this state in the balancing of A. The result changes with the units of
+    the states.
     """
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 

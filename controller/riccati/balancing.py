@@ -85,7 +85,9 @@ class Spectrum(NamedTuple):
         return np.unique(np.abs(values.imag[nearest]))
 
     def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
-        """Return the least σ_min(M - jω I) over these frequencies, and its frequency, rad/s."""
+        """Return the least σ_min(M - jω I) over the given frequencies, and the frequency of the
+        least, rad/s.
+        """
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
         index = int(np.argmin(smallest))

@@ -1,10 +1,9 @@
 """Certificate of a game solution: tests that distinguish the value of the game from other roots.
 
-A root P of the Riccati equation with a residual of 1e-13 may not be the value of the game. It may
-be non-stabilizing, indefinite (delta below its minimum), or the solution of another game. Only all
-tests together are sufficient. All are computed in normal form, so that the verdict does not depend
-on the user's units. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou,
-Doyle and Glover, Chapter 13.
+A root P of the Riccati equation with a residual of 1e-13 may be non-stabilizing, indefinite (delta
+below its minimum), or the solution of another game. Only all tests together are sufficient. The
+tests are made in normal form, so that the verdict does not depend on the user's units. Source:
+Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou, Doyle and Glover, Chapter 13.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ Measured = dict[str, Any]
 
 @dataclass(frozen=True)
 class Certificate(Checked, Result):
-    """Tests of a solution P. P is accepted if all of them pass.
+    """Tests of a solution P, which is accepted if all tests pass.
 
     checks: the tests
     """
@@ -184,8 +183,10 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 def carefully_certified(form: NormalForm) -> Certified:
     """Return the certified solution of one game by the Schur form and refined doubling.
 
-    The coordinates of `turned` are tried first, then those of `levelled`. Raises NoSolutionError if
-    an unstable mode is not reached, or if both fail, with the reason of the last failure.
+    The coordinates of `turned` are tried first, then the coordinates of `levelled`.
+
+    Raises NoSolutionError if the inputs do not reach an unstable mode, or if the tests fail in both
+    coordinates, with the reason of the last failure.
     """
     _refuse_overflow(form)
     reached = reach_checks(form)
@@ -220,10 +221,10 @@ def sought_reach(form: NormalForm) -> np.ndarray:
 def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
     """Return a lower bound of the least reach of each game, (N,), from its closed loop.
 
-    For w*w = 1 and Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI). The norm of this row is at
-    least the distance of λ from the eigenvalues of A - B K, divided by the condition number of the
-    eigenvectors (Bauer and Fike). Rounding is subtracted. Relative to |A| + |B| + |λ| the bound is
-    least if |λ| is the decay rate plus the largest eigenvalue magnitude.
+    For every unit vector w and every λ with Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI).
+    The norm of this row is at least the distance of λ from the eigenvalues of A - B K, divided by
+    the condition number of the eigenvectors (Bauer and Fike). The bound is relative to |A| + |B| +
+    |λ|, for the least favorable |λ|. Rounding is subtracted.
     """
     decay = -loops.control.real.max(axis=-1)
     condition = norms(loops.right) * norms(loops.left)
@@ -283,12 +284,13 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
     """Return the smallest relative change of entries that may give the Hamiltonian an eigenvalue
-    jω, for the most critical of the frequencies.
+    jω.
 
-    The entries are those of A, B B', E E' and Q. The result is 1 / ρ(|(H - jω I)⁻¹| |H|). The
-    inverse is computed in the levelled coordinates, and |H| contains the magnitudes of the terms of
-    the entries of H. The result does not depend on units, and is 0 if H - jω I is singular. Source:
-    Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2.
+    The result is the least over the frequencies ω of 1 / ρ(|(H - jω I)⁻¹| |H|), or 0 if H - jω I is
+    singular. The entries are those of A, B B', E E' and Q. The inverse is computed in the levelled
+    coordinates, and |H| contains the magnitudes of the terms of the entries of H. The result does
+    not
+    depend on units. Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2.
     """
     n = len(given.A)
     into = levelled.T * given.units  # from the given to the levelled coordinates
@@ -327,7 +329,7 @@ def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
     """Return the checks of the solution X of one game: equation, symmetry, sign, and both closed
     loops.
 
-    If X is not finite, only the first check is returned, and it fails.
+    If X is not finite, only a failed check of the equation is returned.
     """
     if not np.all(np.isfinite(X)):
         reason = "P has entries that are not finite"

@@ -24,10 +24,7 @@ def exact(matrix: np.ndarray) -> Pair:
 
 
 def add(left: Pair, right: Pair) -> Pair:
-    """Return left + right with an error of about 2^-104 of the larger one.
-
-    The high parts are added by Knuth's error-free sum.
-    """
+    """Return left + right with an error of about 2^-104 of the larger summand."""
     return _sum(left[0], right[0], left[1] + right[1])
 
 

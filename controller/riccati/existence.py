@@ -155,13 +155,13 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
 
     At the frequency ω the least |Q^½ x|² + |u|² over all u, with x determined by u and w, is w*Φ w.
     Here Φ = -[0 E'] (H - jω I)⁻¹ [E; 0], and H is the Hamiltonian at δ = inf. No δ up to the square
-    root of an eigenvalue of Φ has a value. At this δ the Hamiltonian has the eigenvalue jω, and for
-    smaller δ another eigenvalue on the axis. The frequencies tried are 0, those of the
-    Hamiltonian's eigenvalues at the given δ, and the midpoints between them.
+    root of an eigenvalue of Φ has a value, because an eigenvalue of the Hamiltonian at this δ is on
+    the axis. The frequencies tried are 0, the frequencies of the Hamiltonian's eigenvalues at the
+    given δ, and the midpoints between these frequencies.
 
-    Rounding is subtracted, and the result is 0 if no gain is shown. The error bound includes
-    rounding in the terms of every entry of H and E: |rows| |H| |columns| (Higham, Accuracy and
-    Stability of Numerical Algorithms, Section 7.2). Source: Zhou, Doyle and Glover, Section 13.4.
+    Rounding in the terms of every entry of H and E is subtracted (Higham, Accuracy and Stability of
+    Numerical Algorithms, Section 7.2). The result is (0, 0) if no gain is shown. Source: Zhou,
+    Doyle and Glover, Section 13.4.
     """
     n, k = form.disturbance.shape
     if not k or math.isinf(form.delta):

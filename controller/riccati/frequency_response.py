@@ -30,7 +30,7 @@ def level_crossings(
     """Return all frequencies at which a singular value of C (jω I - A)⁻¹ B + D may equal a level.
 
     The frequencies, in rad/s and ascending, are |Im λ| of every eigenvalue λ of the bounded-real
-    Hamiltonian, whether or not it is on the axis. The level must not be a singular value of D.
+    Hamiltonian, also of eigenvalues off the axis. The level must not be a singular value of D.
     Source: Zhou, Doyle and Glover, Section 4.7.
     """
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
@@ -95,8 +95,9 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
     """Return the largest gain of C (sI - A)⁻¹ B + D over all frequencies.
 
-    The result is an upper bound with a relative error of 1e-9. It is inf if A is not Hurwitz, and 0
-    if the gain is of the order of rounding.
+    - an upper bound with the relative error `TOLERANCE`
+    - inf if A is not Hurwitz
+    - 0 if the gain is of the order of rounding
     """
     if not is_hurwitz(A):
         return math.inf

@@ -27,7 +27,7 @@ class GameBatch(Reported):
     P: (N, n, n), nan if not certified
     K: (N, m, n), nan if not certified
     certified: (N,), whether the solution is certified
-    reasons: N lines, each the reason why a solution is not certified, or "" if it is
+    reasons: N lines, the reason for a missing certificate, or "" for a certified solution
     """
 
     P: np.ndarray
@@ -39,9 +39,6 @@ class GameBatch(Reported):
 @checks_arguments
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     """Return the solutions of games on plants A (N, n, n), B (N, n, m).
-
-    The P and K of a game without a certified solution are nan, and its reason names the failed
-    test.
 
     like: game with E, Q, R and delta
 

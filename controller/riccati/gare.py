@@ -157,7 +157,8 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
     """Return the certified solution of a normal form.
 
-    Raises NoSolutionError with the failed test and, if a delta has a solution, the smallest one.
+    Raises NoSolutionError with the failed test and delta_min, or with the reason why no delta has a
+    solution.
     """
     try:
         return certified_solution(form)
@@ -171,7 +172,7 @@ def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
     """Return a certified solution, converted to the user's coordinates.
 
     form: normal form of the game
-    certified: its solution
+    certified: certified solution of the game, possibly in other coordinates
     game: the game as the user gave it
     """
     X = certified.X

@@ -79,10 +79,10 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
 
 
 def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
-    """Return the checks that the L2 gain of u = -K z is below delta, and that two methods give the
-    same L2 gain.
+    """Return the checks that the L2 gain of u = -K z is below delta, and that two methods agree on
+    the gain.
 
-    If A - B K is not Hurwitz, only the first check is returned, and it fails.
+    If A - B K is not Hurwitz, only a failed check of the L2 gain is returned.
     """
     gain = bounded_real_gain(game, K)
     if math.isinf(gain):

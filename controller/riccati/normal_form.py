@@ -167,8 +167,7 @@ class NormalForm:
     def rounded(self) -> np.ndarray:
         """Change of B B' - E E' by rounding of `root`, B and E, (..., n, n), to first order.
 
-        Near the smallest delta the two terms nearly cancel. Without this correction, P would be
-        that of another game.
+        Near the smallest delta the two terms nearly cancel, so that this change matters.
         """
         root = self.root
         half = np.zeros_like(self.A)
@@ -270,9 +269,9 @@ class NormalForm:
     def turned(self) -> Self:
         """Return one game in coordinates in which P of its LQ problem is moderate.
 
-        The game itself is returned if its P is moderate, or if no such coordinates are found.
-        Without the change, a mode that the inputs reach only by a small fraction r costs 1/r², and
-        the rounding of this cost hides all other modes.
+        The form is unchanged if P is moderate, or if no such coordinates are found. Without the
+        change, a mode that the inputs reach only by a small fraction r costs 1/r², and rounding of
+        this cost hides all other modes.
 
         The change of coordinates is T <- D W'T. For the basis [X1; X2] of the stable subspace, X1 =
         W cos(θ) Z', and tan(θ) are the singular values of P. D contains the units of the directions
@@ -298,9 +297,10 @@ class NormalForm:
     def levelled(self) -> Self:
         """Return one game in coordinates in which P of its LQ problem is near I.
 
-        Fast and slow states together can give a P with entries from 1e-11 to 1, and rounding of the
-        fast states then hides the slow ones. The unit of a direction in which P is only rounding is
-        not changed. If P cannot be computed, the result is that of `turned`.
+        If P cannot be computed, the result of `turned` is returned. Without the change, P of a
+        plant with fast and slow states can have entries from 1e-11 to 1, and rounding of the fast
+        states hides the slow states. The unit of a direction in which P is only rounding is not
+        changed.
         """
         from controller.riccati.schur import stable_basis
 

@@ -119,12 +119,11 @@ def rank_distance(
 def least_vectors(matrices: np.ndarray) -> np.ndarray:
     """Return the right singular vectors of the smallest singular values, (K, n, 1).
 
-    matrices: (K, p, n), p >= n
+    The vectors are computed by inverse iteration. If the inverse overflows, as for a chain of 20
+    integrators, the singular value decomposition is used. Source: Golub and Van Loan, Matrix
+    Computations, Section 5.5.7.
 
-    The vectors are computed by inverse iteration with the triangular factor of the QR
-    decomposition. A singular factor is perturbed by the size of rounding. If its inverse overflows
-    (as for a chain of 20 integrators), the singular value decomposition is used. Source: Golub and
-    Van Loan, Matrix Computations, Section 5.5.7.
+    matrices: (K, p, n), p >= n
     """
     from scipy.linalg.lapack import ztrtri
 

@@ -57,8 +57,11 @@ class DeltaMin(NamedTuple):
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
     def advice(self, delta: float) -> str:
-        """Return a sentence that compares delta with delta_min and recommends a change if it is too
-        small."""
+        """Return a sentence that compares delta with delta_min.
+
+        The sentence recommends a larger delta unless delta exceeds delta_min by at least `CLOSE`
+        (relative).
+        """
         what = "; choose a larger delta"
         excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # a value may or may not exist
@@ -83,7 +86,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
     progress: called during the search
 
-    Raises NoSolutionError if no δ has a solution. The message names the responsible mode, if it is
+    Raises NoSolutionError if no δ has a solution. The message names the responsible mode if one is
     found.
 
     >>> import hfa
@@ -207,7 +210,8 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return a clause on the mode with too small a reach or cost, or "" if there is none.
+        """Return a clause on the mode with the smallest reach or cost, or "" if this is above
+        `BARELY`.
 
         reach: subject and verb for the reach, such as "the inputs reach"
         show: subject and verb for the cost, such as "Q shows"
@@ -262,11 +266,11 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
-    """Return each eigenvalue of A and its largest change by rounding of A, to first order.
+    """Return each eigenvalue of A with a bound of its change by rounding of A, to first order.
 
-    The change is y'|D|x / |y'x| for a change D of the entries by rounding. The result is limited to
-    `_NEAR_AXIS` times the norm `size` of A, which is also the result for a defective A. Source:
-    Golub and Van Loan, Section 7.2.2.
+    The bound is y'|D|x / |y'x| for a change D of the entries by rounding, at most `_NEAR_AXIS`
+    times the norm `size` of A. For a defective A every bound has this largest value. Source: Golub
+    and Van Loan, Section 7.2.2.
     """
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size

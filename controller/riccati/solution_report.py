@@ -68,7 +68,7 @@ class AnalysedGame(Solution):
 
     @property
     def loop_margins(self) -> dict[str, dict[str, float]]:
-        """Input -> margins of its loop: gain (factors), phase (deg), delay (s) and disk."""
+        """Input -> margins of the loop at this input (`named_margins`)."""
         return named_margins(self.names.inputs, self.loops)
 
     def report(self) -> Report:
@@ -106,8 +106,7 @@ class AnalysedGame(Solution):
 def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Return the certified solution of a game with its smallest delta, cost and margins.
 
-    All checks are made in normal form, so that the verdict does not depend on the user's units. The
-    cost is compared for the initial state with one unit of each state.
+    All checks are made in normal form, so that the verdict does not depend on the user's units.
 
     progress: called during the search for delta_min
 

@@ -1,7 +1,7 @@
 """An independent model of three panels in space, for comparison with the equations of motion.
 
-With locked hinges the aircraft is this rigid body, and symmetric conditions keep it in its plane.
-Only the loads of one panel are computed by the product.
+The aircraft with locked hinges is a rigid body, and symmetric conditions keep the body in its
+plane. Only the loads of one panel are computed by the product.
 """
 
 from __future__ import annotations
@@ -127,8 +127,10 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
 def test_with_locked_hinges_newton_is_the_rigid_aircraft(
     parameters: Parameters, dihedral: float
 ) -> None:
-    """With locked hinges, the rates of "newton" equal those of a rigid body, and the rates of
-    "published" differ from them."""
+    """With locked hinges, V', α' and q' of "newton" equal the rates of a rigid body.
+
+    The rates of "published" differ from the rates of the rigid body.
+    """
 
     def locked(x: State) -> State:
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)
@@ -142,7 +144,7 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
 def test_moving_hinges_move_only_the_mass_center(
     parameters: Parameters,
 ) -> None:
-    """With moving hinges, V' and α' equal those of the rigid body, but q' does not."""
+    """With moving hinges, V' and α' of "newton" equal the rates of the rigid body, but q' does not."""
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3
@@ -151,7 +153,7 @@ def test_moving_hinges_move_only_the_mass_center(
 def test_symmetric_flight_stays_in_its_plane(parameters: Parameters) -> None:
     """In symmetric flight, side force, roll and yaw moments, and products of inertia are 0.
 
-    This is true in wind and with moving hinges. An aileron on one side causes a roll or yaw moment.
+    The flights include wind and moving hinges. An aileron on one side causes a roll or yaw moment.
     """
     for x, u, winds in cases(lambda x: x):
         body = three_panels(x, u, parameters, winds)

@@ -67,10 +67,10 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
 
 
 def test_inputs_reach_modes_or_not() -> None:
-    """A model is not controllable if its inputs do not affect a mode, in any coordinates.
+    """A model is not controllable if the inputs do not affect a mode, in any coordinates.
 
-    A model is not observable if its outputs do not show a mode. `zeros` returns the eigenvalue of
-    this mode.
+    A model is not observable if the outputs do not show a mode. `zeros` returns the eigenvalue of
+    the mode.
     """
     linear = _linear()
     assert linear.is_controllable

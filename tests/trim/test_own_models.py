@@ -73,10 +73,7 @@ def test_slow_flights_of_the_book(
 
 
 def test_no_row_with_free_states_depends_on_others() -> None:
-    """A point with free states has the same bits alone and with other points.
-
-    This includes searches that begin at the center of a cell of a table.
-    """
+    """A point with free states has the same bits alone and with other points."""
     speeds = np.linspace(200.0, 700.0, 300)[:, None]
     whole = trim_points(F16, ("speed",), speeds)
     for rows in (slice(7, 8), slice(100, 140)):

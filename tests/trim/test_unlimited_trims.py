@@ -1,4 +1,4 @@
-"""Trims of aircraft that declare no limits: they remain in the usual range of flight."""
+"""Trims of aircraft that declare no limits remain in the usual range of flight."""
 
 from __future__ import annotations
 

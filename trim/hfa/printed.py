@@ -68,7 +68,7 @@ class EntryRow(Result):
     def half_units(self) -> float:
         """Return (computed - printed) / half unit.
 
-        Within ±1, the computed entry rounds to the printed one.
+        Within ±1, the computed value rounds to the printed value.
         """
         return (self.computed - self.printed) / self.half_unit
 
@@ -185,8 +185,9 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """Return the report of a linear model with a table that compares it with the printed pair (A,
-    B)."""
+    """Return the report of a linear model, followed by a table of its entries and the printed
+    entries.
+    """
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
@@ -195,7 +196,7 @@ def compared_with_print(report: Report, model: LinearModel, published: Published
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
-    """Return a table of a model's entries compared with the printed ones."""
+    """Return a table of a model's entries and the printed entries."""
     return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
 
 

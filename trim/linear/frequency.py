@@ -73,8 +73,8 @@ def bode_figure(model: LinearModel) -> Figure:
 def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     """Draw magnitude (dB) and phase (deg), one panel for each output and one line for each input.
 
-    At most six outputs that an input affects are drawn. The names of the others are printed below.
-    The frequencies are those of `bode_frequencies`.
+    At most `_MOST_PANELS` outputs that an input affects are drawn. The names of all other outputs
+    are printed below. The frequencies are `bode_frequencies`.
 
     figure: an empty figure, which is resized and returned
 

@@ -52,12 +52,13 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     """Return the handling qualities at a trim that the declared modes and outputs of the model
     allow.
 
-    The modes `short period`, `phugoid` and `dutch roll` have a natural frequency and a damping
-    ratio. If such a mode consists of two real eigenvalues, both follow from their product and sum.
-    `roll` has the time constant -1/λ, and `spiral` the time to double or half, ln 2/|λ|.
+    - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
+      eigenvalues from their product and sum
+    - `roll`: time constant -1/λ
+    - `spiral`: time to double or half, ln 2/|λ|
+    - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the control
+      anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1)
 
-    With an output `load_factor` and a state `alpha` in the short period, the result includes
-    n/alpha and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1).
     n/alpha is the steady change of the load factor divided by the steady change of alpha, after a
     step of the input that pitches the aircraft most. All states except alpha and pitch rate are
     held.

@@ -146,12 +146,16 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         *,
         residualize: Sequence[str] = (),
     ) -> LinearModel:
-        """Return the model with the named states and inputs; None keeps all.
+        """Return the model with the named states and inputs, where None keeps all.
 
-        Omitted states and inputs are constant at their offsets. States in `residualize` follow the
-        other states without delay, x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are
-        unchanged. Raises BadInputError if the model does not have such a name, a name is repeated,
-        no state remains, or A22 is singular.
+        Omitted states and inputs are constant at their offsets.
+
+        residualize: states that follow the other states without delay, x2 = -A22⁻¹ (A21 x1 + B2 u +
+            E2 w),
+            so that static gains are unchanged
+
+        Raises BadInputError if the model does not have such a name, a name is repeated, no state
+        remains, or A22 is singular.
         """
         from trim.linear.reduction import reduced
 

@@ -40,15 +40,15 @@ def modes_of(
     states: tuple[str, ...],
     families: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> tuple[Mode, ...]:
-    """Return the modes of x' = A x, fastest first; a conjugate pair is one mode.
-
-    states: names of the rows of A
-    families: name of a mode -> the states that participate most
+    """Return the modes of x' = A x, fastest first, where a conjugate pair is one mode.
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
-    states with the largest participation, or after the state if it is in no family. Equal names are
-    distinguished by "fast" and "slow", or by numbers if there are more than two.
+    states with the largest participation. A state without a family is its own family. Equal names
+    are distinguished by "fast" and "slow", or by numbers if there are more than two.
+
+    states: names of the rows of A
+    families: name of a mode -> the states that participate most
 
     Raises BadInputError if A is not a square matrix of finite numbers with one row for each state.
 
@@ -191,8 +191,8 @@ class Eigenvalues(NamedArray):
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
     """Return the eigenvalues (.., n) with each row sorted by decreasing magnitude.
 
-    Eigenvalues of equal magnitude are sorted by increasing real part. Of a conjugate pair, the one
-    with the positive imaginary part is first.
+    Eigenvalues of equal magnitude, to 9 decimals, are sorted by increasing real part, then by
+    decreasing imaginary part.
     """
     order = order_fastest_first(eigenvalues)
     return np.take_along_axis(eigenvalues, order, axis=-1).astype(complex)

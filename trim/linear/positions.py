@@ -12,7 +12,7 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
 
     what: kind of the names in messages: "state"
 
-    Raises BadInputError for an unknown name, and for a name given twice.
+    Raises BadInputError for an unknown name, and for a repeated name.
     """
     chosen = known if names is None else names
     if isinstance(chosen, str):

@@ -1,7 +1,4 @@
-"""Linear models with fewer states.
-
-Omitted states are constant, or follow the other states without delay.
-"""
+"""Linear models with fewer states, which are constant or follow the other states without delay."""
 
 from __future__ import annotations
 
@@ -38,7 +35,7 @@ Names = str | tuple[str, ...] | list[str] | None
 
 
 def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model from the named inputs to the named outputs; None keeps all.
+    """Return the model from the named inputs to the named outputs, where None keeps all.
 
     Raises BadInputError if the model does not have such a name, or a name is repeated.
     """
@@ -105,7 +102,7 @@ def _reduced(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the kept rows and columns of a pair of matrices: A and C, B and D, or E and F.
 
-    The result includes the effect of the states that follow the kept ones without delay.
+    The result includes the effect of the states that follow without delay.
 
     of_rates: A, B or E
     of_outputs: C, D or F

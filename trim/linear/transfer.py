@@ -92,8 +92,8 @@ def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
     """Return the invariant zeros with bounds on their rounding errors, and the normal rank.
 
-    The system is reduced to one with the same zeros and a square, invertible D (A. Emami-Naeini, P.
-    Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
+    The system is reduced to a system with the same zeros and a square, invertible D (A.
+    Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
     """
     size = float(np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]])))
     small = ROUNDING * size

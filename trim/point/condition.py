@@ -145,9 +145,9 @@ class TrimCondition:
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
-        """Return the condition without the imposed alternatives of these names.
+        """Return the condition without the imposed alternatives of the names.
 
-        Of each group in the model's `alternatives`, such as speed and mach, only one name can be
+        Only one name of each group in the model's `alternatives`, such as speed and mach, can be
         imposed.
         """
         if not self.model.extras.alternatives:
@@ -155,10 +155,10 @@ class TrimCondition:
         return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
 
     def resolved(self) -> TrimCondition:
-        """Return the condition with the first of each group of alternatives imposed: speed for
+        """Return the condition with the first name of each group of alternatives imposed: speed for
         kcas.
 
-        A group is unchanged if the imposed alternative does not determine the first one.
+        A group is unchanged if the imposed alternative does not determine the first name.
         """
         if not self.model.extras.alternatives:
             return self
@@ -299,9 +299,10 @@ def release(
 
 
 def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the imposed values, with the first of each group of alternatives instead of another.
+    """Return the imposed values, with the first name of each group of alternatives instead of
+    another name.
 
-    A group is unchanged if the imposed alternative does not determine the first one.
+    A group is unchanged if the imposed alternative does not determine the first name.
 
     imposed: name -> number or array
     """
@@ -320,7 +321,7 @@ def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[st
 def without_alternatives(
     model: Model, imposed: Mapping[str, Any], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return the imposed values without the alternatives of these names.
+    """Return the imposed values without the alternatives of the names.
 
     names: names that will be imposed instead
     """

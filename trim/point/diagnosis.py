@@ -22,9 +22,10 @@ _MINOR = 1e-3
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
     """Return one line with the reason why the best unknowns found are not a trim.
 
-    If all equations balance, the line names the outputs beyond their limits. Otherwise the line
-    names the equations that do not balance, with their residuals, the active limits, and free
-    variables without an independent effect.
+    - If all equations balance within the limits of the unknowns, the line names the outputs beyond
+      their limits.
+    - Otherwise the line names the equations that do not balance, with their residuals, the active
+      limits, and free variables without an independent effect.
 
     found: unknowns, (k,), possibly beyond their limits
     """

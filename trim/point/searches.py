@@ -71,13 +71,9 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 def _continued(problem: TrimProblem) -> np.ndarray | None:
     """Return the solution at the end of a path from the trim that the model declares, or None.
 
-    The imposed values change from those of the declared trim, c0, to the requested ones, c1:
-
-    c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
-
-    The steps of s are small enough for Newton's method. Each step begins on the line through the
-    two previous solutions. The result is None if the declared trim is not found, Newton's method
-    fails before s = 1, or nothing changes.
+    The imposed values change from c0, the declared trim, to c1, the requested values: c(s) = c0 + s
+    (c1 - c0), r(z, c(s)) = 0, s from 0 to 1. The result is None if the system is not square, the
+    declared trim is not found, Newton's method fails before s = 1, or nothing changes.
     """
     system = problem.system
     usual = usual_condition(problem.model)
@@ -118,7 +114,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
     """Return the unknowns (k,) after Newton's method, in which unknowns at a limit are fixed.
 
-    z: initial scaled unknowns; those beyond a limit are moved to it
+    z: initial scaled unknowns, which are first moved within the limits
     """
     system = problem.system
     z = problem.clip(z)

@@ -39,11 +39,12 @@ class Structure(NamedTuple):
     """Structure of the equations of a trim, without the numbers that differ between points.
 
     layout: equations and names of the model
-    given: variables, outputs and rates whose values are set at each point; other imposed ones are 0
+    given: variables, outputs and rates whose values are set at each point; all other imposed values
+        are 0
     free: (variable, scale) for all variables that are not imposed
     rates: (state, scale of its rate) for all imposed rates
     outputs: (output, scale) for all imposed outputs
-    watched: (state or output, scale) for those with limits that are neither imposed nor unknown
+    watched: (state or output, scale) for signals with limits that are neither imposed nor unknown
     """
 
     layout: Layout
@@ -369,7 +370,7 @@ class TrimSystem:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unknowns (N, k) after a few full Newton steps, and two masks (N,).
 
-        The first mask marks the points that converged, the second mask those that did not.
+        The first mask marks the points that converged, the second mask all other points.
         """
         after, flags = step_rows(self.equations, self.steps)(z, c)
         settled = flags[:, 0] == 1.0
@@ -445,7 +446,8 @@ def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
     """Return variable -> initial value of a search.
 
-    The initial value is the declared one, unless the model computes it from the imposed values.
+    The initial value is the declared value, unless the model computes a value from the imposed
+    values.
     """
     values = {name: model.signals[name].start for name in model.variables}
     if model.extras.begin is not None:

@@ -192,9 +192,9 @@ def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dic
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return a table of the equations, in which those that do not balance are first.
+    """Return a table of the equations, with unbalanced equations first.
 
-    The column of imposed rates is omitted if all are zero.
+    The column of imposed rates is omitted if all imposed rates are 0.
     """
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)

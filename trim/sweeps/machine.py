@@ -191,7 +191,7 @@ class CompiledTrim:
     def newton(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unknowns (N, k) after Newton's method, and two masks (N,).
 
-        The first mask marks the points that converged, the second mask those with a singular
+        The first mask marks the points that converged, the second mask the points with a singular
         Jacobian.
 
         z: (N, k), initial unknowns

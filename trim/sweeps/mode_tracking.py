@@ -237,8 +237,8 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return the permutation (n,) with the largest gain that keeps conjugate pairs together.
 
-    If a pair becomes two real eigenvalues, both pairings have the same gain. The member with
-    positive imaginary part then matches the lower real eigenvalue.
+    If a pair becomes two real eigenvalues, the member with positive imaginary part matches the
+    lower real eigenvalue.
 
     gain: (n, n)
     values, others: (n,), eigenvalues of both points

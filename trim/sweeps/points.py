@@ -85,19 +85,19 @@ def trim_points(
 ) -> Points:
     """Return the trims and linear models for all rows of `values`.
 
+    Without as many equations as unknowns, the points are solved one by one. The status of a row
+    without a trim is BEYOND_LIMITS if a solution beyond the limits is known and all unknowns are
+    inputs, otherwise NO_TRIM.
+
     model: model of the aircraft
     variables: one name for each column of values: variables or rates, imposed instead of the
-        condition's values, or parameters
+        condition's
+        values, or parameters
     values: (N, number of variables)
     condition: by default the trim that the model declares
     start: initial point of the search for each row
     compile_code: whether machine code is used; by default from `COMPILE_FROM` points on
     progress: called with (finished points, all points)
-
-    Newton's method needs as many equations as unknowns; otherwise the points are solved one by one.
-    The status of a row without a trim is BEYOND_LIMITS if a solution beyond the limits is known and
-    all unknowns are inputs, otherwise NO_TRIM. With free states, a second solution may exist within
-    the limits.
 
     Raises BadInputError for values of a wrong shape, and for an unknown name.
     """
@@ -129,10 +129,7 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition with the first alternatives imposed: speed for kcas.
-
-    Alternatives are groups of names, of which a trim imposes one.
-    """
+    """Return variables, values and condition with the first alternatives imposed: speed for kcas."""
     if not condition.model.extras.alternatives:
         return variables, values, condition
     condition = condition.freed_for(variables)

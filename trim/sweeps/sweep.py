@@ -256,9 +256,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def plot(self, *names: Any) -> np.ndarray:
         """Draw the root locus over the last variable with pyplot. Return the Axes.
 
-        Each mode has one color, slow modes are enlarged in a second panel, and both ends are
-        marked.
-
         names: values that are drawn instead of the root locus: plot("alpha", "elevator")
 
         Raises BadInputError if no point has a trim.
@@ -390,9 +387,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a report with the values and eigenvalues of each point, or the reason without a
         trim.
 
-        For a long sweep the first and last lines are printed. A conjugate pair has one column,
-        which contains both eigenvalues if the pair becomes real. If the modes of two columns become
-        a conjugate pair, each column contains one of its members.
+        For a long sweep the first and last lines are printed. A conjugate pair has one column. If
+        the modes of two columns become a conjugate pair, each column contains one member of the
+        pair.
         """
         count = len(self.reasons)
         failed = np.flatnonzero(~self.trimmed).tolist()

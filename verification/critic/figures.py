@@ -80,8 +80,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     """Return a figure of the errors and excess costs of several critics, in their order.
 
-    For checkpoints the figure is a learning curve. The figure of a single critic is its
-    `verdict_figure`.
+    The figure of a single critic is its `verdict_figure`.
 
     origin: name of the plant, for the title
     """

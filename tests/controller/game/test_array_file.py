@@ -73,7 +73,7 @@ def test_cells_of_text_and_structures() -> None:
 def test_a_damaged_file_is_refused_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A damaged file is refused in one line, even if SciPy crashes or hangs on it."""
+    """Damaged .mat files are refused in one line, also if the reading process crashes or hangs."""
     whole = mat(**{**TREES, "full": NUMBERS})
     lines = []
     for seed in range(2):

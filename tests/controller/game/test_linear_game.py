@@ -1,4 +1,4 @@
-"""Games on linear models: they keep the names, and accept weights by name."""
+"""Games on linear models: names from the model, and weights by name."""
 
 from __future__ import annotations
 

@@ -63,8 +63,7 @@ def test_weights_of_very_different_size_are_definite(R: Any) -> None:
 
 
 def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
-    """Without E and delta the solution is the LQR, and it can be saved. A game without R is
-    refused."""
+    """Without E and delta, the solution is the LQR and can be saved. A game without R is refused."""
     solution = solve_game(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
     np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
     solution.save(tmp_path / "solution.json")

@@ -1,4 +1,4 @@
-"""The certified law: it finds the exact solution in predefined time, or refuses with the reason."""
+"""The certified law finds the exact solution in predefined time, or fails with the reason."""
 
 from __future__ import annotations
 

@@ -92,8 +92,9 @@ def test_the_default_number_of_samples_is_enough() -> None:
 
 
 def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If not all rows of a history are stored, they are evenly spaced, with the first and the
-    last."""
+    """If not all rows of a history are stored, the stored rows are evenly spaced, with the first
+    and the last row.
+    """
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     # Reaching the real number of rows would take a run of minutes.
@@ -121,7 +122,7 @@ def test_a_poor_stack_is_not_settled() -> None:
 def test_singular_weights_are_learned_and_pass() -> None:
     """Games with a singular Q = C'C are learned and pass the check.
 
-    Rounding makes the smallest eigenvalue of P negative in some of them and positive in others.
+    The smallest eigenvalue of P is positive in some games, and 0 or negative by rounding in others.
     """
     rng = np.random.default_rng(18)
     signs = set()

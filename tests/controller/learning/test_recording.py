@@ -23,7 +23,7 @@ def worst_condition(stack: Stack) -> float:
 
 
 def test_random_pool_follows_its_box_and_seed() -> None:
-    """Random states fill their box, the seed reproduces them, and their drifts are A z."""
+    """Random states fill the given box and are reproduced by the seed. The drifts are A z."""
     game = stable_game()
     pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
     assert np.all(np.abs(pool.states) <= [2.0, 0.1])

@@ -286,8 +286,7 @@ def test_one_mode_on_the_axis_is_seen() -> None:
 
 
 def test_the_frequency_belongs_to_the_distance() -> None:
-    """The returned frequency is where the distance is attained, not that of the least damped
-    mode."""
+    """The returned frequency belongs to the distance and not to the least damped mode."""
     computed = spectrum(jordan(np.random.default_rng(0), 40))
     least_damped = computed.eigenvalues[np.argmax(computed.eigenvalues.real)]
     distance, frequency = computed.nearest_to_axis()

@@ -1,7 +1,7 @@
 """Verdicts on copies of a game.
 
-They must not depend on the last bits, the order of the states, their units (powers of two), an
-orthogonal change of coordinates, or the number of threads.
+The verdicts must not depend on the last bits, the order of the states, their units (powers of two),
+an orthogonal change of coordinates, or the number of threads.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def random_games(number: int) -> Iterator[Game]:
 
 
 def verdict(game: Game) -> bool | None:
-    """Return whether a game has a value, or None if this is undecided."""
+    """Return whether a game has a value, or None if the existence is undecided."""
     return existence(NormalForm.of(game)).exists
 
 
@@ -91,7 +91,9 @@ def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
 def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
-    """All copies of a game have the same smallest delta, a solution above it, and none below."""
+    """All copies of a game have the same smallest delta, with a solution 0.1 % above and none 0.1 %
+    below.
+    """
     game = game_models()[name]
     smallest = minimum_delta(game)
     for copy in copies(game, 1, 4):

@@ -168,8 +168,8 @@ def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
 def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
-    """An unreachable unstable mode is refused, although rounding of the entries reaches it
-    slightly.
+    """A game with an unreachable unstable mode is refused, although rounding of the entries makes
+    the mode slightly reachable.
 
     The units of the states differ by factors up to 1e8.
     """
@@ -190,7 +190,8 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
 def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
-    """The certificate of a plant with two close unstable modes and one input states their reach.
+    """The certificate of a plant with two close unstable modes and one input states the reach of
+    the modes.
 
     The reach is at most the least relative change found that makes a mode unreachable.
     """

@@ -53,10 +53,7 @@ def test_first_order_loop_has_its_known_gain() -> None:
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
 def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
-    """The sweep finds the resonance gain 1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s.
-
-    A coarse grid would miss this frequency, and for small ζ also the narrow peak.
-    """
+    """The sweep finds the resonance gain 1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
     peak = swept_gain(*closed_loop(game, np.zeros((1, 2))))

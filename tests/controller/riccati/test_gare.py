@@ -173,7 +173,7 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
 def test_problem_without_lqr_solution_names_the_mode(
     A: object, B: object, Q: object, message: str
 ) -> None:
-    """If no LQR solution exists, a one-line message names the mode that prevents it."""
+    """If no LQR solution exists, a one-line message names the responsible mode."""
     game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
     for solver in (solve_game, minimum_delta):

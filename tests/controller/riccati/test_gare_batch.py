@@ -54,9 +54,10 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
 
 
 def test_the_game_loops_bound_is_close_from_above():
-    """The bound of the largest real part of A - S X is above the computed value and close to it.
+    """The bound of the largest real part of A - S X exceeds the computed value by at most 0.1 % of
+    its size.
 
-    The loops have up to twelve states and rows of sizes from 0.05 to 20.
+    The games have up to twelve states, with rows of A of very different size.
     """
     rng = np.random.default_rng(0)
     for n in (2, 6, 12):
@@ -72,9 +73,10 @@ def test_the_game_loops_bound_is_close_from_above():
 
 
 def test_the_axis_distance_is_that_of_all_eigenvectors():
-    """The bound of the axis distance from half of the eigenvectors equals the bound from all.
+    """The bound of the axis distance from half of the eigenvectors equals the bound from all
+    eigenvectors.
 
-    This bound is not above the true distance.
+    The bound is at most the true distance.
     """
     A, B = _models("published", 5)
     form = NormalForm.of_plants(A, B, published_game(A[2], B[2]))

@@ -47,7 +47,7 @@ def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
 
     The numbers of inputs and disturbances are random.
 
-    rank: rank of Q; n by default
+    rank: rank of Q, by default n
     """
     m = int(rng.integers(1, n + 1))
     k = int(rng.integers(1, n + 1))
@@ -122,7 +122,7 @@ def nilpotent(rng: np.random.Generator, n: int) -> Game:
 def barely_reached(rng: np.random.Generator, n: int) -> Game:
     """Return a game with one or two unstable modes that the inputs barely reach.
 
-    Their rows of B are scaled by 1e-11 to 1e-5, and the coordinates are random.
+    The rows of B for these modes are scaled by 1e-11 to 1e-5. The coordinates are random.
     """
     few = 2 if n > 2 and rng.random() < 0.4 else 1
     A = np.triu(rng.standard_normal((n, n)), 1) * (rng.random() < 0.5) - np.diag(
@@ -285,10 +285,7 @@ def test_smallest_delta_of_each_structure() -> None:
 
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_games_with_a_barely_reached_mode(count: int) -> None:
-    """At most 1 % of the games with a barely reached mode are refused wrongly or near the edge.
-
-    The games include those with one state, in extreme units, and near the smallest delta.
-    """
+    """At most 1 % of the games with a barely reached mode are refused wrongly or near the edge."""
     verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
     assert verdicts["refused wrongly"] + verdicts["refused at the edge"] <= 0.01 * count, verdicts
     assert verdicts["accepted, rightly"] >= 0.7 * count
@@ -321,7 +318,7 @@ def test_two_thousand_games(seed: int) -> None:
 def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
     """P of random games is right to 1e-8, and no game is refused wrongly.
 
-    SciPy's solver alone returns other roots for some of them without an error.
+    SciPy's solver alone returns another root without an error for at least 4 % of the games.
     """
     rng = np.random.default_rng(2 if count > 12 else 1)
     verdicts = Counter[str]()

@@ -55,10 +55,8 @@ def chain(n: int, delta: float = 1000.0) -> Game:
 
 @pytest.mark.parametrize("n", [2, 5, 8, 12])
 def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
-    """Chains of n integrators in random coordinates are solved.
-
-    Their A is defective, and rounding spreads the eigenvalue 0 by about 1e-16^(1/n). An error of
-    1e-11 planted in P is detected.
+    """Chains of n integrators in random coordinates are solved. An error of 1e-11 planted in P is
+    detected.
     """
     for seed in range(2):
         game = elsewhere(chain(n), seed)
@@ -92,9 +90,10 @@ def test_Q_of_every_rank(rank: int) -> None:
 def test_an_undamped_mode_needs_weight_in_Q(
     delta: float,
 ) -> None:
-    """A plant with two undamped oscillators and an integrator is solved if Q weights all three.
+    """A plant with two undamped oscillators and an integrator is solved if Q weights all three
+    modes.
 
-    If Q does not weight one of them, the game is refused, and the message names this mode.
+    If Q does not weight a mode, the game is refused, and the message names this mode.
     """
     A = np.zeros((5, 5))
     A[:2, :2], A[2:4, 2:4] = TURN, 3.0 * TURN

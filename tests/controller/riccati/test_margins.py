@@ -136,7 +136,7 @@ def _light_modes() -> tuple[Game, np.ndarray]:
 def test_margins_of_light_and_close_modes_are_attained() -> None:
     """Factors at the edge of the disk and of the phase margin put a pole on the axis.
 
-    The phase margin of the disk is smaller than that of the loop.
+    The phase margin of the disk is smaller than the phase margin of the loop.
     """
     game, K = _light_modes()
     disk = disk_margin(game, K)
@@ -255,9 +255,8 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
 
 
 def test_nine_equal_loops_have_the_slackest_margin() -> None:
-    """Nine loops k / (s (s + 1)) have the margins of the loop with the largest k.
-
-    Their order changes with the frequency.
+    """Nine loops k / (s (s + 1)), in random order at each frequency, have the margins of the
+    largest k.
     """
     gains = np.linspace(0.5, 4.5, 9)
     frequencies = np.geomspace(1e-3, 100.0, 400)
@@ -273,7 +272,7 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
 
 
 def test_two_complex_loci_have_no_gain_at_rest() -> None:
-    """Two complex loci have no gain margin, because every common factor leaves their loop stable.
+    """Two complex loci have no gain margin, because every common factor leaves the loop stable.
 
     The loop is L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1).
     """

@@ -213,10 +213,11 @@ def over_ground(aircraft: Model) -> Model:
 
 
 def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
-    """The columns of E for wind at the center and the outer panels add up to that of uniform wind.
+    """The columns of E for wind at the center and the outer panels add up to the column of uniform
+    wind.
 
     In level trim, headwind has the effect of more speed over ground. Outward wind affects only
-    raised panels.
+    raised panels. The definition of drag in wind changes E.
     """
     point = point_of(aircraft)
     model = linearize(aircraft, point, full=True, disturbances=NAMES)

@@ -184,8 +184,8 @@ def test_printed_modes_and_load_factors(model: Model) -> None:
 
 
 def test_two_real_eigenvalues_share_a_frequency() -> None:
-    """If the short period consists of two real eigenvalues, its frequency is the square root of
-    their product.
+    """The frequency of a short period with two real eigenvalues is the square root of their
+    product.
 
     The flexible aircraft at 30 deg has such a short period.
     """

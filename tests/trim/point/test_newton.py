@@ -86,8 +86,8 @@ def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
 
 
 def test_trials_can_be_kept_within_the_limits() -> None:
-    """With `bounded`, Newton's method remains within the limits. Without `bounded`, it converges
-    beyond them.
+    """With `bounded`, Newton's method remains within the limits. Without `bounded`, the solution is
+    beyond the limits.
     """
     model, condition = circle(1.0)
     bounded = TrimCondition(model, condition.imposed, limits={"x": (0.0, 5.0)})

@@ -336,7 +336,7 @@ ANGLES = [
 
 @pytest.fixture(scope="module")
 def strong(published_aircraft: Model) -> Model:
-    """Return a light aircraft with 100 times the thrust, so that it can climb at any angle."""
+    """Return a light aircraft with 100 times the thrust, which can climb at any angle."""
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
     mass = 0.9 * parameters.panel_mass
@@ -362,8 +362,9 @@ def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> 
 
 
 def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
-    """If alpha and gamma are free and within their limits, the limit of their sum, pitch, is
-    checked."""
+    """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
+    checked.
+    """
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
     lifted = find_operating_point(strong, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
@@ -402,8 +403,7 @@ def test_holding_by_name_agrees_with_the_command() -> None:
 
 
 def test_an_operating_point_lists_its_names() -> None:
-    """Iteration yields each name that `point[name]` accepts once, and dict() contains their
-    values."""
+    """Iteration yields each name of a point once, and dict(point) contains the value of each name."""
     model = hfa.aircraft()
     point = find_operating_point(model)
     names = list(point)

@@ -132,7 +132,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
     """The JSON of a failed trim contains the nearest point within limits, the binding limit and the
     cause.
 
-    The exit code is 1, and the message equals that of the text output.
+    The exit code is 1, and the message of the JSON output equals the message of the text output.
     """
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
     result = hfa(*words, "--json")
@@ -171,7 +171,7 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
-    """Forces are coefficient times pressure times area, and they balance in a climb.
+    """Forces equal coefficient times pressure times area, and balance in a climb.
 
     L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
     """
@@ -214,8 +214,8 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
 
 def test_undetermined_trims_are_told_from_determined_ones() -> None:
-    """The report names the variable of an undetermined trim, and omits this warning if the variable
-    is held.
+    """The report names the variable of an undetermined trim. With this variable held, no warning is
+    printed.
 
     The equations a' = a b and b' = u - b are satisfied for any a at b = 0.
     """

@@ -43,10 +43,7 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
 
 @pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])
 def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
-    """Two eigenvalues that are equal at a grid point (s = 1) cross there.
-
-    At this point, rounding determines their eigenvectors.
-    """
+    """Two eigenvalues that are equal at a grid point (s = 1) cross there."""
     shapes = np.random.default_rng(seed).normal(size=(3, 3))
     nominal = [hfa.aircraft().states[name].nominal for name in STATES]
     vectors = np.array(nominal)[:, None] * shapes / np.linalg.norm(shapes, axis=0)

@@ -285,9 +285,8 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
-    """States, inputs, A and B of many points equal those of single trims.
-
-    This is true with and without compiled equations.
+    """States, inputs, A and B of many points equal those of single trims, with and without compiled
+    code.
     """
     aircraft = choice.aircraft(dynamics)
     k = len(variables)
@@ -327,7 +326,7 @@ def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
 
 
 def test_each_point_carries_its_status(aircraft: Model) -> None:
-    """Each point has the expected status, and its A is finite if and only if it is trimmed.
+    """Each point has the expected status, and A is finite if and only if the point is trimmed.
 
     The stored eigenvalues of A are sorted, fastest first, and nan without a trim. Speeds are in
     ft/s, gamma and alpha in rad.
@@ -456,8 +455,7 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
-    """The rows of a plan from 10 to 13 equal those of its grid. The last variable varies
-    fastest."""
+    """Rows 10 to 12 of a plan equal these rows of the whole plan. The last variable varies fastest."""
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
         {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},

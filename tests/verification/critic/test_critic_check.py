@@ -73,7 +73,7 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
 
 
 def test_a_costless_states_value_may_be_0() -> None:
-    """The exact value passes if it is 0 for a state without cost."""
+    """The exact value passes for a state without cost, whose value is 0."""
     A = np.diag([-1.0, -2.0])
     B = np.array([[1.0], [0.0]])
     Q = np.diag([1.0, 0.0])
@@ -425,7 +425,7 @@ def test_every_entry_is_seen(game: Game) -> None:
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
 def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
-    """Sampled errors of V, its gradient and both policies in the box do not exceed their bounds."""
+    """Sampled errors of V, ∂V/∂z and both policies in the box do not exceed their bounds."""
     game = replace(game, E=game.E[:, :disturbances])
     functions = basis(name, 6)
     rng = np.random.default_rng(0)
@@ -523,7 +523,7 @@ def test_a_history_passes_where_it_settles_in_time(
 ) -> None:
     """A history passes if its errors settle before the predefined time.
 
-    Without this time, a history with a wrong last critic fails.
+    Without a predefined time, a history with a wrong last critic fails.
     """
     check = check_history(game, planted(game, sizes, of), predefined_time=predefined_time)
     assert check.table is not None
