@@ -106,7 +106,7 @@ class Critic(Reported):
 
     @property
     def wide(self) -> bool:
-        """True if the first of V, gradient and policy in `network` is not an SX function of CasADi."""
+        """True if the first of V, gradient and policy in `network` is not an SX function."""
         first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
         return first is not None and not first.is_a("SXFunction")
 

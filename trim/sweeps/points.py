@@ -129,7 +129,10 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition with the first alternatives imposed: speed for kcas."""
+    """Return variables, values and condition with the first alternatives imposed (speed for kcas).
+
+    variables, values: as for `trim_points`
+    """
     if not condition.model.extras.alternatives:
         return variables, values, condition
     condition = condition.freed_for(variables)
