@@ -33,9 +33,8 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Load the shared fixtures, except in the controller process of pytest-xdist.
-
-    The controller runs no tests, and importing the fixtures takes a second.
+    """Load the shared fixtures, except in the controller process of pytest-xdist, which runs no
+    tests.
     """
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         config.pluginmanager.import_plugin("shared_fixtures")

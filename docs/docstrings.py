@@ -1,7 +1,7 @@
 """Conversion of plain-text docstrings to the markup of Sphinx.
 
-A line "name: text" becomes the description of that parameter if the function has one of this name.
-In the docstring of a class, it becomes the description of the attribute.
+In the docstring of a function, a line "name: text" describes the parameter of this name. In the
+docstring of a class, the line describes the attribute of this name.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list
 def describe_attributes(owner: type) -> None:
     """Register the description of each attribute of a class with Sphinx.
 
-    Sphinx otherwise reads these descriptions from comments above the attributes.
+    For `Parameters`, the descriptions are the units and meanings in `FIELDS`. For another class,
+    they are entries of the docstring.
     """
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
     text = entries_of((inspect.getdoc(owner) or "").splitlines())
@@ -65,8 +66,8 @@ def describe_attributes(owner: type) -> None:
 def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
     """Yield (names, lines) for each part of a docstring.
 
-    A part is an entry "name, name: text" or prose. The names of prose are an empty list. The
-    continuation lines of an entry are indented deeper than its first line.
+    A part is an entry "name, name: text" or prose, for which `names` is empty. The continuation
+    lines of an entry begin with a space.
     """
     names: list[str] = []
     lines: list[str] = []

@@ -121,7 +121,7 @@ def _row(package: str, name: str) -> str:
 def _text(package: str, name: str) -> list[str]:
     """Return the lines of the docstring of a class or routine.
 
-    For a constant, return the lines of the comment above its definition.
+    For another object, return the lines of the comment above its definition.
     """
     value = value_of(package, name)
     if isinstance(value, type) or inspect.isroutine(value):

@@ -36,9 +36,10 @@ class CommandEntry(NamedTuple):
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
-        """Import the command and return it.
+        """Import the command and return it with the example and the install requirement of the
+        entry.
 
-        Raises BadInputError if the object is not a `Command`.
+        Raises BadInputError if the object is not a `Command` whose request class declares options.
         """
         module, _, name = self.command.partition(":")
         from hfa.options.command import Command
@@ -171,7 +172,7 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     """Split a command line into (name of the command, remaining words).
 
     The name is "" if the first word is not a command. Raises BadInputError if the second word is
-    missing or unknown, or if an option precedes the name.
+    missing or unknown, or if an option comes before or between the words of the name.
     """
     first = words[0] if words else ""
     if first in CORE:

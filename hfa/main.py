@@ -113,7 +113,8 @@ def _failure(error: BaseException) -> tuple[str, int]:
 def _run(words: list[str], find: Find) -> int:
     """Run the command given by the command line, and return its exit code.
 
-    Raises BadInputError if an installed package is missing or if the equations end the program.
+    Raises BadInputError if the arguments are invalid, if the equations of the model call sys.exit,
+    or if a package is missing that the `install` requirement of the command provides.
     """
     from hfa_support.files import inputs_kept
 
@@ -211,7 +212,8 @@ def _refuse_to_overwrite(request: Request) -> None:
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """Print each distinct warning of a successful run as a note.
 
-    Warnings intended for programmers, such as deprecations, are not printed.
+    Warnings intended for programmers, such as deprecations, are not printed. Of the warnings that
+    are not of the class UserWarning, at most `_MOST_NOTES` are printed.
     """
     from hfa.output import say_notes
 

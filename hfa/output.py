@@ -87,7 +87,7 @@ def _write(report: Report, path: Path) -> None:
 def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
     """Print the report or, with --json, its data. Then print the notes.
 
-    The text is colored only on a terminal, and not if NO_COLOR is set.
+    The text is colored only on a terminal, unless NO_COLOR is set or TERM is "dumb".
     """
     report = stated(report, request)
     if request.json:

@@ -183,7 +183,7 @@ def _is_none(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Return whether NumPy converts the value to an array of real numbers."""
+    """Return whether NumPy converts the value to an array of real numbers or to an empty array."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         return True
     try:

@@ -40,7 +40,7 @@ class NoSolutionError(RuntimeError):
 def said_of(what: str | Path) -> Iterator[None]:
     """Prefix the message of a BadInputError in the block with a file or another subject.
 
-    A message that already begins with it is not changed.
+    A message that already begins with the subject is not changed.
     """
     try:
         yield
@@ -55,7 +55,7 @@ def said_of(what: str | Path) -> Iterator[None]:
 def file_faults(file: str | Path) -> Iterator[None]:
     """Convert OSError and ValueError in the block to a BadInputError that names the file.
 
-    The block usually calls a reader from another package.
+    A BadInputError is not changed.
     """
     try:
         yield
@@ -91,12 +91,13 @@ def advice(name: str, known: Iterable[str]) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> list[str]:
-    """Return the known names nearest to a name, regardless of case.
+    """Return the known names nearest to a name, regardless of case, or [] if none is near.
 
-    The list is empty if none is near.
-
-    The first nonempty of these lists is returned: the name or its synonyms in other tools, known
-    names that begin with it, known names that contain it, the most similar known names.
+    The first nonempty of these lists is returned:
+    - the name itself and its synonyms in other tools
+    - known names that begin with the name, if it has at least `_SHORTEST_BEGINNING` characters
+    - known names that contain the name, under the same condition
+    - the most similar known names
     """
     from hfa_support.other_words import MEANINGS
 

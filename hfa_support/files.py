@@ -100,7 +100,9 @@ def _identity(path: str | Path) -> tuple[int, int] | None:
 def all_or_none(folder: Path | None = None) -> Iterator[None]:
     """Give files their final names only if the block that writes them ends without an error.
 
-    folder: created if it does not exist, and removed again after an error
+    folder: created if it does not exist; a created folder that is empty after the block is removed
+
+    Raises RuntimeError if blocks are nested.
     """
     global _WAITING
     if _WAITING is not None:
@@ -194,9 +196,11 @@ def _new_file(path: Path, target: Path) -> IO[bytes]:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files and folders of this process. Call it just before the process ends.
+    """Remove the temporary files and folders of this process, and its new folders if they are
+    empty.
 
-    The removal of a folder is repeated while a compiler still writes into it.
+    The function must be called just before the process ends. The removal of a folder is repeated up
+    to `_REMOVALS` times, because a compiler may still write into the folder.
     """
     for path in tuple(_UNFINISHED):
         with suppress(OSError):
@@ -213,12 +217,12 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """Yield a binary stream that becomes the file `path` if the block ends without an error.
+    """Yield a binary stream whose content becomes the file `path` if the block ends without an
+    error.
 
-    The content is written to a temporary file in the same folder, which is then renamed. After an
-    error `path` is unchanged. The mode of an existing file is kept. Raises BadInputError if the
-    folder does not exist or is not writable, or if `path` is an input, a folder, a FIFO or a
-    device.
+    After an error `path` is unchanged. Within `all_or_none`, the file is written at the end of that
+    block. The mode of an existing file is kept. Raises BadInputError if the folder does not exist
+    or is not writable, or if `path` is an input, a folder, a FIFO or a device.
     """
     target = Path(path)
     if target.is_dir():

@@ -40,10 +40,11 @@ class LinearTable(ByValue):
     def at(self, where: float | np.ndarray) -> np.ndarray:
         """Return the array at x, interpolated linearly and constant beyond both ends.
 
-            v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
+         v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
 
-        where: x, a number or an array; its shape precedes the shape of the tabulated array in the
-          result
+        where: x, a number or an array of any shape
+
+        The shape of the result is the shape of x, followed by the shape of the tabulated array.
         """
         x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
         count = len(self.breakpoints)

@@ -14,7 +14,7 @@ from typing import Any
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return (`__getattr__`, `__dir__`) for a package whose stub imports its public names.
 
-    file: `__file__` of the package; the stub is `__init__.pyi` in the same folder
+    file: `__file__` of the package, with the stub `__init__.pyi` in the same folder
 
     The AttributeError for an unknown name suggests the nearest public name.
     """

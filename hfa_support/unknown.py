@@ -100,9 +100,8 @@ def result_as_meant(
     named: dict[str, Any],
     error: BadInputError,
 ) -> Any:
-    """Repeat a failed call with arguments that an installed package corrects.
-
-    Returns the result of the call.
+    """Return the result of a failed call, repeated with arguments that an installed package
+    corrects.
 
     Raises `error` if no package corrects the arguments.
     """

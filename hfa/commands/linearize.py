@@ -149,8 +149,9 @@ def _with_winds(
 def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     """Return the report of a linear model of the HFA.
 
-    If the paper prints the matrices of these states and inputs, the report includes a comparison
-    with the other dynamics. Error bands are included if they are known for the parameters.
+    If the paper prints the matrices of these states and inputs, two parts are added:
+    - a comparison with the other dynamics, if they have a trim at this condition
+    - error bands, if they are known for the parameters
     """
     parameters = request.parameter_set
     condition = request.trim_condition

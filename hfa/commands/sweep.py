@@ -106,8 +106,9 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def plan(self) -> SweepPlan:
         """Return the plan of the sweep: axes, aircraft and trim condition.
 
-        Axes with a single value come first, because pictures omit them. Raises BadInputError if
-        nothing is swept, or if a picture is requested for more than one varied axis.
+        In a sweep over a grid without a store, the axes with a single value come first. Raises
+        BadInputError if nothing is swept, if an axis is invalid, or if a picture is requested for
+        more than one varied axis.
         """
         listing = self.condition if isinstance(self.condition, Path) else None
         condition = self.common_condition
@@ -214,7 +215,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     """Read a CSV file of trim points and return name -> values, one for each point.
 
     The first row contains names. Each further row is one point, with values in the units of --hold
-    (degrees). Raises BadInputError with the row (the row of names is row 1) and the column.
+    (degrees). Raises BadInputError for an unreadable file, for a name that is repeated or cannot be
+    held, if there are no values, for a row of another length, or for an invalid value.
     """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()

@@ -185,8 +185,7 @@ def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
 def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
     """Return the lines of the report on Q, R and delta.
 
-    If the critic is graded NEAR and no --limit-cost is given, a line names the option that accepts
-    it.
+    A line on --limit-cost is added if the grade is "near" and no limit is given.
     """
     lines = [named.weights_line()]
     if limit_cost is None and verdict.grade == "near":
@@ -197,8 +196,8 @@ def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
     """Return the scope of the checks: the box of states, and other games for comparison.
 
-    The box is None if the states have no ordinary ranges and no trim. Other games are compared only
-    if a dihedral angle is given.
+    The box is None if the states have no ordinary ranges and are not those of a linear model. Other
+    games are compared only if a dihedral angle is given.
     """
     names = named.game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
@@ -210,7 +209,11 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return other games for comparison: printed matrices, and a function of the dihedral angle."""
+    """Return other games for comparison.
+
+    They are the games of the printed matrices whose B has the same shape, and the game as a
+    function of the dihedral angle in degrees.
+    """
     from hfa_model.printed_matrices import published_models
 
     @cache
@@ -262,9 +265,12 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
 def _check_file(
     path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
 ) -> Verdict:
-    """Return the verdict on the critic in a file, or on the last critic of a history.
+    """Return the verdict on the critic in a file.
 
-    files: number of files in the request
+    A file with several critics over time is checked as a history. files: number of files in the
+    request
+
+    Raises BadInputError if --set predefined_time is given for a critic without time.
     """
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]

@@ -141,7 +141,7 @@ def output_file(
     """Return an option type for an output file, whose path is checked before the computation.
 
     suffixes: accepted suffixes
-    folder: whether folders are accepted too; their names have no suffix
+    folder: whether folders without a suffix are accepted too
     stores: suffixes of stores, which are folders and may exist already
     """
 

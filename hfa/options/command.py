@@ -14,7 +14,7 @@ class Command(NamedTuple):
     """A command of `hfa`.
 
     request: class whose fields are the options
-    run: function that maps a request to the exit code; its docstring is the help
+    run: function that maps a request to the exit code, with the help as its docstring
     install: pip requirement to install if a needed package is missing
     example: last line of the help
     """

@@ -41,7 +41,7 @@ def critic_path(text: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReadingOptions(Request):
-    """Options that supply properties of a critic file (--weights) that are not stored in it."""
+    """Options for properties of a critic that its file (--weights) does not contain."""
 
     basis: str | None = option(
         "basis functions of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",

@@ -77,7 +77,8 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Name -> value for those of Q, R and delta given by options, in the units of the model."""
+        """Name -> value of each of Q, R and delta that an option sets, in the units of the model.
+        """
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 
@@ -200,7 +201,9 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         read: entries of the file of --model, if it has been read already
         may_be_discrete: whether the command accepts a discrete-time plant
 
-        Raises BadInputError if neither a dihedral angle nor a plant file is given for the HFA.
+        Raises BadInputError in these cases:
+        - The plant is in discrete time, and `may_be_discrete` is False.
+        - Neither a dihedral angle nor a plant file is given for the HFA.
         """
         if self.plant is not None:
             named = self._game_of_file(self.plant, read)
@@ -282,7 +285,7 @@ class Weights(Result):
 
 @dataclass(frozen=True, eq=False)
 class NamedGame(Result):
-    """A game with the plant that it describes.
+    """A game with its plant and the sources of both.
 
     game: the game
     warnings: notes to print with results
@@ -324,10 +327,10 @@ class NamedGame(Result):
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
-        """Extend the message of a NoSolutionError in the block by a question on discrete time.
+        """Append a question on discrete time to the message of a NoSolutionError in the block.
 
-        The question is added if the plant file does not state continuous or discrete time and the
-        game has a solution in discrete time.
+        The question is appended if the plant file does not state whether time is continuous or
+        discrete, and if the game has a solution in discrete time.
         """
         try:
             yield

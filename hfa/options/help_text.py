@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def help_text(parser: Parser, more: bool) -> str:
     """Return the help of a command: usage, description, options, subcommands and example.
 
-    more: whether rare options are explained; otherwise only their names are listed
+    more: whether rare options are explained, or only listed by name
     """
     texts = [_options_text(parser, more)]
     if parser.words:
@@ -30,7 +30,7 @@ def help_text(parser: Parser, more: bool) -> str:
 def _options_text(parser: Parser, more: bool) -> str:
     """Return the usage, the description and the options of a command.
 
-    more: whether rare options are explained; otherwise only their names are listed
+    Options whose part is not installed are omitted. more: as in `help_text`
     """
     declared = []
     for action in parser._actions:

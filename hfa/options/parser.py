@@ -64,7 +64,7 @@ class Parser(argparse.ArgumentParser):
     def format_help(self, more: bool = False) -> str:
         """Return the help text.
 
-        more: whether rare options are explained; otherwise only their names are listed
+        more: whether rare options are explained, or only listed by name
         """
         from hfa.options.help_text import help_text
 

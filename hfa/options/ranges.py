@@ -18,8 +18,8 @@ Range = tuple[float, ...] | Steps
 def value_range(model: Model, name: str, text: str) -> Range:
     """Convert `start:stop:step`, `a,b,c` or one number to values of a variable in internal units.
 
-    The values of a range do not exceed `stop`. Raises BadInputError for an empty, reversed or too
-    long range.
+    The values of a range do not exceed `stop`. Raises BadInputError for text of another form, for a
+    step that is not positive, if stop < start, or for more than `MOST_POINTS` values of a range.
     """
     parts = text.split(":")
     if len(parts) == 1:

@@ -32,21 +32,23 @@ class OfModel(NamedTuple):
 class Option:
     """A command-line option that sets a field of a request.
 
-    about: help of the option; "" hides it
+    about: help of the option, or "" to hide the option
     form: placeholder of the value in the help, or "" for a switch
-    kind: function word -> value; its BadInputError completes a sentence that begins with the option
-    names: names separated by blanks, as in "-o --output"; without dashes a positional argument
-    named: whether the words are NAME=VALUE[,NAME=VALUE...]; kind then has two arguments, name and
-        text
-    repeated: whether the option is repeatable; the field then contains all values
+    kind: function word -> value, or (name, text) -> value for a `named` option
+    names: names separated by blanks, as in "-o --output", or a word without dashes for a positional
+      argument
+    named: whether the words are NAME=VALUE[,NAME=VALUE...]
+    repeated: whether the option is repeatable and the field contains all values
     count: number of words, as argparse's nargs, or None for one word
     required: whether the option is mandatory
     aliases: alias -> name in the model, for a `named` option
-    rare: whether the option is explained only by `--help more`; `--help` lists its name
-    part: entry point in `hfa.parts` that implements the option; without it the help omits the
-        option
+    rare: whether only `--help more` explains the option, and `--help` lists its name
+    part: entry point in `hfa.parts` that implements the option, or ""; if the part is not
+        installed,
+      the help omits the option
 
-    about, form, names and required may be functions of the model that return the value.
+    about, form, names and required may be functions of the model that return the value. The message
+    of a BadInputError of `kind` completes a sentence that begins with the option.
     """
 
     about: str | Callable[..., str]
@@ -81,7 +83,7 @@ class Option:
 
     @property
     def flags(self) -> list[str]:
-        """Names of the option, for example ["-o", "--output"]. Messages use the last one."""
+        """Names of the option, for example ["-o", "--output"]. Messages use the last name."""
         return str(self.names).split()
 
 
@@ -99,8 +101,9 @@ def option(
     """Return a field of a request, with the option that sets it.
 
     about, form, kind: as in `Option`
-    default: value if the option is not given; ignored for switches and for options that are `named`
-        or `repeated`
+    default: value if the option is not given, ignored for switches and for options that are `named`
+        or
+      `repeated`
     more: further fields of `Option`
     """
     declared = Option(about, form, kind, **more)

@@ -51,7 +51,7 @@ def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
     """Return a function of the model that returns the help of an option.
 
     about: help for the HFA
-    otherwise: help for the user's aircraft; "" hides the option
+    otherwise: help for the user's aircraft, or "" to hide the option
     """
     return lambda model: otherwise if is_own(model) else about
 
@@ -73,9 +73,9 @@ class UnitsOption(Request):
 
 
 def _dynamics_help(model: Model | None) -> str:
-    """Return the help of --dynamics, or "" for the user's aircraft.
+    """Return the help of --dynamics: the dynamics of the core and of installed packages.
 
-    It lists the dynamics of the core and of installed packages.
+    The help is "" for the user's aircraft.
     """
     if is_own(model):
         return ""
@@ -167,9 +167,15 @@ class AircraftOptions(HfaOptions):
 
 
 def named_model(typed: Mapping[str, Any]) -> Model:
-    """Return the model given by --aircraft, or the HFA with the given --dynamics and --parameters.
+    """Return the model that the options define.
 
-    typed: field of `AircraftOptions` -> value, for the options given by the user
+    - the discrete-time plant in `steps`, if given
+    - the aircraft in `aircraft`, if given
+    - otherwise the HFA with the given dynamics and parameters
+
+    typed: field of the request -> value, for the options given by the user
+
+    Raises BadInputError if --dynamics or --parameters is combined with --aircraft.
     """
     if "steps" in typed:
         model: Model = part(PARTS, "model.steps", "--model")(typed["steps"])
@@ -205,12 +211,13 @@ def scheduled(
 ) -> Any:
     """Return the field `at`, which is the value of the scheduling variable.
 
-    Its option is --at, and for the HFA also --dihedral.
+    The option is --at. If the model has `names_schedule`, the option is also --NAME with the name
+    of the variable, for example --dihedral.
 
     kind: function (model, word) -> value
     form: placeholder of the value in the help
     about: text added to the help
-    required: whether the option is mandatory for the HFA
+    required: whether the option is mandatory for a model with `names_schedule`
     """
 
     def convert(model: Model, text: str) -> Any:
@@ -360,7 +367,10 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raise BadInputError if two of --free, --hold and --at give the same variable."""
+        """Raise BadInputError if two of --free, --hold and --at give the same variable.
+
+        A single value of --at is allowed for a variable of --free.
+        """
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(f"{name} is both set free and held; give it in one option")

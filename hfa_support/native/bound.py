@@ -113,7 +113,9 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return the Function for blocks of `together` rows and its memory, kept for later."""
+        """Return (bound Function, inputs, results) for blocks of `together` rows, and store the
+        block.
+        """
         mapped = by_rows
         if self._rows >= _MANY:
             from hfa_support.native.columns import by_columns_or_rows as mapped

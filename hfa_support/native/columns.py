@@ -20,13 +20,12 @@ def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, s
 
 
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
-    """Return the Function for `rows` rows that applies each operation in one loop over the rows.
+    """Return the Function for `rows` rows that applies each operation to all rows in one loop.
 
     An argument or result of k numbers becomes a matrix (rows, k). The results are equal to the
-    results of `function` bit by bit. Separate calls would spend most of their time between the
-    operations.
+    results of `function` bit by bit.
 
-    function: dense SX Function of scalar operations. For any other Function, None is returned.
+    function: dense SX Function of scalar operations; for any other Function, None is returned
     """
     count = function.n_instructions() if function.is_a("SXFunction") else 0
     operations = [function.instruction_id(k) for k in range(count)]

@@ -45,16 +45,17 @@ def compiled(
 ) -> Loaded | None:
     """Compile a C text, load the library and return the result of `load`.
 
-    Without a working compiler, a note is printed once and None is returned.
+    If there is no compiler, or if compilation or loading fails, a note is printed once and None is
+    returned.
 
     text: symbol -> C text that defines a function of this name
     load: (symbol, library) -> callable object
     optimize: optimization flag of the compiler
 
-    The library is kept in `cache_folder()`. Its name contains two hashes. The first hash covers the
-    C text, the compiler and its flags, and is part of the symbol, because one process cannot load
-    two libraries with equal symbols. The second hash covers the first one and the library. It is
-    checked before loading, together with the owner. A library that cannot be loaded is deleted.
+    The library is kept in `cache_folder()`. The symbol contains a hash of the C text, the compiler
+    and its flags, because one process cannot load two libraries with equal symbols. The owner and
+    the hash of a kept library are checked before it is loaded. A library that cannot be loaded is
+    deleted.
     """
     compiler = c_compiler()
     if compiler is None:

@@ -30,9 +30,9 @@ class Check(Result):
     value: the measured number
     limit: the limit
     ok: whether the relation is satisfied
-    reason: reason for a failure, or empty when `ok`.
+    reason: reason for a failure, or "" if `ok`.
     relation: "<=", "<", ">=" or ">"
-    kind: "error", "stability" of the loop, "game loop", "cost", "gain" or "data".
+    kind: "error", "stability", "game loop", "cost", "gain", "data" or "".
     """
 
     json_keys = "name value limit ok reason"

@@ -97,10 +97,7 @@ def _numbers(data: Any) -> Any:
 
 
 def _field_name(key: str) -> str:
-    """Return a valid MATLAB field name for a key, for example "x15_0" for "15.0".
-
-    The rules are those of MATLAB's `makeValidName`.
-    """
+    """Return a field name that MATLAB accepts for a key, for example "x15_0" for "15.0"."""
     name = re.sub(r"\W", "_", key)
     return name if name[:1].isalpha() else f"x{name}"
 
@@ -108,7 +105,7 @@ def _field_name(key: str) -> str:
 def _csv(records: Table, about: str) -> str:
     """Return a table as CSV, with a last column "about" that contains `about` in its first row.
 
-    records: header and rows; floats are written in full precision
+    records: header and rows, in which floats are written in full precision
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

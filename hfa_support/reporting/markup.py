@@ -15,7 +15,7 @@ from hfa_support.reporting.text import Cell, Table, printable
 def report_as_markdown(report: Report, level: int) -> str:
     """Return a report as Markdown, without its pictures.
 
-    level: level of the heading; headings of nested reports are lower
+    level: level of the heading; a nested report is one level deeper
     """
     shown = []
     for part in report.parts:
@@ -47,7 +47,7 @@ def markdown_table(table: Table) -> str:
 def report_as_html(report: Report, level: int) -> str:
     """Return a report as an HTML fragment without styles.
 
-    level: level of the heading; headings of nested reports are lower
+    level: level of the heading; a nested report is one level deeper
     """
     first, *others = report.title.split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
@@ -84,7 +84,7 @@ def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
 def html_table(table: Table) -> str:
     """Return a table as HTML, in a box that is scrolled by pointer or keyboard.
 
-    The class of a cell is its tone. Columns without numbers have the class `words`.
+    The class of a cell is its tone. Columns that satisfy `_are_words` have the class `words`.
     """
     columns = [
         ["words"] if _are_words([row[i] for row in table.rows]) else []

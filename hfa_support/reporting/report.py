@@ -52,9 +52,9 @@ class Picture:
 class Report:
     """Report of a result, with its parts in reading order.
 
-    title: heading; further lines of it are printed below the heading
+    title: heading, and further lines that are printed below the heading
     parts: paragraphs (str), tables of formatted cells (Table), pictures, nested reports, and tuples
-        of paragraphs and tables that are printed without a blank line between them
+      of paragraphs and tables that are printed without a blank line between them
     notes: notes on the result
     data: the result for JSON, .npz and .mat
     records: the result for CSV, with numbers in full precision

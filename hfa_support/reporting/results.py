@@ -33,8 +33,9 @@ class Entry(NamedTuple):
     """Entry of the data of a result.
 
     name: key of the entry
-    path: names of nested attributes that lead to the value; the value is None if one of them is
-        None
+    path: names of nested attributes that lead to the value. The value is None if one of the
+        attributes
+      is None
     is_optional: whether the entry is omitted if its value is None or empty
     """
 
@@ -48,9 +49,11 @@ class Result:
 
     schema: name and version of the file format, or "" for a part of other results
     made_by: command that writes the file
-    json_keys: entries in order, separated by blanks, each the name of a field or property or
-      KEY=FIELD.PROPERTY. A ? after the key omits the entry if it is None or empty. "" selects all
-      fields; a field with default None is then omitted if it is None or empty.
+    json_keys: entries in order, separated by blanks, or "" for all fields
+
+    An entry of `json_keys` is the name of a field or property, or KEY=FIELD.PROPERTY. A ? after the
+    key omits the entry if it is None or empty. If `json_keys` is "", a field with default None is
+    omitted if it is None or empty.
     """
 
     schema: ClassVar[str] = ""

@@ -51,7 +51,7 @@ _OBEYED = re.compile(
 def printable(text: str, lines: bool = True) -> str:
     r"""Return a text with control characters escaped, for example as \\x1b.
 
-    lines: whether line breaks are kept; otherwise they become blanks
+    lines: whether line breaks are kept, or become blanks
     """
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
@@ -65,8 +65,8 @@ def matrix_table(
 ) -> Table:
     """Return a table of a matrix with row and column names and four decimals, as in the paper.
 
-    A nonzero entry that rounds to 0 is printed with an exponent. All entries are printed with an
-    exponent if four decimals would show the matrix as 0 or if its largest entry is too long.
+    An entry above `ROUNDING` that rounds to 0 is printed with an exponent. All entries are printed
+    with an exponent if the largest magnitude is nonzero and below `_LEAST`, or at least `_MOST`.
 
     name: text above the row names
     """
@@ -83,7 +83,8 @@ def entry_rows(
 
     P: matrices (n, n) to compare
     K: matrices (m, n) to compare
-    names: object with `states`, `inputs`, `state_units` and `input_units`; a unit is "" if unknown
+    names: object with `states`, `inputs`, `state_units` and `input_units`, where an unknown unit is
+        ""
     """
     kinds = (
         ("P", P, names.states, names.state_units, "1/(({}) ({}))"),  # z'Pz has no unit
@@ -140,9 +141,10 @@ def degrees(value: float, unit: str) -> tuple[str, str]:
 
 
 def short_number(value: float, unit: str) -> str:
-    """Return a value in its `shown_unit` with at least four digits.
+    """Return a value in its `shown_unit` with four significant digits.
 
-    Rounding errors are printed as 0.
+    A magnitude from 1e4 to 1e7 is rounded to a whole number. A magnitude below `ROUNDING` is
+    printed as 0.
     """
     shown = float(shown_values(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
@@ -177,13 +179,11 @@ def columns(
     color: bool = False,
     width: int | None = None,
 ) -> str:
-    """Return a table as text in aligned columns.
-
-    The first column is aligned left, the others right.
+    """Return a table as text in columns, the first aligned left and all others aligned right.
 
     color: whether cells with a tone are colored
     width: width of the terminal in characters, or None. Columns that do not fit are printed in
-        further blocks, each of which repeats the first column. Cells are never broken.
+      further blocks, each of which repeats the first column. Cells are never broken.
     """
     cells = (header, *rows)
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
@@ -226,9 +226,9 @@ def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
 
 
 def wrapped(text: str, width: int | None) -> str:
-    """Return a text with its lines wrapped between words to this width.
+    """Return a text with its lines wrapped between words.
 
-    None leaves it unchanged.
+    width: largest number of characters in a line, or None to return the text unchanged
     """
     if width is None:
         return text

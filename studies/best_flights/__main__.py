@@ -95,7 +95,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
 
 
 def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
-    """Return the name of a state or a free input -> [lowest, highest]."""
+    """Return name -> [lowest, highest] for the variables of the envelope and the free inputs."""
     envelope = problem.envelope
     pairs = zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True)
     limits = {name: list(pair) for name, pair in zip(envelope.names, pairs, strict=True)}

@@ -58,8 +58,7 @@ _SEED = 0
 def problem_of(source: str) -> FlightProblem:
     """Return the problem of flights to the default trim of an aircraft.
 
-    source: "published" or "newton" for the HFA, with the paper's Q and R; otherwise a file of an
-      aircraft
+    source: "published" or "newton" for the HFA with the paper's Q and R, or a file of an aircraft
     """
     if source not in ("published", "newton"):
         model = hfa.load_model(source)
@@ -157,7 +156,11 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return counts, largest errors, the median cost ratio, and the flights themselves."""
+    """Return counts, largest errors, the median cost ratio, the mean time, and the flights
+    themselves.
+
+    The mean processor time excludes the first flight.
+    """
     found = [each for each in flights if "cost" in each]
     lost = [each["linear_over_best"] is None for each in found]
     ratios = [each["linear_over_best"] for each in found if each["linear_over_best"] is not None]

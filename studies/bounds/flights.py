@@ -154,7 +154,11 @@ def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> 
 
 
 def gradient(bound: CostStatement, z: ca.SX) -> ca.SX:
-    """Return the gradient (n,) at z of the piece of the bound that is largest at z."""
+    """Return the gradient (n,) at z of the piece of the bound that is largest at z.
+
+    The gradient is 0 if no piece is positive. The saturation of a piece at its level c is ignored
+    in the gradient.
+    """
     largest, slope = ca.SX(0), ca.SX.zeros(z.shape)
     for piece in bound.pieces:
         M = ca.DM(piece.M)
