@@ -77,8 +77,7 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Name -> value of each of Q, R and delta that an option sets, in the units of the model.
-        """
+        """Name -> value of each of Q, R and delta that an option sets, in units of the model."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 

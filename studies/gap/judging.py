@@ -111,8 +111,9 @@ def summary(
     """Return counts and cost ratios of the flights of one policy.
 
     `stay` and `end_at_trim` count flights. `over_best` and `over_lqr` are the median and the
-    largest ratio of costs for the flights that stay within the envelope, or None if there are none.
-    A policy that does not reach the trim would continue to accumulate cost after the horizon.
+    largest ratio of costs, or None if there are no ratios. `over_best` covers the flights within
+    the envelope for which a best flight was found. `over_lqr` covers the flights in which the
+    policy and the LQR stay within the envelope.
 
     column: flights of the policy
     best: cost of the best flight found for each initial condition, or None

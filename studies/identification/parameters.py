@@ -350,10 +350,7 @@ class _Problem:
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
-        """Return the free trim inputs for each printed matrix pair, by Newton's method.
-
-        The loads are nearly affine in the inputs.
-        """
+        """Return the free trim inputs for each printed matrix pair, by Newton's method."""
         self._p[self._known] = theta
         values = dict(zip(Parameters._fields, self._p, strict=True))
         columns = {name: np.full(len(self._held), value) for name, value in values.items()}

@@ -167,8 +167,8 @@ def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarra
 def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
     """Return the largest difference of the model's thrust from JSBSim's at five throttles.
 
-    It is relative to JSBSim's thrust, or to 1 lb if this is larger. It is 0 for an aircraft without
-    a throttle.
+    The difference is relative to JSBSim's thrust, or to 1 lb if this is larger. The result is 0 for
+    an aircraft without a throttle.
     """
     if "throttle" not in model.inputs:
         return 0.0
@@ -188,11 +188,12 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim after an elevator pulse, with its state.
+    """Return the largest difference from JSBSim after an elevator pulse, with the name of the
+    state.
 
-    The difference at the end of the flight is relative to the change of the state, or to 10 % of
-    its nominal value if this is larger. The response is the difference of flights with and without
-    the pulse, which cancels the effect of JSBSim's round earth.
+    The difference at the end of the flight is divided by the change of the state, or by 10 % of its
+    nominal value if this is larger. The response is the difference of flights with and without the
+    pulse, which cancels the effect of JSBSim's round earth.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()

@@ -74,10 +74,10 @@ def main(names: Sequence[str]) -> int:
 def line(name: str, count: int, seed: int = 2) -> str:
     """Return the table row of one aircraft.
 
-    The row contains the largest difference from JSBSim at each time step, in nominal values of the
-    states, and the ratios of these differences. The last cell is the difference at the shortest
-    step for a model in which engines follow their throttles without lag. All numbers are medians
-    over random states.
+    The row contains the largest difference from JSBSim at each time step, divided by the nominal
+    value of the state, and the ratios of these differences. The last cell is the difference at the
+    shortest step for a model in which engines follow their throttles without lag. All numbers are
+    medians over random states. States at which JSBSim fails are left out.
 
     count: number of random states
     """
@@ -161,7 +161,7 @@ def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
 
 
 def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any]) -> float:
-    """Return the largest difference of a compared state from JSBSim, in its nominal value.
+    """Return the largest difference of a compared state from JSBSim, divided by the nominal value.
 
     The states are compared once per second.
 

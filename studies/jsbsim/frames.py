@@ -1,8 +1,8 @@
 """Simulations of `hfa fly --method jsbsim`, compared with JSBSim over its rotating earth.
 
 `python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md. Each row contains
-the largest difference of a state at a full second, in the nominal value of the state. The flights
-last 30 s, with steps of the throttle and pulses of elevator, aileron and rudder.
+the largest difference of a state at a full second, divided by the nominal value of the state. The
+flights last 30 s, with steps of the throttle and pulses of elevator, aileron and rudder.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def line(name: str, count: int) -> str:
 def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
     """Return (largest difference from JSBSim in random flights, name of the state).
 
-    The states are compared once per second. The difference is in the nominal value of the state.
-    Raises RuntimeError if JSBSim reports an error.
+    The states are compared once per second. A difference is divided by the nominal value of the
+    state. Raises RuntimeError if JSBSim reports an error.
 
     count: number of flights
     seconds: duration of each flight

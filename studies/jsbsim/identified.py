@@ -219,7 +219,9 @@ def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
     """Return a linear model in deviations from the trim.
 
     slopes: name -> value
-    free: slopes that are parameters of the model; the other slopes are constant
+    free: slopes that are parameters of the model
+
+    All other slopes are constant.
     """
     units = {"speed": ("ft/s", 10.0), "altitude": ("ft", 100.0)}
     states = {name: Signal(*units.get(name, ("rad", 0.1))) for name in _STATES}

@@ -113,7 +113,7 @@ _MISSING = 200
 
 
 def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's response at each point. It is None if JSBSim failed there.
+    """Return JSBSim's response at each point, or None where JSBSim failed.
 
     name: name of an aircraft of JSBSim
     points: {"state": {...}, "commands": {...}} with the names of a `Model`, or
@@ -355,8 +355,8 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
 def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
     """Run a step of the simulation, and return the properties that JSBSim reports as missing.
 
-    They are set to 0 and the step is repeated. FlightGear would set these properties. Raises
-    RuntimeError if too many are missing.
+    Missing properties, which FlightGear would set, are set to 0, and the step is repeated. Raises
+    RuntimeError after `_MISSING` properties.
     """
     names: list[str] = []
     for _ in range(_MISSING):
@@ -431,11 +431,11 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     If the request contains "changes", the result also contains "start" (states at the start of the
     flight, including engines) and "states" (at the end of each interval). Entries of the request:
     - "flight": duration, s
-    - "step": time step, s; default 1 ms
+    - "step": time step, s, by default 1 ms
     - "rest": time before the flight in which engines settle, s
-    - "pulse": increments of commands during the second second
+    - "pulse": increments of commands between 1 and 2 s
     - "changes": list of [time, {command: value}], in order
-    - "interval": time between stored states, s; default 1 s
+    - "interval": time between stored states, s, by default 1 s
     """
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
@@ -471,7 +471,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
     """Set the mixture command for the air pressure, as in the model, unless a component changed it.
 
-    leaned: value set in the previous step, by name; updated in place
+    leaned: name -> value set in the previous step, updated in place
     """
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
     for name in _mixtures(simulator):

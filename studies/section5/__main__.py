@@ -115,7 +115,7 @@ def reproduce(
 ) -> dict[str, Any]:
     """Simulate sections, write their results and the table of claims, and return the table.
 
-    folder: output folder; a section is written to folder/SECTION
+    folder: output folder, in which each section has a folder
     origin: provenance of the results
     resume: whether to reuse complete results of this version with the same settings
     processes: number of processes
@@ -213,7 +213,11 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the claims of several sections, the counts of verdicts, and the lost flights."""
+    """Return the claims of several sections, the counts of verdicts, and the failed flights.
+
+    `lost_flights` lists the flights that left the envelope. `own_failures` lists the flights for
+    which `_failed` is true.
+    """
     claims = [claim for result in results for claim in result["claims"]]
     verdicts = [claim["verdict"] for claim in claims]
     used = {law for result in results for law in result["laws"]}
@@ -253,7 +257,10 @@ def _failed(flight: Mapping[str, Any]) -> bool:
 
 
 def counts_text(table: Mapping[str, Any]) -> str:
-    """Return one line with the number of claims for each verdict and the number of lost flights."""
+    """Return one line with the number of claims for each verdict.
+
+    If flights left the envelope, their number and their laws are added.
+    """
     counts = ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
     laws = "; ".join(sorted({flight["law"] for flight in table["lost_flights"]}))
     return f"{counts}; {len(table['lost_flights'])} flights were lost ({laws})" if laws else counts

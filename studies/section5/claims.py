@@ -347,7 +347,10 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """Return a sentence with the measured number, the limit, the optimum's number and the cause."""
+    """Return a sentence with the measured number, the limit and the reason in the claim.
+
+    If the modified law does not satisfy the claim, the optimum's number is added.
+    """
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
     told = own.reason or f"{claim.measured}: {own.value:.3g}"

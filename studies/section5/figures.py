@@ -181,7 +181,7 @@ class _Panels:
     ) -> PlotPanel:
         """Return a panel with one line for each flight.
 
-        values: function record -> values; they may end before the flight
+        values: function record -> values, of which there may be fewer than times
         """
         drawn = [(self.label(record), record.times, values(record)) for record in records]
         lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
@@ -358,7 +358,8 @@ def _eight_figures(
     first: number of the first figure
     title: title with {} for the subject of the figure
     columns: titles of the columns
-    groups: flights shown for states, inputs and learning; each is a list of flights for each column
+    groups: flights shown for states, inputs and learning, each with a list of flights for each
+        column
     learned: (flight, title) for each panel of weights
     """
 
@@ -388,7 +389,7 @@ def _eight_figures(
 
 
 def draw(picture: PaperFigure) -> Figure:
-    """Draw a figure with one legend for all panels."""
+    """Draw a figure with one legend for the panels without a legend of their own."""
     rows = -(-len(picture.panels) // picture.columns)
     figure = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows)
     title = f"Figure {picture.number}. {picture.title}"

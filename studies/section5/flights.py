@@ -184,7 +184,7 @@ class FlightPlan:
 
     dihedral_deg: dihedral angle of the aircraft, deg
     law: control law
-    uncertainty: factor c; the plant has (1 + c) A
+    uncertainty: factor c of the plant's matrix (1 + c) A
     noise: whether the measurement noise of Section 5.4 is added
     commanded: False for a flight from equilibrium under the disturbance alone
     """
@@ -210,15 +210,16 @@ class FlightPlan:
 
 @dataclass(frozen=True, eq=False)
 class FlightRecord:
-    """Record of a flight. Arrays have one row for each tick.
+    """Record of a flight, with one row of the arrays for each tick.
 
-    They end when the flight leaves the envelope.
+    The arrays end when the flight leaves the envelope.
 
     times: (N,), s
     states, commands, errors: x, x_d and z, (N, 6)
     inputs: (N, 5)
     critic: the learned critic, or None for a law that does not learn
-    residual: Bellman residual of the learned value at the simulated error, (N,)
+    residual: Bellman residual of the learned value at the simulated error, (N,), or (0,) without
+        critic
     learned_from: time when a learned gain replaces the baseline, s
     lost_at: time when the flight leaves the envelope, s, or inf
     metrics: see `flight_metrics`
@@ -290,9 +291,10 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """Return the flight up to its last step within the envelope, and the time when it leaves it.
+    """Return the flight up to its last step within the envelope, and the time of leaving the
+    envelope.
 
-    The time is inf if the flight stays within the envelope.
+    The time is inf if the flight stays within the envelope. At least the initial state is returned.
     """
     limit = configuration.flight.lost_beyond
 
@@ -322,8 +324,8 @@ def law_of(
 ) -> tuple[Policy, Learned | None]:
     """Return the policy of a law, and a function that extracts the learned critic from a flight.
 
-    The function maps the policy's memory in a flight to a `Critic`. It is None if the law does not
-    learn.
+    The function maps the policy's memory in a flight to a `Critic`. For a law that does not learn,
+    None is returned in place of the function.
 
     predefined_time: T_w, s
     frozen: whether learning stops at T_w

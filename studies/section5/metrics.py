@@ -1,6 +1,6 @@
 """Metrics of a flight and of the learning of its critic.
 
-All metrics are inf for a flight that left the envelope.
+Measured metrics are inf for a flight that left the envelope.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def flight_metrics(
     """Return the metrics of a flight.
 
     limits: lowest and highest deviations of the inputs, (2, 5)
-    lost_at: time when the flight leaves the envelope, s, or inf; in the result inf becomes None
+    lost_at: time when the flight leaves the envelope, s, or inf, which becomes None in the result
 
     For each state (late: within the window of the criteria):
 
@@ -72,8 +72,8 @@ def flight_metrics(
     - early_cost: ∫ z'Qz dt during the adjustment
     - effort: ∫ u'Ru dt
     - peak_effort: largest (u'Ru)^½
-    - attenuation: ∫ z'Qz + u'Ru dt divided by ∫ d'd dt; the game guarantees a value below δ² for
-      the disturbance alone
+    - attenuation: ∫ z'Qz + u'Ru dt divided by ∫ d'd dt, for which the game guarantees a value below
+      δ² for the disturbance alone
     - delta_squared: δ²
 
     For each input:
@@ -147,7 +147,7 @@ def learning_metrics(
 
     residual: Bellman residual at the simulated error, (N,)
 
-    The end denotes the last tenth of the learning time. The metrics are:
+    The end denotes the last 10 % of the learning time. The metrics are:
 
     - path_share: fraction of the path length of W before T_w
     - late_update: largest update in a tick after T_w divided by the largest one before
@@ -155,7 +155,7 @@ def learning_metrics(
     - late_change: largest |W - W(T_w)| after T_w divided by |W(T_w)|
     - end_change: change of W in the end divided by |W(T_w)|
     - stack_residual: relative residual on the recorded samples at the start, at T_w and at the end
-      of the flight
+    of the flight
     - flown_residual: |e| at the simulated error, at the start, and the largest before and after T_w
     - facts: further results of the law
     """
@@ -204,9 +204,9 @@ def first_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
 
 
 def wiggle(inputs: np.ndarray) -> np.ndarray:
-    """Return the total variation of each column divided by its range, or 0 for a constant.
+    """Return the total variation of each column divided by its range, or 0 for a constant column.
 
-    It is 1 for a monotonic signal and large for chatter.
+    The ratio is 1 for a monotonic signal and large for chatter.
     """
     spread = np.ptp(inputs, axis=0)
     variation = np.abs(np.diff(inputs, axis=0)).sum(axis=0)

@@ -62,7 +62,7 @@ def _driven(
     """Return the slots of a construct in which a propeller replaces the jet.
 
     propeller: additional XML of the propeller
-    data: rows of its tables
+    data: rows of the propeller's tables
     engine: XML of the engine
     kind: element name of the engine
     """

@@ -139,8 +139,8 @@ def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judg
 def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
     """Return the largest relative difference between the accelerations of the model and of JSBSim.
 
-    It is relative to 1 g and 1 rad/s², or to JSBSim's acceleration if this is larger. Raises
-    FloatingPointError if it is not finite.
+    A difference is relative to 32 ft/s² or 1 rad/s², or to JSBSim's acceleration if this is larger.
+    Raises FloatingPointError if the result is not finite.
 
     point: state and commands
     answer: JSBSim's response
