@@ -107,9 +107,10 @@ def gust_held(
     length: float,
     peak: float,
 ) -> float:
-    """Return the largest 1-cosine gust with which a flight of 30 s stays in the envelope.
+    """Return the peak of the largest 1-cosine gust with which a flight stays in the envelope, ft/s.
 
-    It is searched up to `peak` ft/s with the resolution `APART`, and has the sign of `peak`.
+    The search extends to `peak` ft/s with the resolution `APART`. The result has the sign of
+    `peak`.
 
     length: length of the gust
     """
@@ -122,9 +123,9 @@ def gust_held(
 
 
 def largest_held(held: Callable[[float], bool], highest: float, apart: float) -> float:
-    """Return the largest number up to `highest` for which `held` is true, by bisection.
+    """Return the largest number up to `highest` for which `held` is true, or 0 if none is found.
 
-    apart: resolution
+    The method is bisection. apart: resolution
     """
     if held(highest):
         return highest

@@ -50,13 +50,14 @@ _THIRD = np.array([1.0, 1.0, -1.0])
 class ReferenceModel:
     """Reference model x_m' = A x_m + B u - [0; I] r + L (y - C x_m) with u = -K x_m (Qu 2018).
 
-    The measured output is y = [pitch rate; integrals].
+    The measured output is y = [pitch rate; integrals]. B1 (n, 3) is the squared-up input path of
+    relative degree 1.
 
     A: (n, n)
     B: (n, 2)
     C: (3, n)
     K: (2, n)
-    L: (n, 3), L = B1 R⁻¹ S; B1 (n, 3) is the squared-up input path of relative degree 1
+    L: L = B1 R⁻¹ S, (n, 3)
     S: (3, 3), for which S C B1 is symmetric and positive definite
     R_inverse: (3, 3)
     squared_up: B with a third column that squares up the plant, (n, 3)
@@ -108,8 +109,9 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return an output row c, (n,), with which (A, B, [C; c]) is square with stable zeros.
 
     The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
-    drives directly is a smaller plant with the same outputs. If its C B has full rank, c is the
-    gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the reduction is
+    drives directly is a smaller plant with the same outputs. If the smaller plant's C B has full
+    rank, c is the gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the
+    reduction is
     repeated. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission
     zeros, 2014.
     """
@@ -348,7 +350,7 @@ def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
 class AdaptivePolicy(Policy, ABC):
     """Adaptive law with a reference model, scheduled over the measured dihedral angle.
 
-    outputs: measured outputs: pitch rate and the regulated outputs
+    outputs: the measured pitch rate and regulated outputs
     dihedral: dihedral angle of the trim at which the flight begins, rad
     angles: dihedral angles of `models`, (N,), rad
     models: reference models to interpolate

@@ -31,7 +31,7 @@ _HEADER = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study and return the exit code.
 
-    - 0: finished; a failure of the law is a result, not an error
+    - 0: finished, even if the law fails in some runs
     - 1: there is no reference solution
     - 2: bad usage or input
     """
@@ -69,9 +69,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def study(
     names: Sequence[str], folder: Path, *, resume: bool = False, workers: int = 1
 ) -> list[dict[str, Any]]:
-    """Return the rows of the study. Each is written to folder/rows when it is finished.
+    """Return the rows of the study, and write them to folder/published_study.json.
 
-    resume: whether to reuse finished rows
+    Each new row is written to folder/rows when it is finished. resume: whether to reuse finished
+    rows
     """
     (folder / "rows").mkdir(parents=True, exist_ok=True)
     of = references()

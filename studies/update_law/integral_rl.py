@@ -36,13 +36,14 @@ LARGEST_STATE = 1e100
 class IrlSettings:
     """Settings of integral reinforcement learning.
 
-    interval: length Δ of an interval, s; longer intervals distinguish the slow modes better
+    interval: length Δ of an interval, s
     intervals: number N of simulated intervals, at least the number M of weights. None means 40, or
       more if the basis has more than 26 weights (`enough_for`).
     iterations: number of policy updates, one for each Δ after the simulation
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller)
-    initial_weights: W(0) of the first policies in the model's units; 0 means u = 0 and requires a
-      stable plant
+    initial_weights: W(0) of the first policies in the model's units, where 0 means u = 0 and
+        requires
+      a stable plant
     probe: amplitude of the probing inputs
     disturbance: amplitude of the simulated disturbance
     disturbance_measured: whether the learner measures the disturbance
@@ -83,11 +84,7 @@ class Record:
 
     @property
     def monomials(self) -> np.ndarray:
-        """∫ ψ(z) for the quadratic basis, (N, M).
-
-        Each row of the least-squares problem is a row of this matrix times the closed-loop
-        operator.
-        """
+        """∫ ψ(z) over each interval for the quadratic basis, (N, M)."""
         row, column = np.triu_indices(self.zz.shape[1])
         return self.zz[:, row, column]
 
@@ -165,7 +162,7 @@ class IntegralLearning:
     def equations(self) -> StackEquations:
         """Bellman residuals at the simulated states, which are recorded in the history only.
 
-        They use A. The learning does not.
+        The residuals depend on A, which the learning does not use.
         """
         flown = record(self.target, self.record.states * self.record.scales)
         return StackEquations.build(self.target, self.basis, flown, self.record.scales)
@@ -323,10 +320,11 @@ def probing_flight(
 
 
 def baseline_value(game: Game) -> np.ndarray:
-    """Return the solution P, (n, n), of A'P + P A + Q - P B (f R)⁻¹ B'P = 0 with f =
-    BASELINE_EFFORT.
+    """Return the solution P, (n, n), of a Riccati equation with a large weight of the inputs.
 
-    Its gain is small. Raises NoSolutionError if (A, B) is not stabilizable.
+     A'P + P A + Q - P B (f R)⁻¹ B'P = 0,   f = BASELINE_EFFORT
+
+    Raises NoSolutionError if (A, B) is not stabilizable.
     """
     from scipy.linalg import solve_continuous_are
 

@@ -49,14 +49,14 @@ class PublishedSettings:
     samples: number N_h of recorded samples, the most different ones of `pool_samples` random states
     normalisation: "root", n = sqrt(1 + σ'σ), or "squared", n = 1 + σ'σ
     stack_policies: "frozen" for the policies of `recorded_weights`, stored with the samples, or
-        "reevaluated" for the policies of the current weights
+      "reevaluated" for the policies of the current weights
     gains: (α₁, α₂), or None for the gains of Theorem 1
     integrator: "explicit" (forward Euler) or "proximal" (implicit)
     coordinates: "raw" for the units of the model, or "scaled" by the root mean square of each
-        recorded channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are
-        in the model's units in both cases.
+      recorded channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are
+      in the model's units in both cases.
     flight_start: z(0) of the flight z' = A z + B û that supplies the current sample, for explicit
-        steps; () learns from the recorded samples alone
+      steps, or () to learn from the recorded samples alone
     """
 
     predefined_time: float = 10.0
@@ -114,7 +114,7 @@ class TheoremGains(NamedTuple):
 def normaliser(regressors: np.ndarray, kind: str) -> np.ndarray:
     """Return the normalization n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root"), (N,).
 
-    The paper does not state which one it uses.
+    The paper does not state which of the two is used.
     """
     squared = 1.0 + (regressors**2).sum(axis=-1)
     return squared if kind == "squared" else np.sqrt(squared)
@@ -374,7 +374,7 @@ class PublishedLaw:
     def explicit_step_limit(self) -> float:
         """Largest stable explicit step at the initial weights, s.
 
-        In flight it includes the current sample.
+        In flight, the current sample is included.
         """
         sample = self._all_samples(*self.start().values())
         return explicit_step_limit(sample, self.settings.gamma, *self.gains, self.settings.eta)

@@ -288,7 +288,10 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def by_rounding(one: dict[str, Any]) -> bool:
-    """Return whether runs from nearby starts end with a different P_error."""
+    """Return whether a run from a nearby start ends with a different P_error.
+
+    Two values of P_error differ if their relative difference is above `SAME_END`.
+    """
     return any(
         abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]
     )

@@ -43,7 +43,7 @@ class Draw:
         return kinds[int(self._rng.choice(len(kinds), p=weights))]()
 
     def number(self) -> str:
-        """Return a random number as text, which is one of the special values with probability 1/2."""
+        """Return a random number as text. Half of the numbers are special values."""
         if self._rng.random() < 0.5:
             return str(self._one(_NUMBERS))
         return f"{self._rng.uniform(-2.0, 2.0):.3g}"
