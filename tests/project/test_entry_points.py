@@ -14,6 +14,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -28,15 +29,20 @@ from hfa_support.entry_points import AIRCRAFT, CRITICS, PARTS, loaded, offered
 EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
 
 
+#: Program that builds the wheel of the package in the present folder, as `pip install .` does.
+BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install the example package of docs/extending.md into a folder and return the folder."""
     source = tmp_path_factory.mktemp("source")
     write_package(source)
     site = tmp_path_factory.mktemp("site")
-    options = ("--quiet", "--no-deps", "--no-build-isolation", "--disable-pip-version-check")
-    words = [sys.executable, "-m", "pip", "install", *options, "--target", site, source]
-    subprocess.run(words, check=True, timeout=120)
+    words = [sys.executable, "-c", BUILD, str(site)]
+    subprocess.run(words, cwd=source, check=True, capture_output=True, timeout=120)
+    (wheel,) = site.glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(site)
     return site
 
 

@@ -22,6 +22,7 @@ from hfa_identify.excitation import still_quantities
 from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
+from hfa_support.native.bound import BoundFunction
 
 UAV = str(ROOT / "examples" / "uav.toml")
 FREE = ("CL_0", "CL_alpha", "CD_0", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator")
@@ -47,11 +48,11 @@ def flown(model=LONGITUDINAL):
     time = np.arange(0.0, SECONDS, STEP)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
     inputs[:, list(model.inputs).index("elevator")] += doublets(time)
-    f = model.functions()
+    f = BoundFunction(model.functions())
 
     def rates(at, x):
         u = [np.interp(at, time, column) for column in inputs.T]
-        return f(x, u, model.p)[0].full().ravel()
+        return f.at(x, u, model.p)[0]
 
     ends = (0.0, time[-1])
     solved = solve_ivp(

@@ -19,6 +19,7 @@ from hfa_optimal.search import BestFlights
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
+PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
 def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> None:
@@ -86,17 +87,17 @@ def test_an_interruption_keeps_what_is_found() -> None:
     ("words", "says"),
     [
         ([], "give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
-        (["--start", "height=3"], "height is unknown; choose from speed"),
-        (["--start", "speed"], "'speed' is not NAME=VALUE"),
-        (["--start", "speed=1,speed=2"], "speed is given twice (1 and 2)"),
-        (["--start", "speed=500"], "begin within the limits"),
-        (["--start", "speed=1", "--limit", "mass=0:1"], "mass"),
-        (["--start", "speed=1", "--seconds", "0.5"], "s is too short"),
+        (["--start", "height=3"], "height is unknown; choose from angle"),
+        (["--start", "angle"], "'angle' is not NAME=VALUE"),
+        (["--start", "angle=1,angle=2"], "angle is given twice (1 and 2)"),
+        (["--start", "angle=95", "--limit", "angle=-90:90"], "begin within the limits"),
+        (["--start", "angle=1", "--limit", "mass=0:1"], "mass"),
+        (["--start", "angle=1", "--seconds", "0.05"], "s is too short"),
         (["--starts", "2", "--picture", "a.png"], "applies only to one flight"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["optimize", "--aircraft", GTM, *words]) == 2
+    assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert says in error
     assert "\n" not in error

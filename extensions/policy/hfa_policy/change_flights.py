@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -207,13 +208,22 @@ class ChangeFlights:
         """
         changed = repair.deployment.on(self.deployed.model)
         rows = []
-        for place in self.places:
+        for place, observed in zip(self.places, self._observed, strict=True):
             trim = self.deployed.trim_vector(place.point)
             starts, pushes = seeded_starts(place, starts_here, self.assessor.seed, False)
-            extra = np.tile(self._numbers(repair, changed, trim), (starts_here, 1))
+            c = _observed_at(changed, trim) - repair.P @ observed
+            numbers = [repair.P.ravel(order="F"), c, repair.gain, repair.S.ravel(order="F")]
+            extra = np.tile(np.concatenate(numbers), (starts_here, 1))
             trims = np.tile(trim, (starts_here, 1))
             rows.append(flight.rows(starts, trims, pushes, extra))
         return np.vstack(rows)
+
+    @cached_property
+    def _observed(self) -> list[np.ndarray]:
+        """Observations (k,) of the unchanged file at each trim."""
+        return [
+            _observed_at(self.deployed, self.deployed.trim_vector(point)) for point in self.points
+        ]
 
     def _distance_and_swing(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray
@@ -283,16 +293,11 @@ class ChangeFlights:
         kept[flying] = True
         return np.clip(costs, _LEAST, _MOST), kept
 
-    def _numbers(self, repair: Repair, changed: Deployed, trim: np.ndarray) -> np.ndarray:
-        """Return P, c, gain and S of a change at a trim, in the order of a row.
 
-        changed: the changed deployment on the aircraft
-        trim: states, inputs and parameters of the trim
-        """
-        n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
-        at_trim = (trim[:n], trim[n : n + m], trim)
-        before = np.array(self.deployed.observe(*at_trim)).ravel()
-        after = np.array(changed.observe(*at_trim)).ravel()
-        c = after - repair.P @ before
-        S = repair.S.ravel(order="F")
-        return np.concatenate([repair.P.ravel(order="F"), c, repair.gain, S])
+def _observed_at(deployed: Deployed, trim: np.ndarray) -> np.ndarray:
+    """Return the observations (k,) of a deployment at a trim.
+
+    trim: states, inputs and parameters of the trim
+    """
+    n, m = len(deployed.model.states), len(deployed.model.inputs)
+    return np.array(deployed.observe(trim[:n], trim[n : n + m], trim)).ravel()

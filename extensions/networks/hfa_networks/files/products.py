@@ -33,6 +33,9 @@ class Products:
         if a_is_constant and not b_is_constant and a.ndim == 2 and b.ndim <= 2:
             return self.times(b.T, a.T).T
         b_is_large = b.ndim == 2 and b.size > _SCALARS
+        if a.ndim == 1 and not a_is_constant and b_is_constant and not b_is_large:
+            product = ca.mtimes(ca.DM(b.T), _entries(a))
+            return np.fromiter(ca.vertsplit(product), object)
         if a_is_constant or not (b_is_constant and b_is_large):
             return np.asarray(a @ b)
         rows, columns = b.shape
