@@ -61,9 +61,9 @@ def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
 
     The prediction uses the parameters' covariance and the slopes of the trim.
     """
-    code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "300")
+    code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "150")
     assert code == 0
-    line = "trimmed: 300 of 300 drawn aircraft; stable without control: "
+    line = "trimmed: 150 of 150 drawn aircraft; stable without control: "
     assert draws["first_line"] == f"{line}{draws['stable_alone']}"
     model = hfa.load_model("found.toml")
     slopes = []
@@ -156,7 +156,7 @@ def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
     """`hfa assess` reports the band of the spectral radius of a sampled gain on drawn aircraft."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
-    weak = hfa.game(linear, np.ones(8), 1e4 * np.ones(4), delta=np.inf)
+    weak = hfa.game(linear, np.ones(8), 1e2 * np.ones(4), delta=np.inf)
     np.savez("K.npz", K=hfa.solve_game(weak).K)
     words = ("assess", "K.npz", "--sample-time", "0.02", "--aircraft", "found.toml")
     _, draws = answer(capsys, *words, "--samples", "0", "--draws", "4")

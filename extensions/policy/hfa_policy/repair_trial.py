@@ -12,7 +12,6 @@ with many changes. A change is therefore reported only under these conditions:
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from hfa_policy.mistake import Mistake
 from hfa_policy.observation_evidence import observations_of_training
 from hfa_policy.outcomes import seeded_starts
 from hfa_policy.repairs import Repair, card_with_gain, repairs_of
+from hfa_support.native.bound import RowFunction
 
 #: Fraction of the flights that converge with a good policy. A badly trained policy improves with
 #: some changes, but is good with none.
@@ -332,12 +332,11 @@ class _Trial:
         deployed = deployment.on(self.deployed.model)
         place = self.places[0]
         starts, _ = seeded_starts(place, 64, 0, False)
-        trim = deployed.trim_vector(place.point)
-        inputs = np.array(place.point.inputs)
-        commands = [deployed.command(start, inputs, trim) for start in starts]
-        observed = map(deployed.observe, starts, commands, repeat(trim))
-        rows = [np.array(each).ravel() for each in observed]
-        size_here = np.sqrt(((np.array(rows) - mean) ** 2).mean(axis=0))
+        trims = np.tile(deployed.trim_vector(place.point), (len(starts), 1))
+        inputs = np.tile(place.point.inputs, (len(starts), 1))
+        (commands,) = RowFunction(deployed.command)(starts, inputs, trims)
+        (observed,) = RowFunction(deployed.observe)(starts, commands, trims)
+        size_here = np.sqrt(((observed - mean) ** 2).mean(axis=0))
         return float(np.abs(np.log((size_here + _LEAST) / (size + _LEAST))).sum())
 
 

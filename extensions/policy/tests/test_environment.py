@@ -304,7 +304,7 @@ def test_episodes_meet_the_turbulence_of_flights() -> None:
         fly(model, points[0], scenario=scenario.drawn(2, member, points[0]), predict=False).states[
             -1
         ]
-        for member in range(60)
+        for member in range(30)
     ]
     ratio = many.states.std(axis=0) / np.std(ends, axis=0)
     np.testing.assert_allclose(ratio, 1.0, atol=0.35)

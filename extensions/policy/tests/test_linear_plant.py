@@ -18,9 +18,9 @@ x2 = {}
 [action]
 u1 = {}
 [timing]
-dt = 0.02
+dt = 0.05
 """
-SAMPLED = ("--sample-time", "0.02")
+SAMPLED = ("--sample-time", "0.05")
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_a_linear_plant_is_assessed(assessed, A):
     B, K = np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
     code, output, _ = assessed(K, "--json", A=A, B=B)
     data = json.loads(output)
-    Ad, Bd, *_ = cont2discrete((np.array(A), B, np.eye(2), np.zeros((2, 1))), 0.02)
+    Ad, Bd, *_ = cont2discrete((np.array(A), B, np.eye(2), np.zeros((2, 1))), 0.05)
     radius = np.abs(np.linalg.eigvals(Ad - Bd @ K)).max()
     assert data["points"][0]["spectral_radius"] == pytest.approx(radius, rel=1e3 * FEW_ROUNDINGS)
     assert code == 0
