@@ -101,22 +101,29 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
-    """Return the inverse by Gauss-Jordan elimination with row pivoting.
+    """Return the inverse by Gauss-Jordan elimination in place, with row pivoting.
 
-    Return None if the matrix is singular.
+    An exchange of rows of the matrix is the same exchange of columns of the inverse. Return None
+    if the matrix is singular.
     """
-    n = len(matrix)
-    work = np.concatenate([matrix, decimal(np.eye(n))], axis=1)
-    for column in range(n):
+    work = matrix.copy()
+    exchanges = []
+    for column in range(len(work)):
         pivot = column + int(np.argmax(np.abs(work[column:, column])))
         if work[pivot, column] == 0:
             return None
         work[[column, pivot]] = work[[pivot, column]]
-        work[column] = work[column] / work[column, column]
+        exchanges.append([column, pivot])
         factors = work[:, column].copy()
         factors[column] = Decimal(0)
+        divisor = work[column, column]
+        work[:, column] = Decimal(0)
+        work[column, column] = Decimal(1)
+        work[column] = work[column] / divisor
         work = work - np.outer(factors, work[column])
-    return work[:, n:]
+    for one, other in reversed(exchanges):
+        work[:, [one, other]] = work[:, [other, one]]
+    return work
 
 
 def _semidefinite(P: np.ndarray) -> bool:
