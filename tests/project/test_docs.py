@@ -229,7 +229,7 @@ def test_the_readme_names_every_command() -> None:
 def looks_like(picture: Path, other: Path) -> bool:
     """Return whether two pictures have equal size and fewer than 0.5 % clearly different pixels.
 
-    This tolerates another date and the rendering of letters.
+    The tolerance allows for another date and another rendering of letters.
     """
     from matplotlib.image import imread
 

@@ -216,7 +216,7 @@ for entry in commands().values():
 def test_commands_load_without_packages_of_extras() -> None:
     """Every command prints its help if no optional package is installed.
 
-    A command that requires one names it in one line.
+    A command that requires an optional package names the package in one line.
     """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""
@@ -242,7 +242,7 @@ def test_the_page_of_parts_shows_every_part() -> None:
 def test_readers_take_what_their_protocol_says(group: str, kind: type) -> None:
     """The readers of installed packages have the required arguments of their protocol.
 
-    Entries of `hfa.critics` that are no file readers are not checked.
+    Entries of `hfa.critics` that are not file readers are not checked.
     """
     expected = inspect.signature(kind.__call__).parameters.values()
     kinds = [parameter.annotation for parameter in expected][1:]

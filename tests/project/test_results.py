@@ -143,7 +143,10 @@ def test_a_models_game_equals_its_matrices_game() -> None:
 
 
 def test_games_are_equal_by_their_values() -> None:
-    """Two games are equal and have equal hashes only if all their values are equal."""
+    """Games with equal values are equal and have equal hashes.
+
+    Games that differ in delta, or in the last bit of an entry of A, are not equal.
+    """
     game = results()["Game"]
     again = game.with_delta(100.0).with_delta(game.delta)
     assert (again, hash(again)) == (game, hash(game))

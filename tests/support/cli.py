@@ -50,7 +50,7 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
 
     JSON that the command prints or writes with -o must conform to the published format.
 
-    out, err: streams for the output; default: streams that are not terminals
+    out, err: streams for the output, or None for streams that are not terminals
     """
     result = unchecked_hfa(*words, err=err, out=out)
     if "--json" in words and result.out:
@@ -79,8 +79,8 @@ def unchecked_hfa(
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
     """Run `hfa words... --json` and return the printed JSON object.
 
-    Assert the exit code, and that standard error contains only the warnings listed in the JSON. For
-    `trim` and `linearize`, it must contain no warning.
+    Assert the exit code, and that standard error contains only the warnings listed in the JSON and
+    names of written files. For `trim` and `linearize`, standard error must contain no warning.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err

@@ -41,7 +41,7 @@ def lagrangian_rates(
 ) -> State:
     """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
-    density: slug/ft^3; 0 for flight without air
+    density: slug/ft^3, or 0 for flight without air
     winds: velocity of the air at each panel, ft/s
 
     The airflow at a panel is its inertial velocity minus the velocity of the air.
@@ -82,7 +82,7 @@ def euler_lagrange(
 def mechanical_energy(x: State, p: Parameters) -> ca.SX:
     """Return the mechanical energy T + U of a state, ft lbf.
 
-    It is constant in free motion without air and without hinge dampers.
+    The energy is constant in free motion without air and without hinge dampers.
     """
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)
@@ -187,7 +187,7 @@ def virtual_work(
 def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
     """Return dX/dt from generalized accelerations.
 
-    The speed V and the angle α are those of the center of mass. The angle of its path is γ = θ - α.
+    The speed V, the angle α and the flight-path angle γ = θ - α are those of the center of mass.
     """
     center = sum(panel.position for panel in panels_at(r, v, p)) / 3
     velocity = ca.jtimes(center, r, v)

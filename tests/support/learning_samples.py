@@ -92,9 +92,12 @@ def abscissa(matrix: np.ndarray) -> float:
 
 
 def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
-    """Return initial weights whose closed loop is stable with a margin of about `margin` 1/s.
+    """Return initial weights whose closed loop A - S_u P is stable with a margin of about `margin`
+    1/s.
 
-    exact: solution P, (n, n); the weights are far larger
+    The weights are far larger than those of the solution.
+
+    exact: solution P, (n, n)
     """
     rng = np.random.default_rng(seed)
     units = np.array(_SIZES)

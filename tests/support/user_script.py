@@ -1,6 +1,5 @@
-"""A user's script with every public name of `hfa`.
-
-It is checked by type checkers and is not run.
+"""A user's script with every public name of `hfa`, which is checked by type checkers and is not
+run.
 """
 
 from __future__ import annotations

@@ -19,7 +19,9 @@ _F16 = Path(__file__).parents[3] / "examples" / "f16.py"
 
 
 def of_every_operation() -> ca.Function:
-    """Return a Function of two numbers that contains every scalar operation of CasADi."""
+    """Return a Function of two numbers with elementary functions, arithmetic, logic and
+    comparisons.
+    """
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     of_one = (
         *(ca.sqrt, ca.exp, ca.log, ca.log1p, ca.expm1, ca.erf, ca.fabs, ca.sign),
@@ -44,9 +46,9 @@ def one_by_one(function: ca.Function, *tables: np.ndarray) -> list[np.ndarray]:
 
 
 def test_every_operation_has_the_same_bits() -> None:
-    """Every scalar operation gives equal bits by columns and by rows.
+    """The operations of `of_every_operation` give equal numbers and signs by columns and by rows.
 
-    Special values and an incomplete last block are included.
+    Special values, an incomplete last block and a later call with a few rows are included.
     """
     function = of_every_operation()
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]

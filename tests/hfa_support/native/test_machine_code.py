@@ -65,7 +65,10 @@ def test_a_broken_compiler_is_noted_and_replaced(
     cache: Path,
     broken: str,
 ) -> None:
-    """Without a working compiler, a note is printed and the function itself is returned."""
+    """Without a working compiler, one note is printed and the function itself is returned.
+
+    No file is left in the cache.
+    """
     does, warning = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
     compiler = tmp_path / "cc"
     script = does if isinstance(does, str) else 'exec cc "$@"'
@@ -107,7 +110,7 @@ def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
 def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
     """A damaged library in the cache is compiled again.
 
-    Loading it could end the process with a bus error.
+    The load of a damaged library could end the process with a bus error.
     """
     function = cube()
     generated.machine_code(function)

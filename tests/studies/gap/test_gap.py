@@ -50,7 +50,7 @@ def test_a_departed_flight_is_no_success() -> None:
 
 
 def test_another_setting_trains_anew(tmp_path: Path) -> None:
-    """A training is not finished if its policy is missing or its record has other settings."""
+    """A training is not finished if its policy is missing or its record is not valid."""
     run = Run(TASKS[0], "PPO", 1, tmp_path)
     assert run.trained() is None
     run.policy.write_bytes(b"")

@@ -143,7 +143,7 @@ def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf)
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
     """Return evidence with four flights of Section 5.3 under the exact law, with the given metrics.
 
-    tables: rms error by name for each flight; the entry "a" is also the cost
+    tables: rms error by name for each flight, where the entry "a" is also the cost
     lost_at: time when the last flight leaves the envelope, s
     """
     plans = [
@@ -200,7 +200,10 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
-    """The verdict on a claim follows from its number, its limit and the loss of a flight."""
+    """The verdict on a claim follows from its number and limit, a departure, and missing data.
+
+    A departure from the envelope gives no number.
+    """
     measure = {"worst": "cost", "in": "every uncertainty"}
     relation, limit = must.split()
     bound = limit if limit.isidentifier() else float(limit)
@@ -246,7 +249,9 @@ def test_claims_about_print_are_those_of_printed_matrices() -> None:
 def test_flight_fails_when_it_lost_or_critic_refused(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
-    """A flight of this project's laws fails if it is lost or its critic is not certified."""
+    """A flight of this project's laws fails if it leaves the envelope or its critic is not
+    certified.
+    """
     flight = {
         "name": "planted",
         "law": law,

@@ -36,10 +36,11 @@ ANGLES = np.radians([0.0, 11.0, 20.0])
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, order: int) -> None:
-    """H = S C (s - A + L C)⁻¹ B1 is strictly positive real, as the adaptive law requires.
+    """The matrix H + H* with H = S C (iω + L C - A)⁻¹ B1 is positive definite for all ω >= 0.12
+    rad/s.
 
-    For order 1 and SimVFA's ε, H(iω) + H(iω)* is positive definite only above 0.12 rad/s. The
-    stability proof does not cover slower errors.
+    At lower frequencies, it is positive definite for order 2 only. S C B1 is symmetric and positive
+    definite, S is orthogonal, and A - L C is stable.
     """
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)
@@ -155,8 +156,8 @@ SHAPES_2 = ((2, 1), (10, 1), (2, 1), (8, 1), (2, 2), (6, 2), (8, 2), (3, 1), (3,
 def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, np.ndarray]:
     """Return u and the time derivative of the memory for degree 2, from the equations.
 
-    Π f = f + f'/2, where f' is a central difference. It is exact, because f is a product of two
-    factors.
+    Π f = f + f'/2, where f' is a central difference. The difference is exact, because f is a
+    product of two factors.
 
     y: the memory
     """

@@ -85,7 +85,10 @@ def test_a_wrong_number_of_theirs_is_seen(
 def test_half_units_of_printed_and_exact_entries(
     published_aircraft: Model,
 ) -> None:
-    """A printed entry has a tolerance of half a unit of its last digit, an integer entry none."""
+    """The tolerance of an entry printed with decimals is half a unit of its last digit.
+
+    An error of 1e-9 in an entry printed as an integer exceeds 1000 times its tolerance.
+    """
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {entry.name: entry for entry in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
@@ -152,9 +155,8 @@ class FreeFactor(PrintedInertia):
 
 
 class NewtonInertia(Published):
-    """The published dynamics with d3 from Newton's law.
-
-    Its sign agrees with Gibson et al., Eq. (70).
+    """The published dynamics with d3 from Newton's law, whose sign agrees with Gibson et al., Eq.
+    (70).
     """
 
     hinge_inertia = Newton.hinge_inertia
@@ -172,9 +174,10 @@ def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
 def test_cos_squared_fits_the_print_and_fails_outside(
     parameters: Parameters, published_aircraft: Model
 ) -> None:
-    """An inertia with cos² η fits the two printed angles, which determine its two constants.
+    """An inertia with cos² η fits the print at both angles, and fails the checks at other angles.
 
-    It fails the checks at other dihedral angles, up to 45 deg.
+    The two printed angles determine the two constants of the inertia. At 45 deg, only the
+    dihedral-rate row of A differs.
     """
     other_aircraft = hfa.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
