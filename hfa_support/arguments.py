@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origi
 
 import numpy as np
 
+from hfa_support.entry_points import PARTS, part
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:
@@ -33,7 +35,7 @@ def checks_arguments(public: Public) -> Public:
     raises BadInputError. These annotations are checked: classes and unions of classes, numbers,
     whole numbers, booleans, texts, arrays of numbers, mappings, sequences and functions. Items of
     arrays and mappings are not checked. The attribute `how_to_make` of a class is quoted in the
-    message.
+    message. Arrays of pandas and xarray are aligned by their labels.
 
     >>> import hfa
     >>> hfa.linearize(hfa.aircraft(), None)
@@ -57,6 +59,9 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 
     @wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
+        if any(hasattr(type(value), "loc") for value in (*arguments, *named.values())):
+            in_order = part(PARTS, "notebook.call", "a labelled array")
+            arguments, named = in_order(function, arguments, named) or (arguments, named)
         # Annotations are evaluated at the first call, because they may name later definitions.
         for place, parameter, holds, wanted in argument_tests(function, first):
             if place < len(arguments):
@@ -98,7 +103,7 @@ def argument_tests(function: Callable[..., Any], first: int) -> list[tuple[int, 
         members = get_args(annotation) if is_union else (annotation,)
         kinds = [_kind(member) for member in members]
         if parameter.default is None:
-            kinds.append((_is_none, ""))
+            kinds.append(_KINDS[NoneType])
         if all(kind is not None for kind in kinds):
             known = [kind for kind in kinds if kind is not None]
             words = " or ".join(dict.fromkeys(word for _, word in known if word))
@@ -132,9 +137,7 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
     origin = get_origin(annotation)
     if origin in _GENERIC:
         return _of_members(_GENERIC[origin], get_args(annotation))
-    if annotation is Any:  # Any is a class from Python 3.11 on
-        return None
-    if not isinstance(annotation, type):
+    if annotation is Any or not isinstance(annotation, type):  # Any is a class since Python 3.11
         return None
     if getattr(annotation, "_is_protocol", False):
         return (callable, "a function") if "__call__" in vars(annotation) else None
@@ -178,16 +181,11 @@ def _is_whole(value: Any) -> bool:
     return is_integer and -_LARGEST <= value < _LARGEST
 
 
-def _is_none(value: Any) -> bool:
-    return value is None
-
-
 def _is_array(value: Any) -> bool:
     """Return whether NumPy converts the value to an array of real numbers or to an empty array."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
-        return True
     try:
-        return np.asarray(value).dtype.kind in "fiu" or np.asarray(value).size == 0
+        array = np.asarray(value)
+        return array.dtype.kind in "fiu" or array.size == 0
     except Exception:  # a user's class may raise any exception
         return False
 
@@ -216,8 +214,7 @@ _KINDS: dict[Any, tuple[_Test, str]] = {
     str: (lambda value: isinstance(value, str), "a text"),
     Path: (lambda value: isinstance(value, Path), "a path"),
     np.ndarray: (_is_array, _NUMBERS),
-    NoneType: (_is_none, ""),
-    None: (_is_none, ""),
+    NoneType: (lambda value: value is None, ""),
 }
 _GENERIC: dict[Any, tuple[_Test, str]] = {
     Mapping: (_is_mapping, "a dictionary"),

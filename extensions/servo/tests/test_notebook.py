@@ -214,6 +214,8 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
     assert solution.delta_min == analysed.delta_min
     assert solution.disk_margin == analysed.disk_margin
     assert solution.to_json() == solution.report().json()
+    factors = {1.0: "PASS", 1.002: "NEAR", -1.0: "FAIL"}
+    assert all(hfa.verify(game, k * solution.K).verdict == word for k, word in factors.items())
     flight = hfa.fly(MODEL, point, K=solution.K, T=0.1)
     assert np.array_equal(flight.t, flight.time)
     assert flight.summary().text() == flight.report().text()

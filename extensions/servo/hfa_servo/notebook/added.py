@@ -23,6 +23,7 @@ from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
+from verification.critic.verdict import Verdict
 
 if TYPE_CHECKING:
     import control
@@ -211,4 +212,5 @@ ADDED: dict[str, Callable[[Any], Any]] = {
     "to_pandas": _to_pandas,
     "to_scipy": _to_scipy,
     "to_series": _to_series,
+    "verdict": lambda value: str(value.grade_text()) if isinstance(value, Verdict) else None,
 }

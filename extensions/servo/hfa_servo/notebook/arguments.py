@@ -21,6 +21,7 @@ from controller.critic.critic_file import read_critic
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_aircraft.model import Model
+from hfa_servo.notebook.labels import aligned
 from hfa_servo.notebook.public import public
 from hfa_support.arguments import argument_tests, evaluated
 from hfa_support.errors import BadInputError
@@ -88,7 +89,7 @@ def call_meant(
     """Return the arguments of a failed call in the form that the function accepts.
 
     Returns None if no other form is known. Raises BadInputError for a keyword that belongs to
-    another call.
+    another call, and for a labelled array whose labels are not those of the plant.
 
     named: keywords of the call
     """
@@ -98,7 +99,10 @@ def call_meant(
         if word in words and word not in signature.parameters:
             raise BadInputError(f"{word} is not an argument; {place}")
     if function is inspect.unwrap(Game.__init__):
-        return _game_meant(arguments, words)
+        return _game_meant(arguments, words) or aligned(function, arguments, named)
+    in_order = aligned(function, arguments, named)
+    if in_order is not None:
+        return in_order
     if not any(_link(_classes(function, each)) for each in signature.parameters.values()):
         return _transfer_meant(signature, arguments, named, words)
     reading = _Reading(function, list(arguments), words)

@@ -79,7 +79,6 @@ to_matlab: save
 to_npz: save
 u: inputs
 value: cost
-verdict: grade
 why: reason
 wn: frequency
 x: states
