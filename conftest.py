@@ -33,8 +33,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Load the shared fixtures, except in the controller process of pytest-xdist, which runs no
-    tests.
+    """Load the shared fixtures, except in the controller process of pytest-xdist.
+
+    The controller process runs no tests.
     """
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         config.pluginmanager.import_plugin("shared_fixtures")

@@ -220,7 +220,7 @@ MAXIMUM_THRUST = TABLE[11]
 def weights(x, first, last, count):
     """Return the weights of `count` evenly spaced knots in a linear interpolation at x.
 
-    first, last: positions of the outermost knots; beyond them the interpolation is extrapolated
+    first, last: positions of the outermost knots, beyond which the interpolation is extrapolated
       linearly
     """
     knots = np.linspace(first, last, count)

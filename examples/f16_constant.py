@@ -1,6 +1,6 @@
 """The longitudinal F-16 with constant derivatives, without tables or kinks.
 
-Units: ft, slug, rad; the elevator is in degrees. The derivatives are computed from the tables in
+Units: ft, slug, rad. The elevator is in degrees. The derivatives are computed from the tables in
 examples/f16.py (Stevens and Lewis) at 502 ft/s and sea level, with the center of gravity at 0.35.
 They are secants from 0 to 5 deg of angle of attack and from -12 to 0 deg of elevator. The rate
 derivatives are those at the trim's 2.1 deg. Thrust is an input, up to the military thrust at that

@@ -1,8 +1,8 @@
 """An LQR at a dihedral angle that the paper does not print, and its response to a speed command.
 
-The script trims and linearizes the aircraft at 10 deg. It weights each state and input by its
-largest acceptable deviation (Bryson's rule). It then commands an increase of 1 ft/s, for which the
-target is the trim at the new speed. Run it with .venv/bin/python; it prints
+The aircraft is trimmed and linearized at 10 deg. Each state and input is weighted by its largest
+acceptable deviation (Bryson's rule). The command is an increase of 1 ft/s, for which the target is
+the trim at the new speed. The script, run with .venv/bin/python, prints
 
     slowest closed-loop pole -0.1757 1/s
     speed after 0.5, 1, 2, 10 s: 0.192, 0.416, 0.762, 1.000 ft/s

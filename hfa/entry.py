@@ -1,4 +1,4 @@
-"""Entry point of the process `hfa`. On Ctrl-C, SIGTERM or SIGHUP, it prints one line and ends."""
+"""Entry point of the process `hfa`, which prints one line and ends on Ctrl-C, SIGTERM or SIGHUP."""
 
 from __future__ import annotations
 

@@ -36,8 +36,7 @@ class CommandEntry(NamedTuple):
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
-        """Import the command and return it with the example and the install requirement of the
-        entry.
+        """Import the command and return it with the entry's example and install requirement.
 
         Raises BadInputError if the object is not a `Command` whose request class declares options.
         """

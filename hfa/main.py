@@ -43,7 +43,7 @@ _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    argv: command line without the program name; default: that of this process
+    argv: command line without the program name, or None for the command line of this process
 
     The exit code is 0 if the command succeeded, 1 if a check failed or no solution exists, and 2
     for bad usage or input.

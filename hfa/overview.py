@@ -27,7 +27,7 @@ def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
 def overview() -> Parser:
     """Return a parser that accepts --help, --version and the name of a command.
 
-    Its help lists all commands.
+    The help lists all commands.
     """
     by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
     for name, entry in commands().items():

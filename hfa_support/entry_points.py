@@ -66,7 +66,7 @@ def part(group: str, name: str, what: str) -> Any:
 
     what: feature that requires the object, for the message
 
-    Raises BadInputError if no installed package provides it.
+    Raises BadInputError if no installed package provides the object.
     """
     if name not in offered(group):
         raise BadInputError(f"{what} needs a package that provides {name!r} in {group}; install it")

@@ -173,8 +173,8 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
     what: name of the values, for the message
 
-    Raises BadInputError unless they are real numbers in rows of equal length. Masked entries are
-    refused too.
+    Raises BadInputError unless the values are real numbers in rows of equal length, without masked
+    entries.
     """
     import numpy as np  # loaded after the command has set the number of threads
 

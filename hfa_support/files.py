@@ -100,7 +100,7 @@ def _identity(path: str | Path) -> tuple[int, int] | None:
 def all_or_none(folder: Path | None = None) -> Iterator[None]:
     """Give files their final names only if the block that writes them ends without an error.
 
-    folder: created if it does not exist; a created folder that is empty after the block is removed
+    folder: created if it does not exist, and removed after the block if it was created and is empty
 
     Raises RuntimeError if blocks are nested.
     """
@@ -153,9 +153,11 @@ def _signals_held() -> Iterator[None]:
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
-    """Create a private folder and yield its path. Remove it after the block unless it was renamed.
+    """Yield the path of a new private folder, which is removed after the block.
 
-    parent: parent folder; default: the system's folder for temporary files
+    A folder that the block renames is kept.
+
+    parent: parent folder, or None for the system's folder for temporary files
     """
     import tempfile
 
@@ -196,8 +198,7 @@ def _new_file(path: Path, target: Path) -> IO[bytes]:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files and folders of this process, and its new folders if they are
-    empty.
+    """Remove the temporary files and folders of this process, and its new empty folders.
 
     The function must be called just before the process ends. The removal of a folder is repeated up
     to `_REMOVALS` times, because a compiler may still write into the folder.
@@ -217,8 +218,7 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """Yield a binary stream whose content becomes the file `path` if the block ends without an
-    error.
+    """Yield a binary stream that becomes the file `path` if the block ends without an error.
 
     After an error `path` is unchanged. Within `all_or_none`, the file is written at the end of that
     block. The mode of an existing file is kept. Raises BadInputError if the folder does not exist

@@ -45,7 +45,7 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str, end: str = "\n") -> None:
-    """Print a text on standard error. On a terminal it replaces an unfinished progress line.
+    """Print a text on standard error. On a terminal, the text replaces an unfinished progress line.
 
     Nothing is printed if standard error is closed or cannot be written.
     """

@@ -43,8 +43,7 @@ class Provenance(Result):
     parameter_hash: hash of the parameter values, equal for two files with equal numbers.
     changed: parameter -> its value and the identified value, if these differ.
     condition: imposed, free and limited variables of a trim, with angles in radians.
-    flight: changes of the trim condition from the paper's level flight, in words. Not stored as
-        data.
+    flight: changes of the trim condition from the paper's level flight, not stored as data.
     model: file of the plant.
     version: version of the program.
     date: date and time in UTC, taken from SOURCE_DATE_EPOCH if it is set.

@@ -38,7 +38,7 @@ def si_factor(unit: str) -> float:
 def _product(words: Iterator[str]) -> float:
     """Return the conversion factor of a product of units.
 
-    words: units, exponents, "/" and brackets, in order. They are read up to the closing bracket.
+    words: units, exponents, "/" and brackets, in order, which are read up to the closing bracket
     """
     product = 1.0
     sign = 1

@@ -100,10 +100,10 @@ def result_as_meant(
     named: dict[str, Any],
     error: BadInputError,
 ) -> Any:
-    """Return the result of a failed call, repeated with arguments that an installed package
-    corrects.
+    """Return the result of a failed call, repeated with corrected arguments.
 
-    Raises `error` if no package corrects the arguments.
+    An installed package supplies the correction. Raises `error` if no package corrects the
+    arguments.
     """
     meant = None
     if "notebook.call" in offered(PARTS):

@@ -1,4 +1,4 @@
 """Studies: programs that use the packages as a user would.
 
-They are not installed, and no installed package imports them.
+Studies are not installed, and no installed package imports them.
 """

@@ -16,7 +16,7 @@ def run_alone(command: Command, program: str, argv: Sequence[str] | None = None)
     """Run a command as a separate program and return its exit code (see `hfa.main.main`).
 
     program: name of the program in messages
-    argv: command line without the program name; default: that of this process
+    argv: command line without the program name, or None for the command line of this process
     """
     words = list(sys.argv[1:] if argv is None else argv)
     return reported(words, lambda words: (command, program, words))

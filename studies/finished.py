@@ -1,4 +1,4 @@
-"""Files of finished parts of a long computation. They are valid for one set of settings."""
+"""Files of finished parts of a long computation, each valid for one set of settings."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str,
 
 
 def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the JSON object in a file, or None if it is not valid.
+    """Return the JSON object in a file, or None if the file is not valid.
 
-    It is valid if its version and settings equal the current ones and its digest is correct.
+    A file is valid if its version and settings equal the current ones and its digest is correct.
     """
     try:
         data = read_json(path)

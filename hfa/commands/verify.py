@@ -211,8 +211,8 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
     """Return other games for comparison.
 
-    They are the games of the printed matrices whose B has the same shape, and the game as a
-    function of the dihedral angle in degrees.
+    - the games of the printed matrices whose B has the same shape
+    - the game as a function of the dihedral angle in degrees
     """
     from hfa_model.printed_matrices import published_models
 
@@ -267,8 +267,9 @@ def _check_file(
 ) -> Verdict:
     """Return the verdict on the critic in a file.
 
-    A file with several critics over time is checked as a history. files: number of files in the
-    request
+    A file with several critics over time is checked as a history.
+
+    files: number of files in the request
 
     Raises BadInputError if --set predefined_time is given for a critic without time.
     """

@@ -1,8 +1,8 @@
 """Option types: functions that convert one word of a command line to a value in internal units.
 
-They raise BadInputError for an invalid word. The message completes a sentence that begins with the
-option, for example "--delay is 'short'; give a finite number". Numbers typed by the user are
-converted only in this module. `quantity` converts degrees to radians.
+An option type raises BadInputError for an invalid word. The message completes a sentence that
+begins with the option, for example "--delay is 'short'; give a finite number". Numbers typed by the
+user are converted only in this module. `quantity` converts degrees to radians.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ _LARGEST_WHOLE = 10**18
 
 
 def number(text: str, declared: Number = NUMBER) -> float:
-    """Convert a word to a number. Raises BadInputError if it is outside the declared limits."""
+    """Convert a word to a number.
+
+    Raises BadInputError for another text, or for a number outside the declared limits.
+    """
     try:
         value = declared.of(float(text))
     except ValueError:

@@ -77,7 +77,7 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Name -> value of each of Q, R and delta that an option sets, in units of the model."""
+        """Name -> value of each of Q, R and delta that an option sets, in the model's units."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 
@@ -158,7 +158,7 @@ def _design(model: Model, name: str) -> Any:
 
 
 def _about_design(model: Model) -> str:
-    """Return the help of --design for a model. For the HFA, it lists the named designs."""
+    """Return the help of --design for a model, with the named designs for the HFA."""
     names = of_hfa(about_part("design"))(model)
     return f"design with actuators and weights: {f'{names}, or ' if names else ''}a .toml file"
 

@@ -30,7 +30,9 @@ def help_text(parser: Parser, more: bool) -> str:
 def _options_text(parser: Parser, more: bool) -> str:
     """Return the usage, the description and the options of a command.
 
-    Options whose part is not installed are omitted. more: as in `help_text`
+    Options whose part is not installed are omitted.
+
+    more: whether rare options are explained, or only listed by name
     """
     declared = []
     for action in parser._actions:

@@ -1,7 +1,6 @@
-"""Requests: the input of a run. Each field is declared with its option.
+"""Requests: the input of a run, in which each field is declared with its option.
 
-Each command has a class of requests. Only the parser reads the command line, and it returns a
-request.
+Each command has a class of requests. The parser converts a command line to a request.
 """
 
 from __future__ import annotations
@@ -35,17 +34,15 @@ class Option:
     about: help of the option, or "" to hide the option
     form: placeholder of the value in the help, or "" for a switch
     kind: function word -> value, or (name, text) -> value for a `named` option
-    names: names separated by blanks, as in "-o --output", or a word without dashes for a positional
-      argument
+    names: names separated by blanks, as in "-o --output", or one word without dashes for a
+      positional argument
     named: whether the words are NAME=VALUE[,NAME=VALUE...]
     repeated: whether the option is repeatable and the field contains all values
     count: number of words, as argparse's nargs, or None for one word
     required: whether the option is mandatory
     aliases: alias -> name in the model, for a `named` option
     rare: whether only `--help more` explains the option, and `--help` lists its name
-    part: entry point in `hfa.parts` that implements the option, or ""; if the part is not
-        installed,
-      the help omits the option
+    part: entry point in `hfa.parts` without which the help omits the option, or ""
 
     about, form, names and required may be functions of the model that return the value. The message
     of a BadInputError of `kind` completes a sentence that begins with the option.
@@ -101,9 +98,7 @@ def option(
     """Return a field of a request, with the option that sets it.
 
     about, form, kind: as in `Option`
-    default: value if the option is not given, ignored for switches and for options that are `named`
-        or
-      `repeated`
+    default: value without the option, ignored for switches and for `named` or `repeated` options
     more: further fields of `Option`
     """
     declared = Option(about, form, kind, **more)
@@ -124,7 +119,7 @@ class Request:
     model: the aircraft, which defines the names and units of the other fields
     line: the command line as typed
     date: start of the run in UTC, as text
-    typed: names of the fields given by the user; the other fields have default values
+    typed: names of the fields given by the user, while all other fields have default values
     quiet: whether notes and progress are suppressed
     """
 

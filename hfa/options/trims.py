@@ -284,7 +284,7 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
 
 
 def condition_help(model: Model | None) -> str:
-    """Return the help of --condition. For the HFA it lists the named conditions."""
+    """Return the help of --condition, with the named conditions for the HFA."""
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)

@@ -113,8 +113,9 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return (bound Function, inputs, results) for blocks of `together` rows, and store the
-        block.
+        """Return (bound Function, inputs, results) for blocks of `together` rows.
+
+        The block is stored for later calls.
         """
         mapped = by_rows
         if self._rows >= _MANY:

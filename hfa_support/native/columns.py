@@ -23,9 +23,10 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
     """Return the Function for `rows` rows that applies each operation to all rows in one loop.
 
     An argument or result of k numbers becomes a matrix (rows, k). The results are equal to the
-    results of `function` bit by bit.
+    results of `function` bit by bit. None is returned unless `function` is an SX Function of scalar
+    operations.
 
-    function: dense SX Function of scalar operations; for any other Function, None is returned
+    function: dense Function of one row
     """
     count = function.n_instructions() if function.is_a("SXFunction") else 0
     operations = [function.instruction_id(k) for k in range(count)]

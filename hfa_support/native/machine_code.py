@@ -81,8 +81,8 @@ def compiled(
 def cache_folder() -> Path:
     """Return the folder for compiled functions.
 
-    It is `$XDG_CACHE_HOME/hfa-toolchain` or, without this variable, `~/.cache/hfa-toolchain`.
-    Raises RuntimeError if the user has no home folder.
+    The folder is `$XDG_CACHE_HOME/hfa-toolchain` or, without this variable,
+    `~/.cache/hfa-toolchain`. Raises RuntimeError if the user has no home folder.
     """
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "hfa-toolchain"
@@ -98,7 +98,7 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 def _own_folder(folder: Path) -> Path:
     """Create the folder if necessary, remove the access of other users, and return it.
 
-    Raises RuntimeError if it is a link or belongs to another user.
+    Raises RuntimeError if the folder is a link or belongs to another user.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():

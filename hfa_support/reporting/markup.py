@@ -15,7 +15,7 @@ from hfa_support.reporting.text import Cell, Table, printable
 def report_as_markdown(report: Report, level: int) -> str:
     """Return a report as Markdown, without its pictures.
 
-    level: level of the heading; a nested report is one level deeper
+    level: level of the heading, increased by one for each nested report
     """
     shown = []
     for part in report.parts:
@@ -47,7 +47,7 @@ def markdown_table(table: Table) -> str:
 def report_as_html(report: Report, level: int) -> str:
     """Return a report as an HTML fragment without styles.
 
-    level: level of the heading; a nested report is one level deeper
+    level: level of the heading, increased by one for each nested report
     """
     first, *others = report.title.split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []

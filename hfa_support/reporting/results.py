@@ -34,8 +34,7 @@ class Entry(NamedTuple):
 
     name: key of the entry
     path: names of nested attributes that lead to the value. The value is None if one of the
-        attributes
-      is None
+      attributes is None
     is_optional: whether the entry is omitted if its value is None or empty
     """
 

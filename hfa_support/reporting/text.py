@@ -84,7 +84,7 @@ def entry_rows(
     P: matrices (n, n) to compare
     K: matrices (m, n) to compare
     names: object with `states`, `inputs`, `state_units` and `input_units`, where an unknown unit is
-        ""
+      ""
     """
     kinds = (
         ("P", P, names.states, names.state_units, "1/(({}) ({}))"),  # z'Pz has no unit

@@ -1,8 +1,8 @@
 """Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg.
 
 The study compares the best flight found with the exact game policy, the exact LQR and a learned
-critic, within two sets of limits. It writes FOLDER/best_flights.json, which `hfa report --flights`
-reads, and FOLDER/best_flights.png. It takes half a minute.
+critic, within two sets of limits. The study takes half a minute. It writes
+FOLDER/best_flights.json, which `hfa report --flights` reads, and FOLDER/best_flights.png.
 """
 
 from __future__ import annotations

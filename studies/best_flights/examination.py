@@ -156,8 +156,7 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return counts, largest errors, the median cost ratio, the mean time, and the flights
-    themselves.
+    """Return counts, largest errors, median cost ratio, mean time, and the flights.
 
     The mean processor time excludes the first flight.
     """

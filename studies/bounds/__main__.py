@@ -1,8 +1,8 @@
 """Proved lower bounds on the cost for five aircraft, compared with simulated flights.
 
 The bounds are compared with the best flights found from random initial conditions, and with many
-other flights. The study writes FOLDER/bounds.json after each aircraft, and an interrupted run can
-be continued. It takes a quarter of an hour.
+other flights. The study takes a quarter of an hour. It writes FOLDER/bounds.json after each
+aircraft, and an interrupted run can be continued.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class Outcome:
     """Outcome of one flight of a policy.
 
     stays: whether the flight stays within the flight envelope
-    converges: whether it also ends at the trim
+    converges: whether the flight also ends at the trim
     cost: cost of the whole horizon, without the cost of the final state
     """
 

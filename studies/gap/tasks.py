@@ -1,9 +1,9 @@
 """Aircraft of the study, and the rule that derives the deployment of a policy from the aircraft.
 
-All states of the linear model are observed. They are scaled by the half-widths of the
-initial-condition box. Each input can move in both directions as far as its nearer limit. The cost
-follows Bryson's rule, with weight 1 for a state at its half-width and an input at its limit. No
-setting is chosen for a single aircraft.
+All states of the linear model are observed, scaled by the half-widths of the initial-condition box.
+Each input can move in both directions as far as its nearer limit. The cost follows Bryson's rule,
+with weight 1 for a state at its half-width and an input at its limit. No setting is chosen for a
+single aircraft.
 """
 
 from __future__ import annotations

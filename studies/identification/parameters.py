@@ -1,6 +1,6 @@
 """Identification of the aircraft from the printed matrices by weighted least squares.
 
-The unknowns are the parameters. The trim inputs are not printed. They are functions of the
+The unknowns are the parameters. The trim inputs, which are not printed, are functions of the
 parameters and are solved for at every step. Each printed entry is weighted by half a unit of its
 last digit.
 """

@@ -188,8 +188,7 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim after an elevator pulse, with the name of the
-    state.
+    """Return the largest difference from JSBSim after an elevator pulse, and its state.
 
     The difference at the end of the flight is divided by the change of the state, or by 10 % of its
     nominal value if this is larger. The response is the difference of flights with and without the

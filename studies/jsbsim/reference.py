@@ -1,8 +1,8 @@
 """Evaluation of aircraft by JSBSim in a child process, because JSBSim can terminate Python.
 
 `python -m studies.jsbsim.reference` reads requests [{"aircraft": NAME, "point": {...}}, ...] as
-JSON. It writes JSBSim's responses line by line, so that they are kept if JSBSim terminates. It
-requires the package jsbsim.
+JSON. It writes JSBSim's responses line by line, so that finished responses are kept if JSBSim
+terminates. The package jsbsim is required.
 """
 
 from __future__ import annotations
@@ -116,9 +116,8 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     """Return JSBSim's response at each point, or None where JSBSim failed.
 
     name: name of an aircraft of JSBSim
-    points: {"state": {...}, "commands": {...}} with the names of a `Model`, or
-      {"trim": {"kcas", "altitude"}}. "linear": true adds A and B. "held" lists properties that no
-      component sets.
+    points: {"state": {...}, "commands": {...}} with the names of a `Model`, or {"trim": {"kcas",
+      "altitude"}}. "linear": true adds A and B. "held" lists properties that no component sets.
     seconds: time limit of each child process
     """
     items = [{"aircraft": name, "point": point} for point in points]

@@ -1,8 +1,8 @@
 """Simulate Section 5 of the paper: figures 3 to 23 and every numerical claim, for each control law.
 
-The study writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and
-FOLDER/claims.json and claims.md. A claim that is not confirmed is a result, not a failure. It takes
-a minute and a half of processor time.
+The study takes a minute and a half of processor time. It writes FOLDER/SECTION/ with figure-NN.png,
+figure-NN.npz and result.json, and FOLDER/claims.json and claims.md. A claim that is not confirmed
+is a result, not a failure.
 """
 
 from __future__ import annotations
@@ -248,7 +248,7 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 def _failed(flight: Mapping[str, Any]) -> bool:
     """Return whether a flight under a law of this project failed.
 
-    It fails if it leaves the envelope or if the learned critic does not pass its checks.
+    A flight fails if it leaves the envelope or if the learned critic does not pass its checks.
     """
     if flight["law"] not in OWN:
         return False

@@ -114,7 +114,7 @@ class Evidence:
         """Return a metric of each flight in a group, (flights, names).
 
         group: see `flights_of`
-        of: names of states or inputs; () for all
+        of: names of states or inputs, or () for all
         """
         plans = flights_of(group, self.setting.configuration, law)
         return np.array([_numbers(self.record(plan).metrics, name, of) for plan in plans])
@@ -143,8 +143,8 @@ def measure_of(said: str | Mapping[str, Any]) -> Measure:
 
     HOW is one of the following:
     - worst, smallest: largest or smallest number
-    - spread: largest (largest - smallest) / largest between the flights. It is inf if a number is
-      inf in some flights only. A number that is inf in all flights is left out.
+    - spread: largest (largest - smallest) / largest between the flights. The spread is inf if a
+      number is inf in some flights only. A number that is inf in all flights is left out.
     - ratio: largest ratio of a number to the same number in the other group
     """
     if isinstance(said, str):
@@ -347,7 +347,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """Return a sentence with the measured number, the limit and the reason in the claim.
+    """Return a text with the measured number, the limit and the stated cause.
 
     If the modified law does not satisfy the claim, the optimum's number is added.
     """

@@ -69,15 +69,16 @@ def exosystem(
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:
-    """Return P_s, (n, p), with which s = P_s w. It solves the Sylvester equation
+    """Return the solution P_s, (n, p), of a Sylvester equation, with which s = P_s w.
 
         (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0
 
     P: (n, n), for which A - S P is Hurwitz
 
-    Raises BadInputError if the reference has another number of states than the game, or if it grows
-    as fast as the closed loop decays. In the second case, there is no bounded solution. Source:
-    Francis, SIAM J. Control Optim. 15 (1977), the regulator equation of the costate.
+    Raises BadInputError if the reference has another number of states than the game, if A - S P is
+    not Hurwitz, or if the reference grows at least as fast as the closed loop decays. In the last
+    case, there is no bounded solution. Source: Francis, SIAM J. Control Optim. 15 (1977), the
+    regulator equation of the costate.
     """
     from scipy.linalg import solve_sylvester
 

@@ -253,7 +253,7 @@ class _Panels:
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
         """Return a panel of the Bellman residual |e| of the learned value at the simulated error.
 
-        Its unit is that of the cost rate z'Qz.
+        The unit of |e| is that of the cost rate z'Qz.
         """
 
         def size(record: FlightRecord) -> np.ndarray:
@@ -359,7 +359,7 @@ def _eight_figures(
     title: title with {} for the subject of the figure
     columns: titles of the columns
     groups: flights shown for states, inputs and learning, each with a list of flights for each
-        column
+      column
     learned: (flight, title) for each panel of weights
     """
 

@@ -218,8 +218,8 @@ class FlightRecord:
     states, commands, errors: x, x_d and z, (N, 6)
     inputs: (N, 5)
     critic: the learned critic, or None for a law that does not learn
-    residual: Bellman residual of the learned value at the simulated error, (N,), or (0,) without
-        critic
+    residual: Bellman residual of the learned value at the simulated error, (N,), or (0,) if
+      `critic` is None
     learned_from: time when a learned gain replaces the baseline, s
     lost_at: time when the flight leaves the envelope, s, or inf
     metrics: see `flight_metrics`
@@ -291,8 +291,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """Return the flight up to its last step within the envelope, and the time of leaving the
-    envelope.
+    """Return the flight within the envelope, and the time when it leaves the envelope.
 
     The time is inf if the flight stays within the envelope. At least the initial state is returned.
     """

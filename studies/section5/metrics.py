@@ -155,7 +155,7 @@ def learning_metrics(
     - late_change: largest |W - W(T_w)| after T_w divided by |W(T_w)|
     - end_change: change of W in the end divided by |W(T_w)|
     - stack_residual: relative residual on the recorded samples at the start, at T_w and at the end
-    of the flight
+      of the flight
     - flown_residual: |e| at the simulated error, at the start, and the largest before and after T_w
     - facts: further results of the law
     """

@@ -125,7 +125,9 @@ def gust_held(
 def largest_held(held: Callable[[float], bool], highest: float, apart: float) -> float:
     """Return the largest number up to `highest` for which `held` is true, or 0 if none is found.
 
-    The method is bisection. apart: resolution
+    The method is bisection.
+
+    apart: resolution
     """
     if held(highest):
         return highest

@@ -109,11 +109,10 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return an output row c, (n,), with which (A, B, [C; c]) is square with stable zeros.
 
     The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
-    drives directly is a smaller plant with the same outputs. If the smaller plant's C B has full
-    rank, c is the gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the
-    reduction is
-    repeated. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission
-    zeros, 2014.
+    drives directly is a smaller plant with the same outputs. If C B has full rank for the smaller
+    plant, c is the gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the
+    reduction is repeated. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of
+    transmission zeros, 2014.
     """
     from scipy.linalg import null_space, solve_continuous_are
 
@@ -242,7 +241,7 @@ class MemoryParts:
     def take(self, rows: int, columns: int = 1, start: np.ndarray | None = None) -> Part:
         """Return the next part of the memory as a matrix (rows, columns).
 
-        start: initial value; default 0
+        start: initial value, or None for 0
         """
         size = rows * columns
         self._starts.append(np.zeros(size) if start is None else start.ravel(order="F"))

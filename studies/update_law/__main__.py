@@ -1,7 +1,7 @@
 """Run the paper's update law in every setting of the study and print the table of its README.md.
 
-README.md states the causes. The study writes FOLDER/published_study.json with every run, and each
-finished row to FOLDER/rows. It takes about a minute on two cores.
+README.md states the causes. The study takes about a minute on two cores. It writes
+FOLDER/published_study.json with every run, and each finished row to FOLDER/rows.
 """
 
 from __future__ import annotations
@@ -71,8 +71,9 @@ def study(
 ) -> list[dict[str, Any]]:
     """Return the rows of the study, and write them to folder/published_study.json.
 
-    Each new row is written to folder/rows when it is finished. resume: whether to reuse finished
-    rows
+    Each new row is written to folder/rows when it is finished.
+
+    resume: whether to reuse finished rows
     """
     (folder / "rows").mkdir(parents=True, exist_ok=True)
     of = references()

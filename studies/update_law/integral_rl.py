@@ -1,6 +1,6 @@
 """Off-policy integral reinforcement learning with known B and E, as a user-defined learning law.
 
-It is the baseline of Section 5.2 of the paper.
+The law is the baseline of Section 5.2 of the paper.
 """
 
 from __future__ import annotations
@@ -41,9 +41,8 @@ class IrlSettings:
       more if the basis has more than 26 weights (`enough_for`).
     iterations: number of policy updates, one for each Δ after the simulation
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller)
-    initial_weights: W(0) of the first policies in the model's units, where 0 means u = 0 and
-        requires
-      a stable plant
+    initial_weights: W(0) of the first policies in the model's units. With 0, u = 0, which requires
+      a stable plant.
     probe: amplitude of the probing inputs
     disturbance: amplitude of the simulated disturbance
     disturbance_measured: whether the learner measures the disturbance

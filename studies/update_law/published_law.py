@@ -1,8 +1,8 @@
 """The critic update of the paper, Eq. (46), the gains of Theorem 1, and the stable step.
 
-It is also an example of a user-defined learning law. Such a law is an object with `ticks`, `start`,
-`advance` and `observe`, which `controller.run` calls. `conclude` converts the final weights to P
-and K with certificates.
+The module is also an example of a user-defined learning law. Such a law is an object with `ticks`,
+`start`, `advance` and `observe`, which `controller.run` calls. `conclude` converts the final
+weights to P and K with certificates.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class PublishedSettings:
     gains: (α₁, α₂), or None for the gains of Theorem 1
     integrator: "explicit" (forward Euler) or "proximal" (implicit)
     coordinates: "raw" for the units of the model, or "scaled" by the root mean square of each
-      recorded channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are
-      in the model's units in both cases.
+      recorded channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are in
+      the model's units in both cases.
     flight_start: z(0) of the flight z' = A z + B û that supplies the current sample, for explicit
       steps, or () to learn from the recorded samples alone
     """
@@ -155,7 +155,7 @@ def theorem_gains(
 
         c₁ = (2γλ₀)^(1-η/2),  c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2),  α_i = π / (θ T η c_i),  T = T_w/2
 
-    λ₀ is the smallest eigenvalue of Σ_j σ̄_j σ̄_j'. If it is 0, α_i is inf.
+    λ₀ is the smallest eigenvalue of Σ_j σ̄_j σ̄_j'. If λ₀ is 0, α_i is inf.
 
     regressors: σ̄_j, (N_h, M)
     """
@@ -195,7 +195,7 @@ def explicit_step_limit(
     """Return the largest stable step of explicit Euler for Eq. (46) at the current weights, s.
 
     The limit is 2 / λ_max(γ Σ_j c_j σ̄_j σ̄_j'), where c_j is the slope of `signed_powers` at ē_j.
-    It approaches 0 if any residual approaches 0.
+    The limit approaches 0 if any residual approaches 0, and is inf if all regressors are 0.
     """
     size = np.maximum(np.abs(sample.residuals), TINY)
     slopes = (alpha1 + 1.0) * (1.0 - eta) * size**-eta + (alpha2 + 1.0) * (1.0 + eta) * size**eta

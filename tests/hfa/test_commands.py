@@ -162,9 +162,9 @@ def test_sweep_text_and_json() -> None:
 
 
 def test_sweep_keeps_failed_points_as_rows() -> None:
-    """A sweep point without a trim is a row of nulls with a reason, and the first line counts it.
+    """A sweep point without a trim is a row of nulls with a reason.
 
-    If no point has a trim, the exit code is 1.
+    The first line states the number of trimmed points. If no point has a trim, the exit code is 1.
     """
     data = answer("sweep", "--dihedral", "0", "--hold", "speed=20,68")
     assert data["reasons"][0].startswith("no trim")

@@ -81,7 +81,7 @@ ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
 def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
     """A and B of a sweep point equal those of `linearize`.
 
-    If there is no trim, both give one reason.
+    If there is no trim, both commands have the same exit code and report the same reason.
     """
     swept = hfa("sweep", "--dihedral", "10", *words, "--json")
     single = hfa("linearize", "--dihedral", "10", *words, "--json")
@@ -155,7 +155,7 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_store_keeps_to_its_condition(tmp_path: Path) -> None:
-    """A store contains its trim condition. A run with another condition cannot be resumed in it."""
+    """A store contains its trim condition. Another condition cannot resume the store."""
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
     assert hfa(*words, "--workers", "2").code == 0

@@ -85,7 +85,7 @@ def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
 def test_tables_are_read_as_they_are(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """pandas and polars read every number of a .csv table of `hfa` to the last digit.
+    """pandas and polars read every number of a .csv table of `hfa` within 1e-15.
 
     Each column states its unit in its name or in the column "unit", except for the listed names.
     """

@@ -30,7 +30,7 @@ def snapshot(folder: Path) -> dict[str, bytes | None]:
 def untouched(tmp_path: Path) -> Iterator[None]:
     """Create files and folders before a test, and assert afterwards that they are unchanged.
 
-    Files named `given...` are ignored. They are created by the test.
+    Files named `given...`, which the test creates, are ignored.
     """
     for name in ("folder.json", "folder.png", "folder.html"):
         (tmp_path / name).mkdir()

@@ -154,7 +154,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
 
 
 def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
-    """The cost of a critic is reported, and with --limit-cost it decides the exit code."""
+    """The cost of a critic is reported. With --limit-cost, the cost decides the exit code."""
     file = stored("P.json", P=1.004 * solve_game(game).P)
     words = ("verify", *AT_15, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]

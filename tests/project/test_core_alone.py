@@ -49,8 +49,7 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
 
 
 def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
-    """Without extensions, the core trims, and refuses commands and options of extensions in one
-    line.
+    """Without extensions, the core trims and refuses their commands and options in one line.
 
     The help does not mention these commands and options.
     """

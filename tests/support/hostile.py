@@ -115,7 +115,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 
 
 class Hanging(BaseException):
-    """Exception for a run that exceeds its time limit. Commands do not catch it."""
+    """Exception for a run that exceeds its time limit, which commands do not catch."""
 
 
 def _hostile_words(chance: random.Random) -> list[str]:

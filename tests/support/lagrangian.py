@@ -44,8 +44,8 @@ def lagrangian_rates(
     density: slug/ft^3, or 0 for flight without air
     winds: velocity of the air at each panel, ft/s
 
-    The airflow at a panel is its inertial velocity minus the velocity of the air.
-    Source: Goldstein, Classical Mechanics, Section 1.4.
+    The airflow at a panel is its inertial velocity minus the velocity of the air. Source:
+    Goldstein, Classical Mechanics, Section 1.4.
     """
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)

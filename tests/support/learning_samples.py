@@ -92,8 +92,7 @@ def abscissa(matrix: np.ndarray) -> float:
 
 
 def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
-    """Return initial weights whose closed loop A - S_u P is stable with a margin of about `margin`
-    1/s.
+    """Return initial weights with a stability margin of about `margin` 1/s of the closed loop.
 
     The weights are far larger than those of the solution.
 

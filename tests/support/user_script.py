@@ -1,5 +1,6 @@
-"""A user's script with every public name of `hfa`, which is checked by type checkers and is not
-run.
+"""A user's script with every public name of `hfa`.
+
+The script is checked by type checkers and is not run.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Random constructs, with numbers at the limits of their ranges.
+"""Random constructs of nested functions, chains of components, switches, axes or properties.
 
-They consist of nested functions, chains of components, switches, axes or properties.
+The numbers include limits of their ranges.
 """
 
 from __future__ import annotations

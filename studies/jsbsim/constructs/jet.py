@@ -109,7 +109,7 @@ _JET = """<?xml version="1.0"?>
 def coefficient(*terms: str, length: str = "") -> str:
     """Return the XML of the function q S length (sum of the terms).
 
-    Without `length`, it is q S (sum).
+    Without `length`, the function is q S (sum of the terms).
     """
     arm = f"<p>metrics/{length}</p>" if length else ""
     body = "".join(terms)

@@ -19,9 +19,7 @@ _F16 = Path(__file__).parents[3] / "examples" / "f16.py"
 
 
 def of_every_operation() -> ca.Function:
-    """Return a Function of two numbers with elementary functions, arithmetic, logic and
-    comparisons.
-    """
+    """Return a Function of two numbers with elementary functions, arithmetic and logic."""
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     of_one = (
         *(ca.sqrt, ca.exp, ca.log, ca.log1p, ca.expm1, ca.erf, ca.fabs, ca.sign),

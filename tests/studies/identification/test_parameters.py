@@ -241,8 +241,8 @@ def test_expected_sum_is_what_drawn_rounding_errors_leave(
 def test_one_angle_determines_all_but_one_combination() -> None:
     """The matrices at one angle determine all parameters except for one combination.
 
-    This combination is a factor of the pitch-rate row. It consists of the constant and the sin²
-    part of the pitch inertia.
+    The combination is a factor of the pitch-rate row. It consists of the constant and the sin² part
+    of the pitch inertia.
     """
     for known, unknown in itertools.permutations(published_models()):
         fitted = fit([known], Published())

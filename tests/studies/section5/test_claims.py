@@ -200,9 +200,9 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
-    """The verdict on a claim follows from its number and limit, a departure, and missing data.
+    """The verdict on a claim follows from its number, its limit and missing data.
 
-    A departure from the envelope gives no number.
+    A flight that leaves the envelope gives no number and confirms no claim.
     """
     measure = {"worst": "cost", "in": "every uncertainty"}
     relation, limit = must.split()
@@ -249,8 +249,9 @@ def test_claims_about_print_are_those_of_printed_matrices() -> None:
 def test_flight_fails_when_it_lost_or_critic_refused(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
-    """A flight of this project's laws fails if it leaves the envelope or its critic is not
-    certified.
+    """A flight of this project's laws fails if it leaves the envelope.
+
+    A flight whose learned critic is not certified fails too.
     """
     flight = {
         "name": "planted",
@@ -265,9 +266,9 @@ def test_flight_fails_when_it_lost_or_critic_refused(
 
 @pytest.mark.slow
 def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A short section is simulated, stored and drawn. With --resume it is not simulated again.
+    """A short section is simulated, stored and drawn.
 
-    If one of its files is damaged, it is simulated again.
+    With --resume, the section is simulated again only if one of its files is damaged.
     """
     brief = {"flight": {"step": 1e-3, "duration": 1.0}, "learning": {"predefined_time": [0.5] * 4}}
     brief["criteria"] = {"late": [0.5, 1.0], "short_adjustment": 0.5}  # type: ignore[dict-item]

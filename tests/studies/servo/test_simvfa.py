@@ -36,11 +36,11 @@ ANGLES = np.radians([0.0, 11.0, 20.0])
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, order: int) -> None:
-    """The matrix H + H* with H = S C (iω + L C - A)⁻¹ B1 is positive definite for all ω >= 0.12
-    rad/s.
+    """The error of the mixed output is strictly positive real above 0.12 rad/s.
 
-    At lower frequencies, it is positive definite for order 2 only. S C B1 is symmetric and positive
-    definite, S is orthogonal, and A - L C is stable.
+    H + H* is positive definite, where H = S C (iω - A + L C)⁻¹ B1. Below 0.1 rad/s, H + H* is
+    positive definite for order 2 only. S C B1 is symmetric and positive definite, S is orthogonal,
+    and A - L C is stable.
     """
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)

@@ -88,7 +88,7 @@ def test_direction_is_the_printed_sum() -> None:
 
 
 def test_gains_are_those_of_the_theorem() -> None:
-    """The gains equal the formulas of Theorem 1. They are inf if the samples are rank deficient."""
+    """The gains equal the formulas of Theorem 1, and are inf if the samples are rank deficient."""
     regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
     gains = theorem_gains(regressors, gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
     assert gains.lambda_0 == pytest.approx(0.25)

@@ -107,7 +107,7 @@ def test_half_units_of_printed_and_exact_entries(
 def test_the_simulations_values_pass_in_its_air() -> None:
     """The released parameters pass with the air density of the released simulation.
 
-    They fail four checks in the standard atmosphere.
+    In the standard atmosphere, the released parameters fail four checks.
     """
     gravity, gas, radius = (
         32.17405,
@@ -155,8 +155,9 @@ class FreeFactor(PrintedInertia):
 
 
 class NewtonInertia(Published):
-    """The published dynamics with d3 from Newton's law, whose sign agrees with Gibson et al., Eq.
-    (70).
+    """The published dynamics with d3 from Newton's law.
+
+    The sign in d3 agrees with Gibson et al., Eq. (70).
     """
 
     hinge_inertia = Newton.hinge_inertia
@@ -210,8 +211,8 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
 ) -> None:
     """The hinge inertia printed by Gibson et al. fails the check of their figure.
 
-    The figure shows the fast roots -7.25 at 0 deg and -7.85 at 45 deg. These require the sign + and
-    cos(η²).
+    The figure shows the fast roots -7.25 at 0 deg and -7.85 at 45 deg. These roots require the sign
+    + and cos(η²).
     """
     validation = validate(hfa.aircraft(variant, parameters))
     assert [root for _, _, root in validation.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
