@@ -47,8 +47,7 @@ def paper_game(
 
     names: names of the plant; states other than the paper's have weight 0 and no disturbance
     model: model of the plant; for a model in SI units the paper's E, Q and R are converted. None
-        for a
-        plant in the paper's units.
+        for a plant in the paper's units.
     changes: Q, R, delta or E in place of the paper's
     """
     states = names.states

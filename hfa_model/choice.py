@@ -20,8 +20,8 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     """Return the highly flexible aircraft as a `Model`.
 
     dynamics: "published", "newton", the name of dynamics from an installed package ("unsteady"), or
-        a
-        `Variant`. Text with "." or ":" is the file of another aircraft, loaded by `hfa.load_model`.
+        a `Variant`. Text with "." or ":" is the file of another aircraft, loaded by
+        `hfa.load_model`.
     parameters: by default the identified ones
 
     Raises BadInputError for unknown dynamics, for a parameter that is not finite, and for a

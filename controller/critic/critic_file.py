@@ -34,8 +34,7 @@ class Reading:
     """Settings for reading a critic file that the file does not contain.
 
     basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
-        basis
-        named in the file of a history, else "quadratic".
+        basis named in the file of a history, else "quadratic".
     network: outputs of a network file, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output
@@ -147,11 +146,9 @@ def read_critic(
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
     game: the game with the states and inputs of the critic. None is allowed only for a file with a
-        gain
-        K and without `state_units`.
+        gain K and without `state_units`.
     basis: basis of the weights: a name, or a list of functions; by default the basis named in the
-        file
-        of a history, else "quadratic"
+        file of a history, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output

@@ -28,8 +28,7 @@ def critics_over_time(
     times: (N,), s, increasing, the first at least 0
     functions: name of the basis of W
     parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them. A single W (M,), P (n, n) or
-        K
-        (m, n) applies to the last time.
+        K (m, n) applies to the last time.
 
     Raises BadInputError
     - if a number is not finite or too large,

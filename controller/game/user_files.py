@@ -124,8 +124,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
 
     found: arrays read by `read_arrays`
     needed: required entries. If none of them is at the top level, all entries are read from the
-        only
-        structure that contains all required ones.
+        only structure that contains all required ones.
 
     Raises BadInputError if the entry `dt` of python-control is neither 0 nor None.
     """

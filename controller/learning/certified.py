@@ -148,8 +148,7 @@ def iterate(
     here: initial weights, and the problem
     normaliser: as for `newton_step`
     to_the_floor: whether to continue until the correction no longer halves, instead of stopping at
-        the
-        relative correction `TRACKING`
+        the relative correction `TRACKING`
     most: largest number of steps
 
     Raises NoSolutionError if `stabilizing_step` fails.

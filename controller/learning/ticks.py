@@ -42,8 +42,7 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
 
     ticks: number of ticks start(): returns the memory before the first tick, any object
         advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
-        side
-        effects
+        side effects
     observe(tick, memory): returns the row of the history after `tick` ticks (0 .. ticks): "time",
     s,
         and further values, with the same names in each row. "law_residual_norm", the residual that

@@ -261,10 +261,8 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     H must have n eigenvalues on each side of the imaginary axis, and none near the axis.
 
     given: the original form, if `form` is its levelled form. If the other checks pass, a further
-        check
-        shows that rounding of the given entries cannot move an eigenvalue to the axis, because
-          levelling
-        enlarges this rounding.
+        check shows that rounding of the given entries cannot move an eigenvalue to the axis,
+        because levelling enlarges this rounding.
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)

@@ -35,8 +35,7 @@ class FlightCost(Result):
     gain: L2 gain, which must be below delta
     exact_gain: L2 gain of the optimum
     distance: smallest change of A - B K that gives an undamped mode, relative to the norm of A - B
-        K in
-        balanced units; 0 for an unstable loop
+        K in balanced units; 0 for an unstable loop
     exact_distance: the same distance for the optimum
     """
 

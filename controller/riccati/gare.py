@@ -41,8 +41,7 @@ class Solution(Result, Reported):
     worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the loop under the worst
         disturbance, 1/s
     abscissa_error: change of the largest real part of the eigenvalues of A - B K by rounding of A,
-        B
-        and K, 1/s, to first order
+        B and K, 1/s, to first order
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)

@@ -47,8 +47,7 @@ class LoopMargin(NamedTuple):
         limits
     phase: largest tolerated phase shift, deg; inf if every phase shift is tolerated
     crossover: frequency at which this phase shift makes the loop unstable (|l| = 1), rad/s; nan if
-        |l|
-        is never 1
+        |l| is never 1
     delay: largest tolerated delay of the signal, s; inf if every delay is tolerated
     disk: α of `DiskMargin`, for simultaneous changes of gain and phase
     """

@@ -151,8 +151,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         Omitted states and inputs are constant at their offsets.
 
         residualize: states that follow the other states without delay, x2 = -A22⁻¹ (A21 x1 + B2 u +
-            E2 w),
-            so that static gains are unchanged
+            E2 w), so that static gains are unchanged
 
         Raises BadInputError if the model does not have such a name, a name is repeated, no state
         remains, or A22 is singular.

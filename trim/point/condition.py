@@ -30,11 +30,9 @@ class TrimCondition:
 
     model: model of the aircraft
     imposed: variable or output -> value, or a table of values over the scheduling variable, which
-        `at`
-        evaluates
+        `at` evaluates
     rates: state -> imposed rate; by default zero for the steady states of the model. A rate that is
-        not
-        listed is not balanced.
+        not listed is not balanced.
     limits: name -> (lowest, highest), instead of the model's limits
     begin: variable -> initial value of the search
     name: name of a condition from a file

@@ -29,8 +29,7 @@ def newton(
     c: (N, ..), constants that differ between the points
     moving: indices of the unknowns that may change; by default all
     bounded: whether every trial is moved to the nearest point within the limits; angles without
-        limits
-        are then limited to 90 deg
+        limits are then limited to 90 deg
     """
     if moving is not None or bounded or not system.is_quick:
         from trim.point.halving import halving

@@ -91,8 +91,7 @@ def trim_points(
 
     model: model of the aircraft
     variables: one name for each column of values: variables or rates, imposed instead of the
-        condition's
-        values, or parameters
+        condition's values, or parameters
     values: (N, number of variables)
     condition: by default the trim that the model declares
     start: initial point of the search for each row

@@ -546,8 +546,7 @@ def sweep(
     model: model of the aircraft
     grid: trim variable or parameter of the model -> imposed values, in the units of the model
     condition: condition of all other variables; by default the trim that the model declares. The
-        grid
-        overrides the condition.
+        grid overrides the condition.
     start: initial point of the search at each point
     listed: whether the values of the grid are columns, with one row for each point
     at: values of the scheduling variable, added to the grid

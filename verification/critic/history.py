@@ -43,8 +43,7 @@ def check_history(
     limit: limit of every error and of the residual
     scope: further data for the checks of the last critic
     predefined_time: T_w, s; a check requires every error to be within the limit from T_w on. None
-        for
-        no such check.
+        for no such check.
     progress: called with (checked critics, all critics)
 
     Raises BadInputError if there is no critic, or a critic has no time.

@@ -266,8 +266,7 @@ class Verdict(Checked, Result, Reported):
         """Return the data of the verdict.
 
         limit_cost: limit of the cost above the optimum, percent. The entry `graded` then also
-            contains the
-            limit and the verdict on the cost.
+            contains the limit and the verdict on the cost.
         """
         data = self.as_data()
         if limit_cost is not None and "graded" in data:
