@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,7 +15,7 @@ import numpy as np
 from controller.critic.critic import Critic, from_parts
 from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import UNKNOWN, file_scales, found_in
+from controller.game.file_entries import UNKNOWN, file_scales, found_in, words
 from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
@@ -34,7 +34,7 @@ class Reading:
     """Settings for reading a critic file that the file does not contain.
 
     basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
-        basis named in the file of a history, else "quadratic".
+        basis named in the file, else "quadratic".
     network: outputs of a network file, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output
@@ -62,6 +62,18 @@ class Reading:
 
             return features_of(self.basis, states, names)
         return basis(self.basis or "quadratic", states)
+
+    def with_basis_of(self, entries: Mapping[str, Any]) -> Reading:
+        """Return the settings with the basis of W named in a file, unless a basis is set.
+
+        Raises BadInputError if the entry "basis" is not one text.
+        """
+        if self.basis is not None or not {"W", "basis"} <= set(entries):
+            return self
+        named = words(entries, "basis")
+        if len(named) != 1:
+            raise BadInputError("the entry basis must be one name, such as 'quadratic'")
+        return replace(self, basis=named[0])
 
 
 class CriticReader(Protocol):
@@ -105,6 +117,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         # In addition to the rows over time, a file may contain the last row under its standard
         # name.
         over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
+        reading = reading.with_basis_of(over_time)
         if "time" in over_time and any(name in over_time for name in DIMENSIONS):
             from controller.critic.critic_history import rows_over_time
 
@@ -148,7 +161,7 @@ def read_critic(
     game: the game with the states and inputs of the critic. None is allowed only for a file with a
         gain K and without `state_units`.
     basis: basis of the weights: a name, or a list of functions; by default the basis named in the
-        file of a history, else "quadratic"
+        file, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output

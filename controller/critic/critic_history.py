@@ -12,7 +12,7 @@ import numpy as np
 from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import DIMENSIONS, Reading, in_plant_units
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import file_scales, words
+from controller.game.file_entries import file_scales
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in
@@ -80,19 +80,16 @@ def rows_over_time(
 
     entries: entries of the file, with "time"
 
-    Raises BadInputError if `reading.basis` is a list of functions, if the entry "basis" is not one
-    name, or if an array has a wrong shape.
+    Raises BadInputError if `reading.basis` is a list of functions, or if an array has a wrong
+    shape.
     """
     if reading.lists_functions:
         raise BadInputError(
             "--basis lists functions, but W is a history over time; give the name of a basis"
         )
     times = np.ravel(numbers_in("time", entries["time"]))
-    stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)
-    if reading.basis is None and len(stored_basis) != 1:
-        raise BadInputError("the entry basis must be one name, such as 'quadratic'")
     n, m = game.B.shape
-    psi = basis(reading.basis or stored_basis[0], n)
+    psi = basis(reading.basis or "quadratic", n)
     sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
     rows = {
         name: _stacked(name, entries[name], len(times), size, psi)

@@ -133,7 +133,7 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
-    """The basis named in the file of a history applies unless the caller names another basis."""
+    """The basis named in a file with W, once or over time, applies unless the caller names one."""
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     basis = critic_in(path, GAME).basis
     assert basis is not None
@@ -142,6 +142,19 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
         BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"
     ):
         critic_in(path, GAME, reading=Reading("quadratic"))
+    single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
+    found = critic_in(single, GAME).basis
+    assert found is not None
+    assert np.array_equal(found.exponents, basis.exponents)
+    with pytest.raises(BadInputError, match="W has 5 weights; basis 'quadratic' on 2 states has 3"):
+        critic_in(single, GAME, reading=Reading("quadratic"))
+    listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
+    assert listed.value is not None
+    assert float(listed.value([3.0, 2.0])) == 9.0 + 32.0
+    with pytest.raises(BadInputError, match=r"w\.npz: the entry basis must be one name"):
+        critic_in(stored("w.npz", W=np.ones(5), basis=["quadratic", "paper"]), GAME)
+    np.savez("P.npz", P=np.eye(2), basis=["of", "another", "program"])
+    assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
 
 
 @pytest.mark.parametrize(
