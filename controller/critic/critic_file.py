@@ -15,7 +15,7 @@ import numpy as np
 from controller.critic.critic import Critic, from_parts
 from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import UNKNOWN, file_scales, found_in, words
+from controller.game.file_entries import UNKNOWN, file_scales, found_in
 from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
@@ -63,18 +63,6 @@ class Reading:
             return features_of(self.basis, states, names)
         return basis(self.basis or "quadratic", states)
 
-    def with_basis_of(self, entries: Mapping[str, Any]) -> Reading:
-        """Return the settings with the basis of W named in a file, unless a basis is set.
-
-        Raises BadInputError if the entry "basis" is not one text.
-        """
-        if self.basis is not None or not {"W", "basis"} <= set(entries):
-            return self
-        named = words(entries, "basis")
-        if len(named) != 1:
-            raise BadInputError("the entry basis must be one name, such as 'quadratic'")
-        return replace(self, basis=named[0])
-
 
 class CriticReader(Protocol):
     """Function that reads critic files of one format, registered as an entry point of
@@ -102,12 +90,13 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     Raises BadInputError with the name of the file.
     """
     reading = reading or Reading()
-    suffix = Path(path).suffix
-    if suffix.lower() not in critic_suffixes():
-        known = ", ".join(critic_suffixes())
-        raise BadInputError(f"{path}: the suffix {suffix!r} is unknown; use {known}")
-    if is_network(Path(path)):
-        read: CriticReader = part(CRITICS, _format_of(Path(path)), str(path))
+    file = Path(path)
+    if file.suffix.lower() not in critic_suffixes():
+        raise BadInputError(
+            f"{path}: the suffix {file.suffix!r} is unknown; use {', '.join(critic_suffixes())}"
+        )
+    if is_network(file):
+        read: CriticReader = part(CRITICS, _format_of(file), str(path))
         with said_of(path), file_faults(path):
             return (read(game, path, reading),)
     entries = entries_in(path)
@@ -117,7 +106,10 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         # In addition to the rows over time, a file may contain the last row under its standard
         # name.
         over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
-        reading = reading.with_basis_of(over_time)
+        if not reading.basis and "W" in over_time and "basis" in over_time:
+            from controller.critic.critic_history import named_basis
+
+            reading = replace(reading, basis=named_basis(over_time))
         if "time" in over_time and any(name in over_time for name in DIMENSIONS):
             from controller.critic.critic_history import rows_over_time
 

@@ -12,7 +12,7 @@ import numpy as np
 from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import DIMENSIONS, Reading, in_plant_units
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import file_scales
+from controller.game.file_entries import file_scales, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in
@@ -71,6 +71,17 @@ def critics_over_time(
             parts_then |= {name: array for name, array in arrays.items() if name not in rows}
         critics.append(replace(from_parts(game, parts_then, psi), time=time))
     return tuple(critics)
+
+
+def named_basis(entries: Mapping[str, Any]) -> str:
+    """Return the basis of W named in the entries of a file.
+
+    Raises BadInputError if the entry "basis" is not one text.
+    """
+    named = words(entries, "basis")
+    if len(named) != 1:
+        raise BadInputError("the entry basis must be one name, such as 'quadratic'")
+    return named[0]
 
 
 def rows_over_time(
