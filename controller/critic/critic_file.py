@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -106,15 +106,15 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         # In addition to the rows over time, a file may contain the last row under its standard
         # name.
         over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
-        if not reading.basis and "W" in over_time and "basis" in over_time:
-            from controller.critic.critic_history import named_basis
+        if "basis" in over_time:
+            from controller.critic.critic_history import with_named_basis
 
-            reading = replace(reading, basis=named_basis(over_time))
-        if "time" in over_time and any(name in over_time for name in DIMENSIONS):
+            reading = with_named_basis(reading, over_time)
+        if "time" in over_time and {*DIMENSIONS} & {*over_time}:
             from controller.critic.critic_history import rows_over_time
 
             rows = rows_over_time(over_time, game, reading)
-            if rows is not None:
+            if rows:
                 return rows
         functions = reading.functions(len(game.A), game.names.states)
         parts = single_parts(entries, game.names, functions)

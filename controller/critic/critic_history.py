@@ -73,15 +73,19 @@ def critics_over_time(
     return tuple(critics)
 
 
-def named_basis(entries: Mapping[str, Any]) -> str:
-    """Return the basis of W named in the entries of a file.
+def with_named_basis(reading: Reading, entries: Mapping[str, Any]) -> Reading:
+    """Return the settings with the basis of W named in a file, unless a basis is set.
+
+    entries: entries of the file, with "basis"
 
     Raises BadInputError if the entry "basis" is not one text.
     """
+    if reading.basis is not None or "W" not in entries:
+        return reading
     named = words(entries, "basis")
     if len(named) != 1:
         raise BadInputError("the entry basis must be one name, such as 'quadratic'")
-    return named[0]
+    return replace(reading, basis=named[0])
 
 
 def rows_over_time(
