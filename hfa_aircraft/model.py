@@ -499,7 +499,7 @@ def _check_signal(where: str, signal: Signal) -> None:
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
         raise BadInputError(
-            f"{where}: nominal, start and rate must be finite numbers, nominal and rate positive"
+            f"{where}: nominal, start and rate must be finite, and nominal and rate positive"
         )
     if not signal.min <= signal.max:
         raise BadInputError(

@@ -62,7 +62,9 @@ def file_faults(file: str | Path) -> Iterator[None]:
     except BadInputError:
         raise
     except OSError as error:
-        raise BadInputError(f"{file} cannot be read ({error.strerror}); give a file") from error
+        raise BadInputError(
+            f"{file} cannot be read ({error.strerror}); give a readable file"
+        ) from error
     except ValueError as error:
         raise BadInputError(f"{file}: {error}; correct the file") from error
 

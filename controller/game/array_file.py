@@ -38,7 +38,9 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     except (FileNotFoundError, IsADirectoryError) as error:
         raise BadInputError(f"{path}: no such file") from error
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error
+        raise BadInputError(
+            f"{path} cannot be read ({error.strerror}); give a readable file"
+        ) from error
     except BadInputError:
         raise
     except Exception as error:  # a damaged file makes the readers raise nearly anything

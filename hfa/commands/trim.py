@@ -23,7 +23,7 @@ class TrimRequest(OneTrimRequest):
 
     draws: int | None = draws_option()
     picture: Path | None = picture_option(
-        "the aircraft from the front with its loads", only_hfa=True
+        "a front view of the aircraft with its loads", only_hfa=True
     )
 
 

@@ -126,8 +126,8 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
 def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact solution of the game.
 
-    The critic is read from --weights, or learned as by `hfa learn`. The exit code is 0 only if
-    every check passes or the cost is within --limit-cost."""
+    The critic is read from --weights, or learned as by `hfa learn`. The exit code is 0 if
+    every check passes or the cost is within --limit-cost, and 1 otherwise."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     if request.draws is not None and len(paths) > 1:

@@ -132,7 +132,10 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
     assert "FILE.pm" in trim_help.out
     assert broken.err.startswith("hfa: broken.pm: 'utf-8' codec can't decode byte 0xff")
     assert broken.err.endswith("; correct the file\n")
-    assert missing.err == "hfa: none.pm cannot be read (No such file or directory); give a file\n"
+    assert (
+        missing.err
+        == "hfa: none.pm cannot be read (No such file or directory); give a readable file\n"
+    )
 
 
 def test_commands_of_the_page_run(results: list[Result]) -> None:

@@ -140,9 +140,8 @@ def learn_steps(
                     return Learned(_training_run(learner, rows, seed), after)
                 before = after
     raise NoSolutionError(
-        f"Q-learning has not converged in {iterations} iterations; the plant may have no"
-        " stabilizing policy, delta may be too small, or the steps may move the state too far;"
-        " `hfa solve` reports the cause"
+        f"Q-learning did not converge in {iterations} iterations; check with `hfa solve` that a"
+        " stabilizing policy exists and that delta is large enough, or record smaller steps"
     )
 
 

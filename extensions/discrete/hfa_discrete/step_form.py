@@ -151,7 +151,10 @@ class StepForm(NormalForm):
             except np.linalg.LinAlgError:
                 continue
         if not games:
-            raise NoSolutionError("no policy removes the modes at z = 1 and -1")
+            raise NoSolutionError(
+                "every closed loop has modes at z = 1 and z = -1, so no policy stabilizes the "
+                "plant; change A or B"
+            )
         return _of_rates_near_one(min(games, key=_size))
 
     def _at_pole(self, sign: float) -> NormalForm:

@@ -107,7 +107,7 @@ def fraction(text: str) -> float:
 
 def weights_option() -> Any:
     """Return the option `--weights` as a dataclass field."""
-    about = "file with a gain K, critic W or P, or network, in place of --law"
+    about = "file with a gain K, a critic (W or P) or a network; replaces --law"
     return option(about, "FILE", critic_path)
 
 
@@ -231,7 +231,7 @@ def card_option() -> Any:
 
 def controller_option() -> Any:
     """Return the option `--controller` as a dataclass field."""
-    about = "file with a controller of `hfa design`, or scheduled gains"
+    about = "file with a controller from `hfa design`, or with scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
@@ -467,8 +467,8 @@ class FlightOptions(ScenarioOptions):
     controller: Path | None = controller_option()
     policy: Path | None = card_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
-        f"commanded steps of a state from its trim value (s, degrees), or of an input with --law "
-        f"{NONE}; repeatable",
+        f"step commands for a state, or with --law {NONE} for an input: time, s, and deviation "
+        "from the trim, degrees for angles; repeatable",
         _COMMAND,
         OfModel(_command),
         named=True,

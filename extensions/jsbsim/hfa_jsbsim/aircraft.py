@@ -399,7 +399,8 @@ class Equations:
 
             def refuse() -> Any:
                 raise element.error(
-                    f"{shortened(copy)} is a copy of {shortened(name)}; use {shortened(name)}"
+                    f"reading {shortened(copy)}, a copy of {shortened(name)}, is not supported; "
+                    f"use {shortened(name)}"
                 )
 
             self.properties.compute(copy, Writer(refuse, element.where, element=element))

@@ -188,7 +188,7 @@ def function_value(element: Element, properties: Properties, number: int | None 
     """
     arguments = [child.take() for child in element.children if child.name != "description"]
     if len(arguments) != 1:
-        raise element.error(f"<{element.name}> has {len(arguments)} values; give one")
+        raise element.error(f"<{element.name}> has {len(arguments)} elements; give one")
     return _value(arguments[0], properties, number)
 
 

@@ -239,7 +239,8 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
         game, from_weights(game, np.diag(value(game)), squares), scope=on_the_box(1)
     ).ok
     with pytest.raises(
-        BadInputError, match="W has 6 weights and the plant 6 states; the basis needs 22 weights"
+        BadInputError,
+        match="W has 6 weights and the plant has 6 states; the basis needs 22 weights",
     ):
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
@@ -291,8 +292,8 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
     assert "has no setting 'activation'" in hfa("verify", *AT_15, "--set", "activation=tanh").err
 
 
-def test_the_lines_of_the_readme_judge_a_policy() -> None:
-    """The README's command on a policy has exit code 0.
+def test_a_state_dict_needs_its_activation() -> None:
+    """`hfa verify` accepts a state dict with its activation.
 
     Without the activation, the command is refused, and the error ends with the complete command.
     """
@@ -300,8 +301,7 @@ def test_the_lines_of_the_readme_judge_a_policy() -> None:
     K = solve_game(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
     torch_file("policy.pt", {"0.weight": 1e-4 * np.eye(2), "2.weight": -1e4 * K})
-    readme = (Path(__file__).parents[3] / "README.md").read_text()
-    (line,) = re.findall("`(hfa verify --model plant.npz[^`]*)`", readme)
+    line = "hfa verify --model plant.npz --weights policy.pt --set activation=tanh"
     assert hfa(*line.split()[1:]).code == DONE
     asked = hfa(*line.partition(" --set")[0].split()[1:])
     assert asked.code == BAD_INPUT

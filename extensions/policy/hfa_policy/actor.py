@@ -110,7 +110,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     if rest:
         raise BadInputError(
             f"{path} expects {stored.observations} observations, but the deployment file "
-            f"has {observations}; list the observations of the training in their order"
+            f"has {observations}; list all training observations, in the order used in training"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
     return Actor(
@@ -182,7 +182,9 @@ def stored_gain(path: Path) -> np.ndarray | None:
         try:
             arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
+            raise BadInputError(
+                f"cannot be read ({error.strerror}); give a readable file"
+            ) from error
         except ValueError as error:
             raise BadInputError(
                 f"the file is not an .npz file of numbers ({error}); save it again"
@@ -216,7 +218,7 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     if takes != observations:
         raise BadInputError(
             f"{what} expects {takes} observations, but the deployment file has "
-            f"{observations}; list the observations of the training in their order"
+            f"{observations}; list all training observations, in the order used in training"
         )
     if gives != actions:
         raise BadInputError(

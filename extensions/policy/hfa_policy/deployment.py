@@ -140,7 +140,7 @@ class Deployment(Reported):
             entries = read_toml(path)
         except OSError as error:
             raise BadInputError(
-                f"{path} cannot be read ({error.strerror or error}); give a file"
+                f"{path} cannot be read ({error.strerror or error}); give a readable file"
             ) from error
         tables = ("policy", "observation", "action", "timing", "cost")
         for name in entries:

@@ -95,7 +95,9 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
         try:
             content = regular_file(path).read_bytes()
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
+            raise BadInputError(
+                f"cannot be read ({error.strerror}); give a readable file"
+            ) from error
         stored = inert(content)
         statistics = getattr(stored, "obs_rms", None)
         if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
@@ -111,7 +113,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
             )
         if statistics is None:
             raise BadInputError(
-                "the VecNormalize contains no obs_rms; give mean and variance in the "
+                "the VecNormalize object contains no obs_rms; give mean and variance in the "
                 "deployment file"
             )
         attributes = vars(stored)

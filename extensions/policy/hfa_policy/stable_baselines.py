@@ -112,7 +112,7 @@ def read_zip(path: str | Path) -> Zip:
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
             raise BadInputError(
-                f"cannot be read ({error.strerror or error}); give a file"
+                f"cannot be read ({error.strerror or error}); give a readable file"
             ) from error
         except BadInputError:
             raise

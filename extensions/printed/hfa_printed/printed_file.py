@@ -107,7 +107,9 @@ def load_printed(path: Path) -> PrintedFile:
     try:
         content = read_toml(path)
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error
+        raise BadInputError(
+            f"{path} cannot be read ({error.strerror}); give a readable file"
+        ) from error
     note_read(path)
     with said_of(path):
         return _printed_file(content)

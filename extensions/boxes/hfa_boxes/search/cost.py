@@ -171,7 +171,7 @@ class CostSearch:
             plant = self._problem.plant
             kink = kink_at(plant, open_rates(plant), self._problem.equilibrium)
             why = f"{stopped}; {kink}" if kink else stopped
-            raise NoSolutionError(f"no lower bound is proved in {self._seconds:g} s: {why}")
+            raise NoSolutionError(f"no lower bound was proved: {why}")
         return self._bound(proved, stopped)
 
     @cached_property

@@ -98,7 +98,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "also estimate turbulence (filter error); recorded speed, alpha and beta must be "
         "relative to the air"
     )
-    plan: bool = option("compare further maneuvers by how much they would narrow the widest band")
+    plan: bool = option("rank candidate maneuvers by the widest confidence band that would remain")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
     picture: Path | None = picture_option("measured and fitted quantities, and residuals")
 

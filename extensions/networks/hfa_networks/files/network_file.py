@@ -136,7 +136,9 @@ def network_in(
                 for name, sorted_tensors in found.items()
             }
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
+            raise BadInputError(
+                f"cannot be read ({error.strerror}); give a readable file"
+            ) from error
         except BadInputError:
             raise
         except Exception as error:  # a damaged file may cause any exception

@@ -63,7 +63,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     )
     resume: bool = option("continue the unfinished certificate given by -o", rare=True)
     check: Path | None = option(
-        "verify a certificate instead of proving", "FILE", input_file(".json")
+        "verify an existing certificate instead", "FILE", input_file(".json")
     )
 
     def problem(self) -> FlightProblem:

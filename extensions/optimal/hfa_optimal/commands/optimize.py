@@ -64,7 +64,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         whole(1, _MOST_STARTS),
     )
     weights: Path | None = option(
-        "compare with the policy of this gain K, critic W or P, or network", "FILE", critic_path
+        "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
     )
     policy: Path | None = option(
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")

@@ -65,13 +65,13 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         READING_SETTINGS,
     )
     check: Path | None = option(
-        "verify a certificate instead of proving", "FILE", input_file(".json")
+        "verify an existing certificate instead", "FILE", input_file(".json")
     )
     degree: int = option(
         "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
     )
     seconds: float = option(
-        "processor time of the search, s; default 60",
+        "limit of processor time for the search, s; default 60",
         "S",
         positive,
         default=60.0,
