@@ -230,8 +230,8 @@ class TrimSearch:
         for row, name in enumerate(names):
             if row not in self._rows and not TaylorModel.of(residual[row]).range() == 0:
                 raise BadInputError(
-                    f"no values of the free variables satisfy the equation of {name}; change --hold "
-                    "or --free"
+                    f"no values of the free variables satisfy the equation of {name}; change "
+                    "--hold or --free"
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
