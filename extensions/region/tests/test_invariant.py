@@ -77,6 +77,15 @@ def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> No
     assert data["extents"] == pytest.approx({"position": 1.21, "velocity": 1.51}, abs=0.01)
 
 
+def test_another_v_of_the_search_may_prove_more(undisturbed: Region) -> None:
+    """A V of the search that proves the largest set under the disturbance is used."""
+    flat = PolynomialFunction.quadratic(np.diag([1.0, 30.0]))
+    better = PolynomialFunction.quadratic(np.array([[1.5, -0.5], [-0.5, 1.2]]))
+    searched = replace(undisturbed, V=flat, T=flat.coordinates(), tried=(better,))
+    found = invariant_region(searched, {"push": SIZE})
+    assert found.origin == "a polynomial of degree 2 from the search"
+
+
 def test_an_interruption_keeps_the_first_invariant_set(undisturbed: Region) -> None:
     """Ctrl-C ends the search after the present V. The set proved so far is returned."""
     tried = []

@@ -172,10 +172,13 @@ class _Candidate:
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
     """Yield descriptions and candidates for V.
 
-    The first is V of the loop without disturbance. Lyapunov functions of the linear loop follow,
-    scaled to similar sets.
+    The first is V of the loop without disturbance. The other V of its search follow, because the
+    one of a smaller set may prove more under a disturbance. Lyapunov functions of the linear loop
+    are last, scaled to similar sets.
     """
     yield region.origin, region.V.scaled(1.0 / region.rho)
+    for V in region.tried:
+        yield f"a polynomial of degree {V.degree} from the search", V
     points = edge_points(region.V, region.T, region.rho) @ region.T.T
     for P in lyapunov_matrices(region.plant, _CANDIDATES):
         V = PolynomialFunction.quadratic(P)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +81,7 @@ class Region(Reported):
     plant: the loop in doubles
     T: coordinates z = T y in which the set lies in the unit ball
     stopped: "interrupted" after Ctrl-C, else ""
+    tried: V of the search, each with a floating-point proof of level 1
     """
 
     proved: ProvedLevel
@@ -90,6 +91,7 @@ class Region(Reported):
     plant: Plant
     T: np.ndarray
     stopped: str = ""
+    tried: Sequence[PolynomialFunction] = ()
 
     @property
     def rho(self) -> float:
@@ -140,6 +142,7 @@ class RegionSearch:
         self._save = save
         self.best: ProvedLevel | None = None
         self.origin = ""
+        self._turns: list[PolynomialFunction] = []
         self._size = 0.0
         self._stopped = ""
 
@@ -309,6 +312,7 @@ class RegionSearch:
             except NoSolutionError:  # not enclosed on such a large ball
                 continue
             self._tell(f"V of degree {setting.degree}, size {size:.4g}")
+            self._turns.append(tried)
             return _Turn(tried, search, size, time.process_time() - begin)
         return None
 
@@ -341,6 +345,7 @@ class RegionSearch:
             self.plant,
             T,
             self._stopped,
+            self._turns,
         )
 
 
