@@ -468,7 +468,7 @@ class FlightOptions(ScenarioOptions):
     policy: Path | None = card_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
         f"step commands for a state, or with --law {NONE} for an input: time, s, and deviation "
-        "from the trim, degrees for angles; repeatable",
+        "from the trim; repeatable",
         _COMMAND,
         OfModel(_command),
         named=True,
