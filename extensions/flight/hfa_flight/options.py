@@ -225,7 +225,7 @@ def numbers(
 
 def card_option() -> Any:
     """Return the option `--policy` as a dataclass field."""
-    about = "policy from a deployment file, sampled and held as deployed"
+    about = "policy from a deployment file, sampled and held"
     return option(about, "DEPLOYMENT.toml", input_file(".toml"))
 
 
