@@ -13,7 +13,9 @@ import hfa
 from hfa.main import main
 from hfa_optimal.quickest import QuickestFlight, not_arrived
 
-GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
+EXAMPLES = Path(__file__).parents[3] / "examples"
+GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
+PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
 def cart() -> hfa.Model:
@@ -111,15 +113,15 @@ def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--to", "speed=45", "--start", "alpha=1"], "give one of --start"),
+        (["--to", "angle=10", "--start", "angle=1"], "give one of --start"),
         (["--to", "height=3"], "height"),
-        (["--at", "45", "--to", "speed=45", "--minimize", "time"], "give a different one"),
-        (["--to", "speed=45", "--minimize", "fuel"], "use one of cost, time"),
+        (["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"], "give a different one"),
+        (["--to", "angle=10", "--minimize", "fuel"], "use one of cost, time"),
         (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["optimize", "--aircraft", GTM, *words]) == 2
+    assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert says in error
     assert "\n" not in error

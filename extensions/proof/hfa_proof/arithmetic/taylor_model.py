@@ -6,6 +6,7 @@ Source: Makino and Berz, Taylor models and other validated functional inclusion 
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from functools import cached_property
 from itertools import zip_longest
@@ -30,7 +31,8 @@ class TaylorModel:
     """
 
     def __init__(self, *parts: Any) -> None:
-        self.parts = parts + (0 * parts[0],) * (4 - len(parts))
+        missing = 4 - len(parts)
+        self.parts = parts if missing <= 0 else parts + (0 * parts[0],) * missing
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
@@ -46,10 +48,12 @@ class TaylorModel:
     def __add__(self, other: Any) -> TaylorModel:
         if not isinstance(other, TaylorModel):
             return TaylorModel(self.parts[0] + other, *self.parts[1:])
+        if len(self.parts) == len(other.parts):
+            return TaylorModel(*map(operator.add, self.parts, other.parts))
         return TaylorModel(*(a + b for a, b in zip_longest(self.parts, other.parts, fillvalue=0)))
 
     def __neg__(self) -> TaylorModel:
-        return self.map(lambda part: -part)
+        return self.map(operator.neg)
 
     def __sub__(self, other: Any) -> TaylorModel:
         return self + -TaylorModel.of(other)
@@ -63,9 +67,11 @@ class TaylorModel:
         remainder = a_remainder * b0 + a0 * b_remainder
         remainder += self._beyond_slope * other._off_center
         remainder += _ALL * a1 * other._beyond_slope
-        from_a = (z * b0 for z in a_errors)
-        from_b = (a0 * z for z in b_errors)
-        errors = (x + y for x, y in zip_longest(from_a, from_b, fillvalue=0))
+        errors = []
+        if a_errors or b_errors:
+            from_a = [z * b0 for z in a_errors]
+            from_b = [a0 * z for z in b_errors]
+            errors = [x + y for x, y in zip_longest(from_a, from_b, fillvalue=0)]
         return TaylorModel(
             a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a1 * b1 + a2 * b0, remainder, *errors
         )
