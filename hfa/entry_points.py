@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class CommandEntry(NamedTuple):
-    """Entry of a command in `hfa --help`. The module of the command is imported when it is called.
+    """Entry of a command in `hfa --help`, whose module is imported when the command is called.
 
     group: heading in the help, an existing or a new one
     about: summary of the command in one line

@@ -51,10 +51,10 @@ def show(
 
     figure: function that draws the picture, or None if there is none
     printed: shorter report to print in place of `report`
-    only_in_files: data added to the file only
+    only_in_files: data added to the file of -o only
     notes: notes on the result
 
-    Raises NoSolutionError with the report's `failure` if it is not empty.
+    Raises NoSolutionError with `report.failure` if this text is not empty.
     """
     from hfa_support.files import all_or_none
 

@@ -20,7 +20,7 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 
 
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
-    """Write one data file, completely or not at all, with 17 significant digits.
+    """Write one data file, completely or not at all, with numbers in full precision.
 
     - .json: `data`
     - .npz: one array for each leaf of `data`, whose name is its keys joined by dots

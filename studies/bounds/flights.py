@@ -46,11 +46,13 @@ class FlownAbove(NamedTuple):
 def flown_above(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
 ) -> FlownAbove:
-    """Compare the costs of `flights` flights that end at the trim with a lower bound.
+    """Compare the costs of at least `flights` flights that end at the trim with a lower bound.
 
-    Half of the flights begin on the faces of the usual box. Three control laws are used in turn:
-    the inputs that minimize the running cost plus the rate of the bound to first order, the gain of
-    the linear optimum, and this gain with randomly scaled rows. Pulses are added to the inputs.
+    Half of the flights begin on the faces of the usual box. Pulses are added to the inputs. Three
+    control laws are used in turn:
+    - the inputs that minimize the running cost plus the rate of the bound, linearized in the inputs
+    - the gain of the linear optimum
+    - this gain with randomly scaled rows
 
     problem: flights to the trim
     bound: proved lower bound on their cost
@@ -122,9 +124,10 @@ def flown_costs(
 def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> ca.Function:
     """Return the function (z, pulse, settings) -> (z after a step, cost of the step).
 
-    The step is a fourth-order Runge-Kutta step with constant inputs, and its cost is integrated by
-    Simpson's rule. settings[0] is 1 for the inputs that minimize the rate of the bound plus the
-    running cost, or 0 for the linear gain. settings[1:] are factors on the rows of the gain.
+    The step is a fourth-order Runge-Kutta step with constant, saturated inputs. The cost is
+    integrated by Simpson's rule. settings[0] is 1 for the inputs that minimize the running cost
+    plus the rate of the bound, linearized in the inputs, or 0 for the linear gain. settings[1:] are
+    factors on the rows of the gain.
     """
     n, m = len(problem.states), len(problem.inputs)
     z, pulse, settings = ca.SX.sym("z", n), ca.SX.sym("pulse", m), ca.SX.sym("settings", 1 + m)

@@ -296,12 +296,12 @@ def identify(seed: int = 0) -> tuple[Fit, list[float]]:
 def fit(
     models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None
 ) -> Fit:
-    """Return the parameters p that minimize Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) -
-    B_print)/h)².
+    """Return the parameters p that fit printed entries of A and B by weighted least squares.
+
+        Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²
 
     U(p) are the trim inputs, for which f(p, U(p)) = 0, and h is half a unit of the last printed
-    digit. The method is Levenberg-Marquardt with exact Jacobians. The inputs are eliminated by the
-    implicit function theorem (variable projection).
+    digit. The method is Levenberg-Marquardt with exact Jacobians, which include the change of U(p).
 
     models: printed pairs to fit
     structure: the dynamics

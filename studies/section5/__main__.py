@@ -46,7 +46,7 @@ _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study and return the exit code.
 
-    - 0: every flight was simulated
+    - 0: no flight under a law of this project failed
     - 1: a flight under a law of this project failed, or there is no solution
     - 2: bad input
     """

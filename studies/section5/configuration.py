@@ -21,16 +21,16 @@ _NONE = np.zeros(6)
 class PaperFlight:
     """Initial condition and signals of the flights in Section 5 of the paper.
 
-    All are deviations from the trim in ft/s, rad and rad/s, in the order of
+    All values are deviations from the trim in ft/s, rad and rad/s, in the order of
     `hfa_model.LINEAR_STATES`.
 
     INITIAL: initial condition x(0) of Section 5.1
-    REFERENCE: command x_d: speed 7 + 0.01 t + 2 sin(0.5 t) ft/s, alpha 0.1 rad and dihedral angle
-      0.5 rad
+    REFERENCE: command x_d with speed 7 + 0.01 t + 2 sin(0.5 t) ft/s, alpha 0.1 rad and dihedral
+      angle 0.5 rad
     DISTURBANCE: disturbance d, 1.1 times the printed amplitudes
     NOISE: measurement noise of Section 5.4
 
-    The paper prints no signs. They are assumed to be positive, which agrees with its derivative
+    The paper prints no signs. Positive signs are assumed, which agree with the printed derivative
     0.01 + cos(0.5 t) of the speed command.
     """
 

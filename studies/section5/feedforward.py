@@ -56,7 +56,7 @@ def exosystem(
     The state is w = [1, t, sin f t, cos f t, ...].
 
     constant, slope: (n,)
-    harmonics: (f in rad/s, sine (n,), cosine (n,)) each
+    harmonics: (f in rad/s, sine (n,), cosine (n,)) of each sinusoid
     """
     from scipy.linalg import block_diag
 

@@ -221,8 +221,8 @@ def proximal_step(
 
         |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η).
 
-    The method is Gauss-Newton with a backtracking line search. Its curvature bounds |ē|^(2-η) from
-    above. The result contains nan if the powers overflow.
+    The method is Gauss-Newton with a backtracking line search and an upper bound on the curvature
+    of |ē|^(2-η). The result contains nan if the powers overflow.
 
     at: function W -> Sample, with ∂ē/∂W = σ̄
     weights: W_k

@@ -204,6 +204,7 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
     - settled: time after which the residual of the law stays below `SETTLED` times its initial
       value, s
     - stabilizing: whether A - S P and A - B K are Hurwitz
+    - certified: whether the final weights pass all checks
     - lambda_0, alpha1, alpha2, explicit_step_limit: at the start
     - last_lambda_0: lambda_0 at T_w
     - P_errors_nearby: P_error for the changed W(0) of `case.nearby`

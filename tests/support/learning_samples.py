@@ -58,7 +58,8 @@ def random_start(
     """Return random initial weights far from the solution.
 
     Depending on index modulo 4, the matrix is indefinite, a multiple of the solution plus noise,
-    positive semidefinite, or random without scaling. Its magnitude varies over several decades.
+    positive semidefinite, or random without scaling. The magnitude of the matrix varies over
+    several decades.
 
     exact: solution P, (n, n)
     sizes: typical magnitudes of the states, (n,)

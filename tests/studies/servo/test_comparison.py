@@ -45,9 +45,10 @@ def test_a_case_is_flown_kept_and_resumed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The paper's policy leaves the envelope after the fault, as findings.md states.
+    """The paper's policy leaves the envelope after the fault, and SimVFA's LQR does not.
 
-    With --resume, a finished case is not simulated again.
+    With --resume, a finished case is reused, and a changed result file is replaced. Unknown cases,
+    laws and too long durations are refused.
     """
 
     def run(*words: str, code: int = 0) -> str:

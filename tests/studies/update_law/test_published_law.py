@@ -235,7 +235,7 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
 def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
     """A flight with chosen gains α equals explicit Euler steps written out in this test.
 
-    The result is not certified.
+    The run does not settle. Its diagnostics contain the chosen gains and λ₀.
     """
     game = stable_game()
     functions = basis("quadratic", 2)
