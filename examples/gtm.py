@@ -1,13 +1,13 @@
 """Longitudinal motion of the NASA Generic Transport Model, a 5.5 % scale airliner, as polynomials.
 
-Units: m, s, rad; the throttle is in percent. Source: A. Chakraborty, P. Seiler, G. J. Balas,
+Units: m, s, rad. The throttle is in percent. Source: A. Chakraborty, P. Seiler, G. J. Balas,
 Nonlinear region of attraction analysis for flight control verification and validation, Control
 Engineering Practice 19 (2011) 335-345, doi:10.1016/j.conengprac.2010.12.001. The coefficients are
 taken from two public copies: PolynomialGTM.jl (J. Carpinelli) and the examples of CaSoS (iFR-ACSO).
 
 The copies differ in two terms. The constant of the speed equation is .4282 (used here) or .4284,
-which changes the throttle by 0.004 %. A term with coefficient 2.410e-74 is omitted here. CaSoS
-gives the trim at 45 m/s as alpha .04924, elevator .04892, throttle 14.33. Here the trim is .04888,
+which changes the throttle by 0.004 %. A term with coefficient 2.410e-74 is omitted here. The trim
+of CaSoS at 45 m/s is alpha .04924, elevator .04892, throttle 14.33. The trim here is .04888,
 .04920, 14.30.
 
     hfa linearize --aircraft examples/gtm.py:GTM --hold speed=45

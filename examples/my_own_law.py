@@ -8,8 +8,8 @@ samples by least squares,
 
 and moves the weights by 10 % of the difference. The aircraft at 5 deg is stable without control, so
 the law can begin at W = 0. After np.savez("mine.npz", **run.history), the command for this check is
-`hfa verify --dihedral 5 --weights mine.npz --set predefined_time=15`. Run the script with
-.venv/bin/python; it prints
+`hfa verify --dihedral 5 --weights mine.npz --set predefined_time=15`. The script, run with
+.venv/bin/python, prints
 
     PASS on the linear game: optimal cost, exact within 1e-06
     the largest error stays within 1e-06 from 18.3 s on

@@ -4,8 +4,8 @@
     hfa prove region --aircraft examples/pendulum.py:PENDULUM --check pendulum.json
     hfa prove region --aircraft examples/pendulum.py:VAN_DER_POL --degree 6
 
-The pendulum is inverted, and its torque limit is too low to lift it from the horizontal. The van
-der Pol oscillator is simulated in reversed time, so all trajectories inside its limit cycle
+The pendulum is inverted, and the torque limit is too low to lift the pendulum from the horizontal.
+The van der Pol oscillator is simulated in reversed time, so all trajectories inside its limit cycle
 converge to 0. The system STAR has a zero linearization and is therefore refused.
 """
 

@@ -2,8 +2,8 @@
 
 The half-width of a band is two standard errors, caused by the rounding of the printed matrices. The
 modes are computed for 1000 draws of A within its bands. Entries are drawn independently although
-those in a row are correlated, so the ranges are too wide rather than too narrow. Run the script
-with .venv/bin/python; it prints
+the entries of a row are correlated, so the ranges are too wide rather than too narrow. The script,
+run with .venv/bin/python, prints
 
     published
       A(pitch_rate, alpha)             -155.6092 ± 9.0e-05

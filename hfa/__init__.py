@@ -1,7 +1,7 @@
-"""Trims, exact linear models and games of aircraft, and checks of critics against the exact
-solution.
+"""Trims, exact linear models and games of aircraft, and checks of critics.
 
-The public names are listed in the stub of this module.
+Critics are compared with the exact solution. The public names are listed in the stub of this
+module.
 """
 
 from hfa_support.public_names import public_names

@@ -93,7 +93,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     @property
     def stored(self) -> bool:
-        """Whether the output is a store, according to its suffix."""
+        """True if the output is a store, according to its suffix."""
         return self.output is not None and self.output.suffix.lower() in _suffixes(STORE)
 
     @cached_property

@@ -1,9 +1,9 @@
 """Cost of policies of PPO, A2C, SAC and TD3 above the best flight found, for seven aircraft.
 
-The study trains policies with the default settings of Stable-Baselines3. It simulates each policy
-and the saturated LQR from the initial conditions of the best flights. It writes FOLDER/gap.json and
-FOLDER/gap.png. Results of an earlier run are reused. The study takes hours and requires the extra
-".[training]" and the package jsbsim.
+The study trains policies with the default settings of Stable-Baselines3. Each policy and the
+saturated LQR are simulated from the initial conditions of the best flights. The results are written
+to FOLDER/gap.json and FOLDER/gap.png. Results of an earlier run are reused. The study takes hours
+and requires the extra ".[training]" and the package jsbsim.
 """
 
 from __future__ import annotations

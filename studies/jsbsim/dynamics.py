@@ -130,7 +130,10 @@ def _step(model: Model, name: str) -> float:
 
 
 def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
-    """Return name -> column of A or B, with propellers and governors in equilibrium."""
+    """Return name -> column (6,) of A or B, with propellers and governors in equilibrium.
+
+    The rows are the derivatives in `RATES`.
+    """
     linear = linearize(model, point, full=True)
     names = list(model.states)
     engines = [i for i, name in enumerate(names) if name.startswith(("rpm", "blade"))]

@@ -1,12 +1,12 @@
 """Linear models identified from noisy JSBSim flights, compared with JSBSim's linearization.
 
 `python -m studies.jsbsim.identified [COUNT]` prints the table of README.md, with COUNT
-identifications of each aircraft (default 24). It requires the packages jsbsim and hfa-identify.
+identifications of each aircraft (default 24). The packages jsbsim and hfa-identify are required.
 
-Each flight is a 3-2-1-1 elevator input from the trim. It is simulated with both signs. Terms
-quadratic in the motion are equal for both signs and therefore do not change the slopes. The
-amplitudes were chosen at other trims. From an amplitude of 0.1 on, the 737's pitching moment
-proportional to alpha² is visible, because drag and lift act 59 in above the center of gravity.
+Each flight is a 3-2-1-1 elevator input from the trim, simulated with both signs. Terms quadratic in
+the motion are equal for both signs and therefore do not change the slopes. The amplitudes were
+chosen at other trims. From an amplitude of 0.1 on, the 737's pitching moment proportional to alpha²
+is visible, because drag and lift act 59 in above the center of gravity.
 """
 
 from __future__ import annotations

@@ -134,8 +134,9 @@ def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
 
 
 def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
-    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), entry by entry, where sig^p(x) = |x|^p
-    sign(x).
+    """Return a sum of signed powers of the residuals, entry by entry.
+
+        (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē),   sig^p(x) = |x|^p sign(x)
 
     residuals: ē, an SX or MX expression
     """

@@ -264,8 +264,9 @@ class _Panels:
         )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the relative learning rate |W(t + tick) - W(t)| / tick / |W(end)|,
-        1/s.
+        """Return a panel of the relative learning rate of the weights, 1/s.
+
+        |W(t + tick) - W(t)| / tick / |W(end)|
         """
 
         def speed(record: FlightRecord) -> np.ndarray:

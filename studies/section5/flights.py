@@ -446,7 +446,10 @@ class _Training(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
-    """Train a law for one case. Flights that differ only in plant or noise share this run."""
+    """Return the training run of a law for one case.
+
+    Flights that differ only in plant or noise share the training run.
+    """
     configuration = setting.configuration
     critic = setting.configuration.critic
     target = case.game

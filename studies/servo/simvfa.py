@@ -152,8 +152,8 @@ def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> Sche
     design: "simvfa-1" or "simvfa-2"
     dihedrals: breakpoints, rad
 
-    The controller's state is x = [e; x_m]. The integrals obey e' = z - r for the regulated outputs
-    z, and the reference model is corrected by [pitch rate; e].
+    The controller's state is x = [e; x_m]. The integrals e obey e' = z - r for the regulated
+    outputs z. The reference model is corrected by [pitch rate; e].
     """
     chosen = simvfa_design(design)
     built = [

@@ -132,7 +132,7 @@ def test_a_job_is_shown_over_its_limit() -> None:
 
 
 def test_the_run_of_median_ratio_is_stored() -> None:
-    """Of several runs, the one with the median ratio is stored, with the range of all ratios."""
+    """The run with the median ratio of several runs is stored, with the range of all ratios."""
     found = report.figure([row(3.0, 1.0), row(9.0, 1.0), row(4.0, 1.0)])
     assert (found["ratio"], found["ratios"], found["runs"]) == (4.0, [3.0, 9.0], 3)
 

@@ -102,10 +102,12 @@ def test_gains_are_those_of_the_theorem() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
-    """For an exact basis, ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃, which the ideal case of Theorem 1
-    excludes.
+    """For an exact basis, the residual contains a term quadratic in the weight error W̃.
 
-    e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ' and σ at the current weights.
+        e = W̃'σ + ¼ W̃'M W̃,   M = ∂ψ S ∂ψ',   σ at the current weights
+
+    The quadratic term, which the ideal case of Theorem 1 excludes (ε_H of Eq. 35), exceeds 1 % of
+    e.
     """
     game, exact = published(name)
     law = law_of(game, basis="quadratic", coordinates="scaled", stack_policies="reevaluated")
@@ -235,7 +237,7 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
 def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
     """A flight with chosen gains α equals explicit Euler steps written out in this test.
 
-    The run does not settle. Its diagnostics contain the chosen gains and λ₀.
+    The run does not settle, and its diagnostics contain the chosen gains and λ₀.
     """
     game = stable_game()
     functions = basis("quadratic", 2)
