@@ -40,7 +40,7 @@ class LinearTable(ByValue):
     def at(self, where: float | np.ndarray) -> np.ndarray:
         """Return the array at x, interpolated linearly and constant beyond both ends.
 
-         v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
+            v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
 
         where: x, a number or an array of any shape
 

@@ -196,8 +196,9 @@ def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
     """Return the scope of the checks: the box of states, and other games for comparison.
 
-    The box is None if the states have no ordinary ranges and are not those of a linear model. Other
-    games are compared only if a dihedral angle is given.
+    The box is that of the ordinary ranges of the paper's aircraft. For other states of a linear
+    model, the box is the largest one within the limits, or None (`box_within_limits`). Otherwise
+    the box is None. Other games are compared only if a dihedral angle is given.
     """
     names = named.game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)

@@ -321,7 +321,7 @@ def probing_flight(
 def baseline_value(game: Game) -> np.ndarray:
     """Return the solution P, (n, n), of a Riccati equation with a large weight of the inputs.
 
-     A'P + P A + Q - P B (f R)⁻¹ B'P = 0,   f = BASELINE_EFFORT
+        A'P + P A + Q - P B (f R)⁻¹ B'P = 0,   f = BASELINE_EFFORT
 
     Raises NoSolutionError if (A, B) is not stabilizable.
     """

@@ -200,13 +200,13 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
     """Run the published law once and return the result.
 
     - overflow: the reason, or "" if the run reached T_w
-    - P_error, K_error: relative to the exact solution
+    - P_error, K_error: relative to the exact solution, or None after an overflow
     - settled: time after which the residual of the law stays below `SETTLED` times its initial
-      value, s
+      value, s, or None
     - stabilizing: whether A - S P and A - B K are Hurwitz
     - certified: whether the final weights pass all checks
     - lambda_0, alpha1, alpha2, explicit_step_limit: at the start
-    - last_lambda_0: lambda_0 at T_w
+    - last_lambda_0: lambda_0 at T_w, or None after an overflow
     - P_errors_nearby: P_error for the changed W(0) of `case.nearby`
     """
     game = reference.game

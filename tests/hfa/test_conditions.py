@@ -155,7 +155,7 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_store_keeps_to_its_condition(tmp_path: Path) -> None:
-    """A store contains its trim condition. Another condition cannot resume the store."""
+    """A store contains its trim condition. A resumed sweep must have the same condition."""
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
     assert hfa(*words, "--workers", "2").code == 0

@@ -49,9 +49,10 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
 
 
 def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
-    """Without extensions, the core trims and refuses their commands and options in one line.
+    """Without extensions, the core trims, and names of extensions are refused in one line.
 
-    The help does not mention these commands and options.
+    These names are commands, options, dynamics, aircraft formats and public functions. The help
+    does not mention them.
     """
     sys.path.insert(0, str(ROOT / "tests"))
     try:

@@ -1,6 +1,6 @@
 """Random constructs of nested functions, chains of components, switches, axes or properties.
 
-The numbers include limits of their ranges.
+The numbers include the limits of ranges, such as 0, 1 and the smallest value taken as true.
 """
 
 from __future__ import annotations
