@@ -75,9 +75,8 @@ def usual_game(
 ) -> Game:
     """Return the default game on (A, B) of a model.
 
-    For a model with the states and inputs of the paper's aircraft, the result is the paper's game.
-    For other models, Q and R are diag(1/nominal²), E is the identity and delta is inf (no
-    disturbance).
+    - all states and exactly the inputs of the paper's aircraft: the paper's game
+    - any other model: Q and R are diag(1/nominal²), E is the identity and delta is inf
 
     names: names of the plant; by default those of the model
     changes: Q, R, delta or E in place of the defaults

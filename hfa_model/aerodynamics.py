@@ -21,7 +21,7 @@ from hfa_model.vectors import Input, Quantity, State, T
 
 
 class PanelLoads(NamedTuple, Generic[T]):
-    """Loads on one panel in the axes of this panel. The loads include wing and tail, unless stated.
+    """Loads on one panel in the axes of this panel, from wing and tail unless stated otherwise.
 
     lift: lbf
     drag: lbf

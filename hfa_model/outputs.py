@@ -96,11 +96,12 @@ def _center_load_factor(m: Moment) -> Quantity:
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
-    """Return the load factor n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel,
-    normal to the panel.
+    """Return the load factor n_o = cos θ cos η - (a_z cos η + a_y sin η) / g normal to an outer
+    panel.
 
-    The lateral position of the panel is y = (s/2)(1 + cos η). Therefore a_y = y'' = -(s/2)(sin η
-    η'' + cos η η'²). a_z is the downward acceleration of the panel in body axes, and s its span.
+    The lateral position of the panel is y = (s/2)(1 + cos η), with the span s of a panel. Therefore
+    a_y = y'' = -(s/2)(sin η η'' + cos η η'²). a_z is the downward acceleration of the panel in body
+    axes.
     """
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)

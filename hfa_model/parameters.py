@@ -177,7 +177,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
     name: name of a set in the package (`NAMED`), or the path of a file
 
-    Raises BadInputError that names the file, the entry and the fault.
+    Raises BadInputError, which names the file, the entry and the fault.
     """
     if str(name) not in NAMED:
         return _read(str(name))
@@ -193,7 +193,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 def _read(name: str) -> ParameterSet:
     """Return a named set of the package, or the set in a file.
 
-    Raises BadInputError that names the file, the entry and the fault.
+    Raises BadInputError, which names the file, the entry and the fault.
     """
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})

@@ -52,10 +52,12 @@ class Reading:
         return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
 
     def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
-        """Return the basis of the weights for n states.
+        """Return the basis of the weights, or a CasADi Function for a list of functions.
 
-        states: n
+        states: number of states
         names: names of the states, for a list of functions
+
+        Raises BadInputError for an unknown name of a basis, and for a faulty list.
         """
         if self.basis is not None and self.lists_functions:
             from controller.critic.features import features_of

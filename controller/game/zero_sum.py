@@ -134,7 +134,7 @@ class Game(ByValue, Reported):
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
         """Return K as an array of floats.
 
-        Raises BadInputError if K is not m x n or is complex.
+        Raises BadInputError if K is not a real m x n matrix.
         """
         K = numbers_in("K", K)
         n, m = self.B.shape
@@ -177,8 +177,8 @@ def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) 
     largest: largest permitted magnitude of an entry
     ndim: required number of dimensions, or None for any
 
-    Raises BadInputError if the value is not numeric, not finite, too large, or has other
-    dimensions.
+    Raises BadInputError if the value does not consist of real numbers, if an entry is not finite or
+    too large, or if the number of dimensions is not `ndim`.
     """
     array = numbers_in(name, value)
     if ndim not in (None, array.ndim):

@@ -27,11 +27,13 @@ _AHEAD = 1e-6
 class Stack(Reported):
     """N_h recorded samples of a plant.
 
+    F must not contain the reference forcing r(t) = A x_d - x_d', because the value z'Pz belongs to
+    F = A z alone.
+
     states: z_j, (N_h, n)
     drifts: F_j = z' - B u - E d, (N_h, n)
 
-    F must not contain the reference forcing r(t) = A x_d - x_d', because the value z'Pz belongs to
-    F = A z alone. Raises BadInputError if the shapes differ or a number is not finite.
+    Raises BadInputError if the shapes differ or a number is not finite or too large.
     """
 
     how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
@@ -40,10 +42,7 @@ class Stack(Reported):
     drifts: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check both arrays and make them read-only.
-
-        Raises BadInputError if the shapes differ or a number is not finite.
-        """
+        """Check both arrays and make them read-only."""
         for name in ("states", "drifts"):
             object.__setattr__(
                 self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST)

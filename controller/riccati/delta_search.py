@@ -101,7 +101,7 @@ def smallest_delta(
     begin: a δ that should have a solution
     tolerance: relative width of the bracket, if no δ is undecided
 
-    Raises NoSolutionError if no δ up to `MOST` times `begin` has a solution.
+    Raises NoSolutionError if no δ up to `MOST` times `begin` is found to have a solution.
     """
     report = progress or (lambda *_: None)
     answers = _Answers(ask)
@@ -128,7 +128,7 @@ def smallest_delta(
 def _climb(answers: _Answers, begin: float) -> None:
     """Multiply δ by 4 until a solution exists.
 
-    Raises NoSolutionError if none exists up to `MOST` times `begin`.
+    Raises NoSolutionError if no solution is found up to `MOST` times `begin`.
     """
     delta = begin
     while not answers.at(delta).exists:

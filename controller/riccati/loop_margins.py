@@ -71,7 +71,8 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
 
     K: (m, n)
 
-    Raises NoSolutionError if A - B K is not Hurwitz.
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
+    Hurwitz.
     """
     loop = loop_at_inputs(game, K)
     return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))

@@ -131,8 +131,9 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     game: the plant
     K: (m, n)
 
-    Raises NoSolutionError if A - B K is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE
-    Control Systems Magazine 40 (2020), 78-95.
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
+    Hurwitz.
+    Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
     """
     return disk_of(loop_at_inputs(game, K))
 

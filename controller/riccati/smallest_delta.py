@@ -48,7 +48,10 @@ class DeltaMin(NamedTuple):
     condition: str = ""
 
     def margin(self, delta: float) -> float:
-        """Return delta / delta_min, or inf if delta_min is 0. Above 1 the game has a value."""
+        """Return delta / delta_min, or inf if delta_min is 0.
+
+        The game has a value if the result is above 1.
+        """
         return delta / self.value if self.value > 0.0 else math.inf
 
     @property
@@ -102,9 +105,9 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     """Return a bracket of the smallest δ of a normal form, by bisection of log δ on `existence`.
 
     The set of δ with a value is an interval (delta_min, inf], because a larger δ makes the
-    disturbance more expensive. The search begins at twice the L2 gain of the LQR policy, which is
-    an upper bound of delta_min. If the LQR policy cannot be certified, the policy of the game is
-    used instead. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    disturbance more expensive. The search begins at twice the L2 gain of the LQR policy, an upper
+    bound of delta_min, or of the policy of the game if the LQR policy cannot be certified. Source:
+    Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     Raises NoSolutionError if no δ has a solution.
     """
@@ -210,8 +213,9 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return a clause on the mode with the smallest reach or cost, or "" if this is above
-        `BARELY`.
+        """Return a clause on the mode with the smallest reach or cost.
+
+        The clause is "" if both `reach` and `shown` of the obstacle are above `BARELY`.
 
         reach: subject and verb for the reach, such as "the inputs reach"
         show: subject and verb for the cost, such as "Q shows"

@@ -46,7 +46,7 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
     name: name of the condition, or path of the file
     usual: condition to which the file is applied as changes
 
-    Raises BadInputError that names the file and the fault.
+    Raises BadInputError, which names the file and the fault.
     """
     from trim.point.condition_file import read_condition
 

@@ -91,7 +91,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 def with_qualities(report: Report, point: OperatingPoint) -> Report:
     """Return the report of a linear model with a table of its handling qualities.
 
-    The report is unchanged if the model has none.
+    The report is unchanged for a model without handling qualities.
     """
     quantities = handling_qualities(point)
     if not quantities:
@@ -142,7 +142,7 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
 def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
     """Return n/alpha and the control anticipation parameter CAP.
 
-    The list is empty if n/alpha does not exist or is 0. CAP is omitted if it is not positive.
+    The list is empty if n/alpha is unknown or 0. A CAP that is not positive is omitted.
 
     frequency: natural frequency of the short period, rad/s
     """
@@ -158,8 +158,10 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 def _n_per_alpha(linear: LinearModel) -> float | None:
     """Return the steady change of load factor per change of alpha in the short period, 1/rad.
 
-    The result is None without a load factor, or if alpha and one other state do not form the short
-    period.
+    The result is None
+    - if the load factor is not the only output,
+    - if the short period does not consist of alpha and one other state,
+    - if alpha does not change.
     """
     model = linear.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)

@@ -1,7 +1,7 @@
 """Kinks of the equations: points at which the slopes on both sides differ.
 
-A kink is the knot of a table, or the switching point of |x|, min, max, sign or a comparison. There,
-A and B are the means of the slopes on both sides.
+A kink is the knot of a table, or the switching point of |x|, min, max, sign or a comparison. At a
+kink, A and B are the means of the slopes on both sides.
 """
 
 from __future__ import annotations

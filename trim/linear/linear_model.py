@@ -146,10 +146,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         *,
         residualize: Sequence[str] = (),
     ) -> LinearModel:
-        """Return the model with the named states and inputs, where None keeps all.
+        """Return the model with the named states and inputs.
 
         Omitted states and inputs are constant at their offsets.
 
+        states: names; by default all except `residualize`
+        inputs: names; by default all
         residualize: states that follow the other states without delay, x2 = -A22⁻¹ (A21 x1 + B2 u +
             E2 w), so that static gains are unchanged
 

@@ -12,15 +12,15 @@ from hfa_support.reporting.results import Result
 class Mode(Result):
     """Mode with a real eigenvalue, or a conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
 
-    Times are in the model's unit of time, s unless it declares another.
+    Times are in the model's unit of time, by default s.
 
     name: name, from the states with the largest participation.
-    eigenvalue: λ, 1/s, with imaginary part >= 0; 0 if it differs from 0 by rounding only.
+    eigenvalue: λ, 1/s, with imaginary part >= 0; 0 within rounding.
     damping: damping ratio ζ = -Re λ / |λ|, 0 for λ = 0.
     frequency: natural frequency ω_n = |λ|, rad/s.
     period: 2π / Im λ, s, inf for a real eigenvalue.
-    time_to_half: -ln 2 / Re λ, s, inf if the mode is not stable.
-    time_to_double: ln 2 / Re λ, s, inf if the mode is not unstable.
+    time_to_half: -ln 2 / Re λ, s, inf for Re λ >= 0.
+    time_to_double: ln 2 / Re λ, s, inf for Re λ <= 0.
     stable: True if Re λ < 0.
     participation: state -> participation; the sum is 1.
     """

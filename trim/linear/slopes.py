@@ -58,7 +58,7 @@ def exact_sides(
         """Return the derivatives with respect to one state or input, (n,), extrapolated from one
         side.
 
-        step: step away from the point; its sign selects the side
+        step: step away from the point, whose sign selects the side
         """
         slopes = []
         for count in (2.0, 2.5, 3.0):
@@ -97,7 +97,7 @@ def correct(
 
     z: (n + m,), state and input
     p: parameters
-    slopes: (6, n, columns), from `slopes_around`; they distinguish a kink from a jump
+    slopes: (6, n, columns), from `slopes_around`, which distinguish a kink from a jump
     jacobian: (n, n + m), changed in place
     columns: indices of the states and inputs at a kink
     """

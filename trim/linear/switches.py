@@ -1,6 +1,6 @@
-"""Switches of the equations: knots of tables, and points where |x|, min, max or sign switches.
+"""Switches of the equations: points where |x|, min, max, sign, a comparison or a rounding switches.
 
-Comparisons and roundings also switch.
+The knots of tables are also switches.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ def near_switches(
     switch.
 
     A point is near a switch if a step of a state or input reaches the switch. At most `_MOST`
-    points are returned. If the equations call functions, whose operations are not visible, the
-    first `_MOST` finite points and all states and inputs are returned.
+    points are returned. All states and inputs are returned if a switch depends on them in second
+    order only. If the equations call functions, whose operations are not visible, the first `_MOST`
+    finite points and all states and inputs are returned.
 
     x: (N, n), states
     u: (N, m), inputs

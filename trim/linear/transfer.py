@@ -55,7 +55,8 @@ def gain_and_roots(
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Return gain, static gain, zeros and poles of a system with one input and one output.
 
-    The static gain is inf for a pole at 0.
+    The static gain is 0 for a zero at 0 and inf for a pole at 0. Without an effect of the input,
+    both gains are 0, and there are no zeros and poles.
 
     modes: spectrum of A
     size: factor on both gains

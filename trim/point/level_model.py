@@ -16,9 +16,9 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     For the flexible aircraft, this trim is the paper's level flight.
 
     model: model of the aircraft
-    scheduled: value of its scheduling variable; for the flexible aircraft the dihedral angle, rad
+    scheduled: value of the scheduling variable; for the flexible aircraft the dihedral angle, rad
 
-    Raises TrimError if this trim does not exist.
+    Raises TrimError if the trim does not exist.
 
     >>> import hfa
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states

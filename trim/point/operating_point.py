@@ -174,8 +174,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the model, its units in degrees, and values beyond its range of
-        validity."""
+        """Notes of the model, notes on units in degrees, and states beyond the model's range of
+        validity.
+        """
         notes = [*self.model.extras.notes]
         declared = self.model.extras.native or self.model
         if any(signal.unit == "deg" for signal in declared.signals.values()):
@@ -186,10 +187,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def margins(self) -> dict[str, Margin]:
-        """Name -> `Margin` of each state, input and relevant output.
-
-        A margin states the limits, and the distance to the nearer one.
-        """
+        """Name -> `Margin` of each state, input and relevant output (`all_margins`)."""
         from trim.point.condition import usual_condition
         from trim.point.margins import all_margins
 
@@ -287,7 +285,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def load(path: Path, model: Model) -> OperatingPoint:
         """Return a saved point of a model, from its own file, a saved trim or a saved linear model.
 
-        Raises BadInputError that names the file and the fault.
+        Raises BadInputError, which names the file and the fault.
         """
         from trim.point.saved_point import loaded_point
 

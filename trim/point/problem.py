@@ -87,7 +87,7 @@ class TrimProblem:
         return evaluation
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
-        """Return the unknowns (k,) after Newton's method from z, whether or not it converged.
+        """Return the unknowns (k,) after Newton's method from z, converged or not.
 
         moving: indices of the unknowns that may change; by default all
         """
@@ -172,8 +172,9 @@ class TrimProblem:
                 yield start
 
     def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Return the results of Newton's method within the limits from each initial point, (N,
-        k)."""
+        """Return the unknowns (N, k) after bounded Newton's method from each initial point,
+        converged or not.
+        """
         c = np.repeat(self.c, len(starts), axis=0)
         begin = np.reshape(starts, (len(starts), len(self.free)))
         with np.errstate(over="ignore"):

@@ -32,7 +32,7 @@ _FILE: dict[Any, Any] = {
 def loaded_point(path: Path, model: Model) -> OperatingPoint:
     """Return a saved point of a model, from its own file, a saved trim or a saved linear model.
 
-    Raises BadInputError that names the file and the fault.
+    Raises BadInputError, which names the file and the fault.
     """
     try:
         data = read_json(path)

@@ -200,8 +200,7 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """Return the unknowns within the limits with the least effort Σ (u_i / scale_i)² of the free
     inputs.
 
-    IPOPT finds the constrained minimum with exact derivatives. Newton's method then solves the
-    equations accurately.
+    The minimum is a local one near the guess.
     """
     system = problem.system
     balanced = np.zeros(system.moved)

@@ -153,8 +153,8 @@ def _pair_over_meetings(
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Return pairs of points that connect all N points, (M, 2).
 
-    The result contains the neighbors, and pairs along the path that connect their separate
-    components.
+    The result contains the neighbors, and pairs along the path that connect separate groups of
+    neighbors.
 
     neighbours: (K, 2), pairs of points
     path: (N - 1, 2), the pairs (0, 1), (1, 2), ...

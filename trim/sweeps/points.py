@@ -257,11 +257,12 @@ def _starts(
 ) -> np.ndarray:
     """Return the initial unknowns of each point, (N, k).
 
-    The initial unknowns are a Taylor polynomial about the solution at the center of the point's
-    cell: quadratic for a single variable, linear for several. The cells are fixed for a model, so
-    that no row depends on its neighbors. Terms that change by more than `_STEEPEST` over a cell are
-    omitted, because they may lead to another solution. If all unknowns are inputs, every point
-    begins at `system.start`, as single trims do.
+    - `system.start` for every point, if all unknowns are inputs or no variable is given
+    - otherwise a Taylor polynomial about the solution at the center of the point's cell: quadratic
+      for a single variable, linear for several
+
+    The cells are fixed for a model, so that no row depends on its neighbors. Terms that change by
+    more than `_STEEPEST` over a cell are omitted, because they may lead to another solution.
     """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
@@ -321,7 +322,8 @@ def _settle_from_neighbours(
 ) -> None:
     """Repeat Newton's method for unsolved points, from the solutions of solved neighbors.
 
-    The repetition ends when no further point converges. z and settled are changed in place.
+    The repetition ends after `_ROUNDS` rounds, or if no point has a new neighbor. z and settled are
+    changed in place.
 
     z: (N, k), unknowns
     c: (N, ..), constants

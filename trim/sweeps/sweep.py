@@ -160,8 +160,9 @@ class SweptMode(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(StatesAndInputs, ByValue, Result, Reported):
-    """N points in the order of the grid, in which the last variable varies fastest; units of the
-    model.
+    """N points in the order of the grid, in which the last variable varies fastest.
+
+    All numbers are in the units of the model.
 
     plan: the swept variables and values.
     values: (N, variables), the swept values at each point.
@@ -258,7 +259,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         names: values that are drawn instead of the root locus: plot("alpha", "elevator")
 
-        Raises BadInputError if no point has a trim.
+        Raises BadInputError if no point has a trim, for the root locus.
         """
         if names:
             drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
@@ -332,7 +333,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw the direction of the sweep, and values of its variable, along lines of the root
+        """Draw the direction of the sweep, and values of the last variable, along lines of the root
         locus.
 
         Only lines in the upper half-plane are marked.
@@ -484,8 +485,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return the linear model of a point, sweep[0], or the values of a name (N,),
         sweep["alpha"].
 
-        A name is a swept variable, a state or an input. Raises NoSolutionError, with the reason,
-        for a point without a trim.
+        A name is a swept variable, a state or an input.
+
+        Raises NoSolutionError, with the reason, for a point without a trim. Raises IndexError for a
+        number without a point, and BadInputError for any other name.
         """
         from trim.sweeps.sweep_points import column, linear_model_at
 

@@ -47,11 +47,10 @@ def check_critic(
     """Return the verdict on a critic, compared with the exact solution of its game.
 
     The checks are:
-
     - errors of P and K, in norms and entry by entry
     - errors of V, its gradient and both policies in a box of states
     - stability of A - B K and A - S P
-    - P > 0 and the residual of the Riccati equation
+    - P not indefinite, and the residual of the Riccati equation
     - an L2 gain below delta
 
     For a network, the box is searched for the largest errors, a bound is proved if possible, and
@@ -66,7 +65,8 @@ def check_critic(
         checked
     K, P, W: instead of the critic, its gain, value matrix, or weights of the basis "quadratic"
 
-    Raises NoSolutionError if the game has no certified solution.
+    Raises NoSolutionError if the game has no certified solution, and BadInputError if no critic is
+    given or the critic does not fit the game.
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))

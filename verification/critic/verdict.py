@@ -48,8 +48,8 @@ _FIRST_LINE = 100
 class Details(Result):
     """Optional data of a verdict besides its checks.
 
-    graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost,
-        whether the cost is within it.
+    graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost, also
+        the limit and the verdict on the cost.
     disk_margin: disk margin of K.
     disk_margin_exact: disk margin of the exact gain.
     discount: discount factor of one step.
@@ -88,15 +88,15 @@ class Section(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Checked, Result, Reported):
-    """Verdict on one critic. The critic passes if every check passes.
+    """Verdict on one critic, which passes if every check passes.
 
     critic: the critic.
     exact: the certified solution.
-    checks: the checks, each of kind error, rest, stability, cost, gain or data.
+    checks: the checks, each of kind error, rest, stability, game loop, cost, gain or data.
     limit: limit of the errors.
     reason: the recognized mistake, or "".
     cost_lost: upper bound of the cost above the optimum, percent.
-    searched: number of states at which errors in the box were searched for, or 0 if they are
+    searched: number of states at which errors in the box were searched for, or 0 if the errors are
         bounds.
     proof: the proved bound on the errors in the box, or None.
     problem: name of the problem that the exact solution solves, for titles.

@@ -190,8 +190,11 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 
 
 def test_discount_only_where_the_start_does_not_stabilize() -> None:
-    """The initial discount is the instability plus 0.5 1/s, or 0 if the initial weights
-    stabilize."""
+    """From zero weights, the initial discount is 0 for a stable plant, else the abscissa of A plus
+    0.5 1/s.
+
+    From weights of 100, the initial discount is above 0.5 1/s.
+    """
     for name in PUBLISHED:
         game, _ = published(name)
         unstable = abscissa(game.A)
@@ -241,7 +244,11 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
-    """The gain learned from noisy derivatives is stabilizing, but `check_critic` refuses its P."""
+    """The critic learned from noisy derivatives has a stabilizing gain, but `check_critic` refuses
+    P.
+
+    The error of P is below five times the noise, and `drift_misfit` is the noise to 20 %.
+    """
     for name in PUBLISHED[: 1 if noise < 1e-3 else 2]:
         game, exact = published(name)
         pool = random_pool(game, 500, seed=3)

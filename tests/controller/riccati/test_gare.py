@@ -239,7 +239,9 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
 def test_minimum_delta_of_random_games(games: int) -> None:
-    """Brackets of delta_min agree with the reference solver for random games."""
+    """For random games, a solution exists at the upper end of the bracket of delta_min and not at
+    the lower.
+    """
     rng = np.random.default_rng(11)
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 0)
