@@ -36,7 +36,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
         below = np.mean(piece.bound(starts) < piece.c)
         times = (f"{fit:.1f} s", f"{proof:.1f} s")
         rows.append((at_least(piece.c, 6), f"{below:.0%}", str(boxes), *times))
-    header = ("level", "default initial conditions below it", "boxes", "fit", "proof")
+    header = ("level", "default initial conditions below it", "evaluated boxes", "fit", "proof")
     lines = [_sentence(statement)]
     if found.stopped:
         lines.append(f"Further pieces: {found.stopped}.")

@@ -44,7 +44,7 @@ def found_report(
     statement = region.statement
     level, place, rises = region.bound
     fails = None
-    lines = [f"Origin of V: {region.origin}. V' < 0 is proved on {region.boxes} boxes."]
+    lines = [f"Origin of V: {region.origin}. The proof of V' < 0 evaluates {region.boxes} boxes."]
     if reason:
         lines.append(f"Proved on boxes, not by sums of squares: {reason}.")
     if place is None:
@@ -101,7 +101,7 @@ def checked_report(
         *outputs_in_words(loop),
         parameters_in_words(loop.model, loop.parameters),
         *_V(statement),
-        f"V' < 0 is proved on {verified.boxes} boxes.",
+        f"The proof of V' < 0 evaluates {verified.boxes} boxes.",
     )
     title = _title(statement, "Verified, proved", not_covered, not_given)
     return Report(title, parts, data=checked.as_data())
