@@ -137,7 +137,7 @@ def commands() -> dict[str, CommandEntry]:
 
 
 def command_named(name: str) -> CommandEntry:
-    """Return the entry of the command with this name, for example "prove region".
+    """Return the entry of an existing command, for example "prove region".
 
     Raises BadInputError if the entry point of an installed package is not a CommandEntry.
     """

@@ -271,7 +271,10 @@ def _name(model: Model, text: str) -> str:
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
-    """Convert the value of --start to an operating point read from a file, or to name -> value."""
+    """Convert the value of --start to an operating point read from a file, or to name -> value.
+
+    Raises BadInputError for an unknown variable or an invalid value.
+    """
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
     values = {}

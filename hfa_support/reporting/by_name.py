@@ -38,7 +38,7 @@ class ByName(tuple[Named, ...]):
         return [entry.name for entry in self]  # type: ignore[attr-defined]
 
     def values(self) -> Any:
-        """Return the entries, which is this tuple."""
+        """Return this tuple, as the entries of a mapping."""
         return self
 
     def items(self) -> Any:

@@ -22,7 +22,8 @@ _LONGEST = 110
 def fields_report(result: Any) -> Report:
     """Return a report of a dataclass: summary line, fields, small matrices and checks.
 
-    The summary line is the first line of the docstring of the class. Empty fields are omitted.
+    The summary line is the name of the class and the first line of its docstring. Empty fields are
+    omitted.
     """
     held = {field.name: getattr(result, field.name) for field in fields(result)}
     lines: list[str] = []
