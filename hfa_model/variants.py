@@ -1,10 +1,10 @@
 """The two variants of the equations of motion, and the six terms in which they differ.
 
 `published` reproduces the matrices printed in the paper. `newton` has the exact mechanics of three
-rigid panels (`lagrangian.py` derives it independently). All six terms are in this module. The
-printed matrices require each of them except the η'² term, which has no effect on a linear model
-(`docs/identification.md`). With η the dihedral, q the pitch rate, s and m the span and mass of one
-panel:
+rigid panels, which `lagrangian.py` derives independently. All six terms are in this module. The
+printed matrices require each term except the η'² term, which has no effect on a linear model
+(`docs/identification.md`). η is the dihedral, q the pitch rate, and s and m are the span and mass
+of one panel.
 
 | term | published | newton |
 |---|---|---|
@@ -15,7 +15,7 @@ panel:
 | factor on (m s/2) cos η sin η η'² in η'' | -2s/3 | -s/3 |
 | cos-term of the hinge inertia | +(m s²/6) cos(η²) | -(m s²/6) cos² η |
 
-The two terms in η' have one cause: `published` neglects the motion of the hinge
+The two terms in η' differ because `published` neglects the motion of the hinge
 (`docs/dynamics.md`).
 """
 

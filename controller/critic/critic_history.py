@@ -118,13 +118,14 @@ def rows_over_time(
 
 
 def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
-    """Return one array of a critic, "W", "P" or "K", at each time, (N, *size), or (*size) if given
-    once.
+    """Return an array "W", "P" or "K" of a critic at each time, (N, *size), or (*size) for a single
+    time.
 
     count: N
     size: shape at one time
+    psi: basis of W, for the message
 
-    Raises BadInputError for any other shape.
+    Raises BadInputError for a shape that fits neither one time nor N times.
     """
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):

@@ -199,8 +199,7 @@ class StackEquations:
         return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 
     def margin(self, weights: np.ndarray, problem: PartialGame) -> float:
-        """Return the stability margin, the negative of the largest real part of the eigenvalues,
-        1/s.
+        """Return the negative of the largest real part of `closed_loop_eigenvalues`, 1/s.
 
         The margin is positive for a stable closed loop.
         """

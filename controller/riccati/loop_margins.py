@@ -91,7 +91,7 @@ def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[st
 def named_margins(
     inputs: Sequence[str], loops: Sequence[LoopMargin]
 ) -> dict[str, dict[str, float]]:
-    """Return input -> name of the margin -> value, with the gain and phase (deg) of the disk added.
+    """Return input -> name of the margin -> value, including `disk_gain` and `disk_phase` (deg).
 
     loops: margins of the inputs, in the same order
     """

@@ -203,8 +203,8 @@ class NormalForm:
 
     @property
     def sizes(self) -> Sizes:
-        """Magnitudes of the terms of the matrices: `made_of`, or the magnitudes of the entries
-        without it.
+        """Magnitudes of the terms of the matrices: `made_of`, or for None the magnitudes of the
+        entries.
         """
         if self.made_of is not None:
             return self.made_of

@@ -22,9 +22,9 @@ LEVEL_FLIGHT = usual_condition(aircraft())
 def level_flight(
     dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
 ) -> TrimCondition:
-    """Return the paper's trim condition at a dihedral angle: four equations for four unknowns.
+    """Return the paper's trim condition at a dihedral angle.
 
-    The center aileron is 0. Throttle, outer aileron and both elevators are free.
+    By default the center aileron is 0, and throttle, outer aileron and both elevators are free.
 
     dihedral: rad
     limits: variable -> (lowest, highest), instead of the model's limits

@@ -269,8 +269,7 @@ def with_bands(
 ) -> Report:
     """Return a report with error bands, and with the differences from the other dynamics.
 
-    A sentence states the largest band and the largest difference. Unknown bands or differences are
-    omitted.
+    A sentence states the largest band and the largest difference.
 
     bands: bands of the model's entries, or None if unknown
     other: the model with the other dynamics at the same condition, or None

@@ -87,7 +87,8 @@ class Margin(Result):
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
     """Return name -> margin of every state, every relevant output and every input, in this order.
 
-    An output is relevant if the trim imposes it, the model limits it, or it replaces a state.
+    An output is relevant if the trim imposes the output, the model limits it, or the output
+    replaces a state.
     """
     model = point.model
     roles = _roles(condition, point)

@@ -225,7 +225,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         )
 
     def equation_unit(self, equation: str) -> str:
-        """Return the unit of an equation's residual: that of a rate or of an imposed output.
+        """Return the unit of an equation's residual: the unit of a rate, or of an imposed output.
 
         equation: name of a state or an output
         """

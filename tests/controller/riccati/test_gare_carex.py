@@ -109,9 +109,10 @@ def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
 
 
 def test_a_loop_at_the_axis_is_refused() -> None:
-    """Example 14 with the parameter 1e-6 is refused, because its slowest poles are at -5e-13.
+    """Example 14 with the parameter 1e-6 is refused, because an eigenvalue of the Hamiltonian is on
+    the axis.
 
-    Whether its value exists is undecided.
+    The existence of the value is undecided.
     """
     A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
     game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
