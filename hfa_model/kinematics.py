@@ -1,10 +1,10 @@
 """Position of each panel and its velocity relative to the air.
 
-Axes: x forward, y to the right, z down, at the center of mass of the entire aircraft. The reference
-    point of a panel is its center of mass, at mid-span on the quarter chord. The wings bend up.
-    With dihedral η the center panel is (s/3) sin η below the common center of mass, and each outer
-    panel is (s/6) sin η above the common center of mass. The right and left panels are mirror
-    images, so that one "outer" panel represents both.
+The axes are x forward, y to the right and z down, at the center of mass of the entire aircraft. The
+reference point of a panel is its center of mass, at mid-span on the quarter chord. The wings bend
+up. With dihedral η the center panel is (s/3) sin η below the common center of mass, and each outer
+panel is (s/6) sin η above the common center of mass. The right and left panels are mirror images,
+so that one "outer" panel represents both.
 
 The air at a panel moves by (-h, ±o, -w) north, east and down, ft/s, with headwind h, outward wind o
 and updraft w. These winds add h forward, o inward and w downward to the velocity of the panel

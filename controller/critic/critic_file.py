@@ -279,9 +279,10 @@ def in_plant_units(
 ) -> dict[str, np.ndarray]:
     """Return a critic's arrays, converted from the file's units to the units of the plant.
 
-    For the state s x in the file's units and the state x of the plant, with * entry by entry: W'ψ(s
-    * x) becomes the value, P becomes diag(s) P diag(s), and K becomes K diag(s). An array whose
-    shape does not fit the plant is returned unchanged, as is W if `functions` is not a `Basis`.
+    x is a state in the units of the plant and diag(s) x this state in the units of the file.
+    P becomes diag(s) P diag(s), K becomes K diag(s), and W becomes `functions.scaling(s)` W.
+    An array whose shape does not fit the plant is returned unchanged. W is also returned unchanged
+    if `functions` is not a `Basis`.
 
     parts: W (..., M), P (..., n, n), K (..., m, n)
     scales: s, (n,)

@@ -56,16 +56,19 @@ class Residuals(NamedTuple):
 class StackEquations:
     """Bellman residuals e_j(W) of recorded samples, in the coordinates y = z / scales.
 
-    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j) S_s = S_u - s
-    S_d/δ² P is the quadratic part of W. The extremal policies of P are u = -R⁻¹B'P z and d = s
-    δ⁻²E'P z. For a quadratic basis e_j is the paper's residual (Eq. 32-34), with the policies
+    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j
+    σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j)
+    S_s = S_u - s S_d/δ²
+
+    P is the quadratic part of W. The extremal policies of P are u = -R⁻¹B'P z and
+    d = s δ⁻²E'P z. For a quadratic basis e_j is the paper's residual (Eq. 32-34), with the policies
     evaluated again at the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the
     discounted plant A - βI. With β = 0 and s = 1 the residuals are those of the game.
 
     states, drifts: z_j and F_j, (N_h, n), scaled
     gradient: ∂ψ_j, (N_h, M, n)
-    control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P
-        is a small difference of large numbers, but |G'P z|² is not.
+    control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P,
+        P S_u P is a small difference of large numbers, but |G'P z|² is not.
     disturbance: (n, k), a square root of S_d/δ²
     drift_matrix: A fitted to F = A z by least squares, used only to test whether a policy
         stabilizes

@@ -421,8 +421,7 @@ class CertifiedLaw:
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:
-        """Return the initial memory: W(0) with its auxiliary problem, the normalization n_j, and
-            the discount.
+        """Return the initial memory: W(0) with the problem, the normalization, and the discount.
 
         The discount is 0 if W(0) stabilizes the plant by more than `RELATIVE_MARGIN` times the
         largest eigenvalue magnitude. Otherwise W(0) stabilizes the plant with this discount.

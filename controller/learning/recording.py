@@ -155,9 +155,10 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     """Return the `samples` samples of a pool that differ most from each other.
 
     Pivoted QR orders the unit vectors ψ(z_j)/|ψ(z_j)|. Each chosen sample has the largest component
-    outside the span of the samples chosen before. After each M samples the choice starts again with
-    the
-    remaining samples. Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
+    outside the span of the samples chosen before. After each M samples the choice starts again
+    among the samples that remain.
+
+    Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
 
     Raises BadInputError if `samples` is below M or above the size of the pool, or if the rank of
     the chosen vectors is below M.

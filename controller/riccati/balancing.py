@@ -44,10 +44,10 @@ class Spectrum(NamedTuple):
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
-        """Return `axis_distance`, and the frequency ω >= 0 at which it is attained, rad/s.
+        """Return `axis_distance`, and the frequency ω >= 0 of the minimum, rad/s.
 
         σ_min(M - jω I) crosses a level only where jω is an eigenvalue of [[M, -level I], [level I,
-        -M']]. Both values are 0 for M = 0. Source: Byers, SIAM J. Scientific and Statistical
+        -M']]. Both results are 0 for M = 0. Source: Byers, SIAM J. Scientific and Statistical
         Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and Control Letters 15 (1990),
         1-7.
         """

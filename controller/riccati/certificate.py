@@ -284,11 +284,12 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
     """Return the smallest relative change of entries that may give the Hamiltonian an eigenvalue
     jω.
 
-    The result is the least over the frequencies ω of 1 / ρ(|(H - jω I)⁻¹| |H|), or 0 if H - jω I is
-    singular. The entries are those of A, B B', E E' and Q. The inverse is computed in the levelled
-    coordinates, and |H| contains the magnitudes of the terms of the entries of H. The result does
-    not
-    depend on units. Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2.
+    The result is the least over the frequencies ω of 1 / ρ(|(H - jω I)⁻¹| |H|), or 0 if H - jω I
+    is singular. The entries are those of A, B B', E E' and Q. The inverse is computed in the
+    levelled coordinates, and |H| contains the magnitudes of the terms of the entries of H. The
+    result does not depend on units.
+
+    Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2.
     """
     n = len(given.A)
     into = levelled.T * given.units  # from the given to the levelled coordinates

@@ -103,9 +103,10 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
     """Return D >= 0, (n, n), such that u = -K z costs z'(P* + D) z under its worst disturbance.
 
-    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*. This is the cost
-    equation of K minus the cost equation of K*, so that small losses keep their digits. The result
-    is None if the cost has no bound or the steps do not converge.
+    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
+
+    This equation is the cost equation of K minus the cost equation of K*, so that small losses
+    keep their digits. The result is None if the cost has no bound or the steps do not converge.
 
     exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing

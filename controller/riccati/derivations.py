@@ -99,13 +99,19 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
     """Return X, (N, n, n), the limit of the optimal costs over 2^k steps with the final cost p I.
 
-    T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 defines a
-    discrete-time game with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling
-    replaces X <- X + E'X V E, G <- G + E V G E', E <- E V E, with V = (I + G X)^-1, until E is 0 up
-    to rounding. The solution of the given game is p I + X. With p > 0, an unstable mode without a
-    running cost has a final cost. c is slightly below the geometric mean of the largest and the
-    smallest |λ|, because an eigenvalue may be at the mean itself. Source: Chu, Fan and Lin, Linear
-    Algebra Appl. 396 (2005), 55-80.
+    T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1
+
+    T defines a discrete-time game with E = I - T11, G = T12 and the cost X = T21 of one step.
+    With V = (I + G X)^-1, each doubling replaces
+
+    X <- X + E'X V E,
+    G <- G + E V G E',
+    E <- E V E
+
+    until E is 0 up to rounding. The solution of the given game is p I + X. With p > 0, an unstable
+    mode without a running cost has a final cost. c is slightly below the geometric mean of the
+    largest and the smallest |λ|, because an eigenvalue may be at the mean itself. Source: Chu, Fan
+    and Lin, Linear Algebra Appl. 396 (2005), 55-80.
 
     eigenvalues: λ of the Hamiltonians, (N, 2n), which affect only the number of doublings
     """

@@ -142,10 +142,11 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     """Return the disk margin of a stable closed loop M.
 
     Intervals of frequencies are divided until the bound min_D σ_max(D M D⁻¹) is shown to be below
-    one
-    level on all intervals. Source: Lawrence, Tits and Van Dooren, Automatica 36 (2000), 449-456.
+    one level on all intervals.
 
     near: estimate of the critical frequency, rad/s, which shortens the search; 0 if unknown
+
+    Source: Lawrence, Tits and Van Dooren, Automatica 36 (2000), 449-456.
     """
     poles = np.linalg.eigvals(loop.A)
     ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))

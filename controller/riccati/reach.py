@@ -75,9 +75,9 @@ def rank_distance(
 
     The result is an upper bound, at most 1. λ and the singular vector of the smallest singular
     value are searched for together. Each row is divided by the magnitude of its terms, so that fast
-    states do
-    not hide entries of slow states. Source: Higham, Accuracy and Stability of Numerical Algorithms,
-    Theorem 7.3 (Oettli and Prager).
+    states do not hide entries of slow states.
+
+    Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager).
 
     A: (K, n, n)
     rows: (K, p, n)

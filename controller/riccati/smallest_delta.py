@@ -233,12 +233,13 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
     The Riccati equation without disturbance has a stabilizing solution if and only if two matrices
     have full column rank:
-    - [A' - λI; B'] for every eigenvalue λ of A with Re λ >= 0, otherwise the reason is `unreached`,
-    - [A - λI; Q] for every λ with Re λ = 0, otherwise the reason is `hidden`.
+
+    - [A' - λI; B'] for every eigenvalue λ of A with Re λ >= 0, otherwise the reason is `unreached`
+    - [A - λI; Q] for every λ with Re λ = 0, otherwise the reason is `hidden`
+
     An unstable mode without cost is not an obstacle. P is then the least cost among the policies
     for which the state converges to 0. A mode that rounding may have moved off the axis is also
-    treated as
-    a mode on the axis. Source: Zhou, Doyle and Glover, Theorem 13.7.
+    treated as a mode on the axis. Source: Zhou, Doyle and Glover, Theorem 13.7.
 
     unreached, hidden: sentences with {} for the name of the mode
     """

@@ -22,8 +22,7 @@ _ROUNDING = 1e-12
 @checks_arguments
 @dataclass(frozen=True)
 class TrimCondition:
-    """Trim condition: equations f(X, U) = rates and y(X, U) = values, with free variables in
-        limits.
+    """Trim condition: f(X, U) = rates and y(X, U) = values, with free variables within limits.
 
     Some of X, U and y are imposed. The other X and U are free within limits. All values are in the
     units of the model, angles in radians.

@@ -68,7 +68,7 @@ class Margin(Result):
 
     @property
     def at_limit(self) -> bool:
-        """True if the variable is at its nearer limit or beyond it."""
+        """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
     def row(self) -> tuple[str, ...]:

@@ -71,9 +71,12 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 def _continued(problem: TrimProblem) -> np.ndarray | None:
     """Return the solution at the end of a path from the trim that the model declares, or None.
 
-    The imposed values change from c0, the declared trim, to c1, the requested values: c(s) = c0 + s
-    (c1 - c0), r(z, c(s)) = 0, s from 0 to 1. The result is None if the system is not square, the
-    declared trim is not found, Newton's method fails before s = 1, or nothing changes.
+    The imposed values change from c0, the declared trim, to c1, the requested values:
+
+    c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
+
+    The result is None if the system is not square, the declared trim is not found, Newton's method
+    fails before s = 1, or nothing changes.
     """
     system = problem.system
     usual = usual_condition(problem.model)

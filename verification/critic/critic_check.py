@@ -158,8 +158,7 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Return three checks of P: A - S P stable, P not indefinite, Riccati residual within the
-        limit.
+    """Return the checks that A - S P is stable, that P is not indefinite, and of the residual.
 
     - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted, because
       rounding can make the value of a state without cost negative.
@@ -168,6 +167,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
 
     P: (n, n)
     exact: P*, (n, n)
+    limit: limit of the relative residual of the Riccati equation
     """
     form = NormalForm.of(game)
     scaled = form.of_value(P)
