@@ -98,7 +98,8 @@ def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
-    """Both named sets load. Their identified parameters differ by less than three standard errors.
+    """Both named sets load, and the identified parameters differ by less than three standard
+    errors.
 
     An unknown name is refused, and the message lists the names.
     """

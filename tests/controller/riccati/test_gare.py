@@ -135,7 +135,7 @@ def test_an_unstable_costless_mode_is_stabilized() -> None:
 
 
 def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
-    """With E = 0 the solution is the LQR for any delta, and the margin of delta is infinite."""
+    """With E = 0 the solution for delta = 1e-3 is the LQR, and the margin of delta is infinite."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
     assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
     assert minimum_delta(quiet).margin(quiet.delta) == math.inf

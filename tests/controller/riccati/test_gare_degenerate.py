@@ -148,7 +148,6 @@ def test_a_barely_reached_mode_has_a_bounded_pole(
     mode.
 
     The modes have the rates 0.5 and -1, and the input reaches the first only by the factor `reach`.
-    As this factor approaches 0, the optimum moves the pole 0.5 to -0.5.
     """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])

@@ -128,8 +128,7 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
 
 
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
-    """Return weights with a Bellman residual of 0 on 15 samples, and their largest relative
-    residual.
+    """Return weights with a Bellman residual of 0 on 15 samples, and the largest relative residual.
 
     Newton steps of least norm, beginning at the LQR, lead to these weights.
     """
