@@ -44,4 +44,4 @@ def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
     feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
     np.testing.assert_allclose(metres, feet * np.array([FOOT, 1.0, FOOT]), rtol=1e-9)
     continued = hfa(*words, "--resume", "-o", str(folder / "si.zarr"))
-    assert_refused(continued, BAD_INPUT, "belongs to another")
+    assert_refused(continued, BAD_INPUT, "is the store of another")

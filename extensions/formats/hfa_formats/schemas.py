@@ -170,7 +170,8 @@ def type_schema(hint: Any) -> dict[str, Any]:
     if origin is not None and issubclass(origin, Sequence):
         return {"type": "array", "items": type_schema(arguments[0])}
     raise TypeError(
-        f"{hint}: results do not support this annotation; add it to hfa_support.reporting.results"
+        f"the annotation {hint} is not supported in results; add this type to "
+        "hfa_support.reporting.results"
     )
 
 

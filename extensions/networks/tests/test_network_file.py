@@ -101,7 +101,7 @@ def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> No
     """A torch file is refused if the order of its layers contradicts the numbers in their names."""
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
     with pytest.raises(
-        BadInputError, match="'fc1' comes after 'fc2', so the order of the layers is not clear"
+        BadInputError, match="'fc1' is stored after 'fc2', so the order of the layers is ambiguous"
     ):
         from_network(game, path, activation="tanh")
 
@@ -115,7 +115,7 @@ def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
     expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
     assert np.array_equal(critic.K, expected.K)
     assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
-    with pytest.raises(BadInputError, match="named 'policy'; for a single network"):
+    with pytest.raises(BadInputError, match="named 'policy'; this is a single network"):
         from_network(game, "a.pt", network="policy", activation="tanh")
     Path("letters.json").write_text(
         json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
@@ -283,7 +283,7 @@ def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
         else:
             path.write_bytes(content)
         assert (
-            "mkdir, which is refused; save state_dict() alone"
+            "mkdir, but only tensors may be loaded; save state_dict() alone"
             if packed
             else "of torch 1.6 or later"
         ) in refusal(path)
@@ -308,7 +308,7 @@ def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
     with zipfile.ZipFile("a.pt", "w") as archive:
         for name, content in members.items():
             archive.writestr(name, content)
-    assert "a tensor of shape (4, 6) is larger than its storage" in refusal("a.pt")
+    assert "a tensor of shape (4, 6) extends beyond its storage" in refusal("a.pt")
 
 
 def test_wrong_state_dicts_are_refused() -> None:
@@ -325,8 +325,11 @@ def test_wrong_state_dicts_are_refused() -> None:
             "0.weight": np.zeros((4, 6)),
             "1.weight": np.ones(4),
         },
-        "has more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
-        "the layer before it has the output size 1": {"0.weight": good, "1.weight": good},
+        "have more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
+        "has the input size 6, but layer '0' before it has the output size 1": {
+            "0.weight": good,
+            "1.weight": good,
+        },
     }
     for said, tensors in wrong.items():
         assert said in refusal(torch_file("wrong.pt", tensors)), said
@@ -347,7 +350,9 @@ def test_wrong_state_dicts_are_refused() -> None:
     with zipfile.ZipFile("script.pt", "w") as archive:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
             archive.writestr(name, b"")
-    assert "the file is TorchScript, which is a program; save state_dict" in refusal("script.pt")
+    assert "the file is a TorchScript program, which is not supported; save state_dict" in refusal(
+        "script.pt"
+    )
 
 
 def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
@@ -355,4 +360,4 @@ def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:
         archive.writestr("critic/data.pkl", content)
-    assert "it refers to more objects than it has bytes" in refusal("memo.pt")
+    assert "a memo index exceeds its number of bytes" in refusal("memo.pt")

@@ -191,15 +191,16 @@ def test_weights_beside_graph_are_read_from_folder_alone() -> None:
     Path("inside/a.data").rename("elsewhere/a.data")
     assert "cannot be read (No such file" in refusal("inside/a.onnx")
     Path("inside/a.data").symlink_to("../elsewhere/a.data")
-    assert "the data are in another folder" in refusal("inside/a.onnx")
+    assert "is stored outside the folder of the graph" in refusal("inside/a.onnx")
     model = onnx.load("inside/a.onnx", load_external_data=False)
     for tensor in model.graph.initializer:
         next(
             entry for entry in tensor.external_data if entry.key == "location"
         ).value = "../elsewhere/a.data"
     Path("inside/b.onnx").write_bytes(model.SerializeToString())
-    assert "the data are in another folder; export the weights in the same file" in refusal(
-        "inside/b.onnx"
+    assert (
+        "is stored outside the folder of the graph; export the weights in the same file"
+        in refusal("inside/b.onnx")
     )
 
 
@@ -210,7 +211,7 @@ def test_wrong_graphs_are_refused() -> None:
     ten = {"P": np.ones((10, 1), "float32")}
     not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
     for said, nodes, numbers, states in (
-        ("has 10 inputs, but 6 are given", [("MatMul", "x P", "y")], ten, 10),
+        ("has 10 inputs, but 6 observations are given", [("MatMul", "x P", "y")], ten, 10),
         ("Dropout is in training mode", [("Dropout", "x ratio training", "y")], TRAINING, 6),
         ("operator Loop is not supported", [("Loop", "x", "y")], constants, 6),
         ("has the type float16; save the weights as float32", QUADRATIC, half, 6),
@@ -220,7 +221,7 @@ def test_wrong_graphs_are_refused() -> None:
     onnx_file("good.onnx", QUADRATIC, constants)
     network_in("good.onnx", 6)
     assert (
-        "an ONNX file contains its activations"
+        "an ONNX file already contains the activations"
         in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
     )
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
@@ -233,7 +234,7 @@ def test_without_package_onnx_its_files_alone_are_refused(
     """Without the package onnx, ONNX files are refused and torch files are read."""
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
-    assert "install hfa with the extra [networks]" in refusal("a.onnx")
+    assert "ONNX files require the package onnx; type python -m pip install" in refusal("a.onnx")
     network_in(torch_file("a.pt", {"weight": np.zeros((5, 6))}), 6)
 
 
@@ -324,4 +325,4 @@ def test_numbers_are_counted_before_they_are_made() -> None:
     ):
         graph = [*nodes, ("ReduceSum", "h", "y")]
         said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
-        assert "array elements; at most" in said
+        assert "array elements, but at most" in said

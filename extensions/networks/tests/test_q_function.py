@@ -84,11 +84,11 @@ def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
         (lambda u: u**2 + 1e-12 * ca.tanh(u), "is not quadratic in u"),
         (lambda u: u**2 + ca.fmax(u, 5.0), "is not quadratic in u"),
         (lambda u: u**2 / (1.0 + u), "is not quadratic in u"),
-        (lambda u: u, "has no minimum or maximum over u"),
+        (lambda u: u, "has neither a minimum nor a maximum over u"),
     ],
 )
 def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
-    """A Q that is not quadratic in u, or has no minimum or maximum over u, is refused."""
+    """A Q that is not quadratic in u, or has neither a minimum nor a maximum over u, is refused."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
     with pytest.raises(BadInputError, match=says) as caught:
@@ -108,9 +108,8 @@ def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
             f"{name}.2.weight": RNG.normal(size=(1, 8)),
         }
     path = torch_file("sac.pt", tensors)
-    assert (
-        'select one of several networks, for example network="actor" (the file contains actor, q1, q2)'
-        in refusal(path, activation="relu", inputs=5)
+    assert 'select one of the networks actor, q1, q2, for example network="actor"' in refusal(
+        path, activation="relu", inputs=5
     )
     with pytest.raises(BadInputError, match=r"Q\(x, u\) is not quadratic in u; export the policy"):
         from_network(game, path, network="q1", activation="relu")
@@ -123,4 +122,7 @@ def test_inputs_of_other_widths_are_refused() -> None:
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
     message = refusal(path, inputs=5)
-    assert "input 'u' has 4 numbers; the inputs of a Q are 6 states, then 5 inputs" in message
+    assert (
+        "input 'u' of the graph has 4 entries; give a Q function of 6 states and then 5 plant inputs"
+        in message
+    )

@@ -115,10 +115,16 @@ def test_what_is_not_read_is_refused() -> None:
     layer = _linear(np.ones((1, 2)), None)
     for network, said in (
         (_network(_module("Dropout")), "contains Dropout"),
-        (_network(_module("ELU", alpha=2.0)), "ELU has alpha = 2.0; only 1.0 is supported"),
-        (_sequential(_module("Tanh"), layer), "activation Tanh without a linear layer"),
+        (_network(_module("ELU", alpha=2.0)), "ELU has alpha = 2.0, but only 1.0 is supported"),
+        (
+            _sequential(_module("Tanh"), layer),
+            "activation Tanh, which does not directly follow a linear layer",
+        ),
         (_sequential(_module("Identity")), "no linear layer"),
-        (_sequential(layer, _linear(np.ones((1, 3)), None)), "layer 1 has the input size 3"),
+        (
+            _sequential(layer, _linear(np.ones((1, 3)), None)),
+            "layer 1 has 3 inputs, but layer 0 before it has 1 outputs",
+        ),
         (_sequential(_linear(None, None)), "layer 0 has weights of the type torch.bfloat16"),
         (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
         (_sequential(_linear(np.ones((1, 5)), None)), "5"),
@@ -126,7 +132,7 @@ def test_what_is_not_read_is_refused() -> None:
     ):
         with pytest.raises(BadInputError, match=said):
             hfa.verify(GAME, network)
-    with pytest.raises(BadInputError, match="function; only a torch"):
+    with pytest.raises(BadInputError, match="function, but only a torch"):
         hfa.from_network(GAME, lambda z: z)
 
 

@@ -62,13 +62,17 @@ def read_actor(
     width = history * observations
     source = entries.get("file")
     if source is None:
-        raise BadInputError("policy.file is missing; name the file of the policy")
+        raise BadInputError(
+            "policy.file is missing; give the path of the file that contains the policy"
+        )
     if isinstance(source, ca.Function):
         actor = Actor(source, f"function {source.name()}", bool(entries.get("squash", False)))
         _refuse_sizes(actor.function, "the function", width, actions)
         return actor
     if not isinstance(source, (str, Path)):
-        raise BadInputError(f"policy.file is {shown(source)}; give the name of a file")
+        raise BadInputError(
+            f"policy.file is {shown(source)}; give the path of the file that contains the policy"
+        )
     path = folder / source
     if path.suffix.lower() not in SUFFIXES:
         raise BadInputError(
@@ -103,14 +107,14 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:
         raise BadInputError(
-            f"{path} expects {stored.observations} observations, {frames} times those of the"
-            f" deployment file; for a stack of frames give history = {frames} in [timing], or list"
-            " all observations"
+            f"{path} expects {stored.observations} observations, {frames} times as many as the "
+            f"deployment file lists; list all observations, or give history = {frames} in [timing] "
+            f"if the policy was trained on {frames} stacked samples"
         )
     if rest:
         raise BadInputError(
             f"{path} expects {stored.observations} observations, but the deployment file "
-            f"has {observations}; list all training observations, in the order used in training"
+            f"lists {observations}; list all training observations, in the order used in training"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
     return Actor(
@@ -145,8 +149,8 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     network = network_in(path, observations, entries.get("activation"), parts)
     if not network.functions:
         raise BadInputError(
-            f"{path} contains no policy with {observations} observations; list the "
-            "observations of its training"
+            f"{path} contains no policy with {observations} observations; list the observations of "
+            "the training"
         )
     name, function = next(iter(network.functions.items()))
     normalizer = network.normalizers.get(name)
@@ -161,11 +165,14 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
         return Actor(function, network.chain, squash, rows=rows)
     if entries.get("squash") is False:
         raise BadInputError(
-            f"policy.squash is false, but {path} contains action_scale, which follows "
-            "tanh; remove policy.squash"
+            f"policy.squash is false, but {path} contains action_scale, which requires tanh before "
+            "it; remove policy.squash"
         )
     if not np.all(stored.scale > 0.0):
-        raise BadInputError(f"{path}: every entry of action_scale must be positive")
+        raise BadInputError(
+            f"{path}: action_scale contains an entry that is not positive; save "
+            "the policy with positive scales"
+        )
     box = (stored.bias - stored.scale, stored.bias + stored.scale)
     return Actor(function, network.chain, squash=True, box=box, rows=rows)
 
@@ -187,15 +194,16 @@ def stored_gain(path: Path) -> np.ndarray | None:
             ) from error
         except ValueError as error:
             raise BadInputError(
-                f"the file is not an .npz file of numbers ({error}); save it again"
+                f"the file is not an .npz file of numbers ({error}); save the arrays with "
+                "numpy.savez"
             ) from error
         if "K" not in arrays:
             return None
         gain = numbers_in("K", arrays["K"])
         if gain.ndim != 2 or not np.all(np.isfinite(gain)):
             raise BadInputError(
-                f"K has the shape {gain.shape}; give a matrix of finite numbers, actions x "
-                "observations"
+                f"K (shape {gain.shape}) is not a matrix of finite numbers; give one row per "
+                "action and one column per observation"
             )
         return gain
 
@@ -222,6 +230,6 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
         )
     if gives != actions:
         raise BadInputError(
-            f"{what} returns {gives} actions, but the deployment file has {actions}; list "
-            "the actions of the training in their order"
+            f"{what} returns {gives} actions, but the deployment file lists {actions}; list the "
+            "actions of the training in their order"
         )

@@ -99,7 +99,8 @@ def weights_at(
     if np.any(slopes.D):
         wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
         raise BadInputError(
-            f"cost.Q.{wrong[0]} weights an output that depends on the inputs; weight states instead"
+            f"cost.Q.{wrong[0]} weights an output that depends directly on the inputs, which is "
+            "not supported; weight states instead"
         )
     rows = [list(deployed.model.states).index(name) for name in linear]
     Q = np.diag([float(cost["Q"].get(name, 0.0)) for name in linear])

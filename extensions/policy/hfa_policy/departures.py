@@ -88,5 +88,5 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
             raise BadInputError(
                 f"the trim is at the {which} limit of {name}, "
                 f"{model.describe(name, float(values[index]))}, so every flight leaves the "
-                f"envelope immediately; hold {name} {side} this limit"
+                f"envelope immediately; choose a trim with {name} {side} this limit"
             )

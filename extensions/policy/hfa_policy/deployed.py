@@ -109,7 +109,10 @@ class Deployed:
             refuse_unknown("cost.R names the input that no action moves,", name, self.commanded)
         for name in self.commanded:
             if name not in cost["R"]:
-                raise BadInputError(f"cost.R has no weight for {name}; give one for each action")
+                raise BadInputError(
+                    f"cost.R has no weight for {name}; give a weight for each "
+                    "input that an action moves"
+                )
 
     # Symbols.
 
@@ -169,7 +172,8 @@ class Deployed:
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
             raise BadInputError(
-                "the output of policy.file is not finite at the trim; train the policy again"
+                "the output of policy.file is not finite at the trim; check the policy's weights "
+                "and its normalizer"
             )
         return a
 
@@ -354,7 +358,7 @@ def _refuse_undefined(
     for name, defined in zip(entries, is_defined.tolist(), strict=True):
         if not defined:
             raise BadInputError(
-                f"{table}.{name}: the formula has no value or no slope at the trim; write a "
+                f"{table}.{name}: the formula or its derivative is not finite at the trim; write a "
                 "formula that is smooth there"
             )
     return values

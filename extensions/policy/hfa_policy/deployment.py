@@ -133,8 +133,8 @@ class Deployment(Reported):
         """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
-                f"{path} is not a deployment file (.toml); name the policy as policy.file in "
-                "a deployment file"
+                f"{path} is not a deployment file (.toml); give a .toml file in which policy.file "
+                "is the path of the policy"
             )
         try:
             entries = read_toml(path)
@@ -147,9 +147,12 @@ class Deployment(Reported):
             refuse_unknown(f"{path}: unknown table", name, tables)
         for name in tables[:-1]:
             if name not in entries:
-                raise BadInputError(f"{path}: the table [{name}] is missing; add it")
+                raise BadInputError(f"{path}: the table [{name}] is missing; add this table")
         if "file" not in entries["policy"]:
-            raise BadInputError(f"{path}: policy.file is missing; name the file of the policy")
+            raise BadInputError(
+                f"{path}: policy.file is missing; give the path of the file that "
+                "contains the policy"
+            )
         return Deployment(**entries, folder=Path(path).parent, origin=str(path))
 
     @staticmethod
@@ -207,18 +210,27 @@ class Deployment(Reported):
 
     def _check_action(self) -> None:
         if not self.action:
-            raise BadInputError("action is empty; list the inputs that the network moves")
+            raise BadInputError(
+                "action is empty; list the inputs of the aircraft that the "
+                "network commands, in order"
+            )
         for name, entry in self.action.items():
             box = entry.get("box")
             if box is not None and not (len(box) == 2 and box[0] < box[1]):
-                raise BadInputError(f"action.{name}.box is {shown(box)}; give [lowest, highest]")
+                raise BadInputError(
+                    f"action.{name}.box is {shown(box)}; give [lowest, highest] "
+                    "with lowest < highest"
+                )
 
     def _check_timing(self) -> None:
         history = self.timing.get("history", 1)
         if history != int(history):
             raise BadInputError(f"timing.history is {history:g}; give a whole number of samples")
         if self.delay > MOST_SAMPLES * self.dt:
-            raise BadInputError(f"timing.delay is {self.delay:g} s; give at most {MOST_SAMPLES} dt")
+            raise BadInputError(
+                f"timing.delay is {self.delay:g} s; give at most "
+                f"{MOST_SAMPLES * self.dt:g} s ({MOST_SAMPLES} samples)"
+            )
 
     @property
     def dt(self) -> float:
@@ -273,7 +285,7 @@ class Deployment(Reported):
             if normalizer is not None and normalizer.mean.size != self.width:
                 raise BadInputError(
                     f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
-                    f"deployment file has {len(self.observation)}; give the normalizer of this "
+                    f"deployment file lists {len(self.observation)}; give the normalizer of this "
                     "policy"
                 )
         return normalizer
@@ -297,13 +309,14 @@ class Deployment(Reported):
             if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
                     f"{self.origin}: action.{name}.box is {shown(entry['box'])}, but the policy "
-                    f"contains {of_file.tolist()}; remove the box"
+                    f"contains the box {of_file.tolist()}; remove action.{name}.box"
                 )
             low[index], high[index] = of_file
         squash = self.actor.squash if "file" in self.policy else False
         if squash and not np.all(np.isfinite(low) & np.isfinite(high)):
             raise BadInputError(
-                f"{self.origin}: a squashed action requires a box; give box = [lowest, highest]"
+                f"{self.origin}: a policy with squashed actions requires a box for each action; "
+                "give box = [lowest, highest]"
             )
         return low, high
 
@@ -365,7 +378,10 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)
     critic = critic_in(path, plant)
     if critic.feedback is not None or not critic.linear:
-        raise BadInputError(f"{path}: the file contains no gain K; write a deployment file")
+        raise BadInputError(
+            f"{path}: the file contains no linear policy u = -K x; write a "
+            "deployment file for this policy"
+        )
     return critic.K
 
 
@@ -377,7 +393,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):
-                raise BadInputError(f"the name {shown(name)} is not text; write it in quotes")
+                raise BadInputError(f"the key {shown(name)} is not text; write the key in quotes")
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]

@@ -152,7 +152,8 @@ def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dic
     diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
     if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
         raise BadInputError(
-            f"{matrix} is not diagonal; give a weight for each of {', '.join(names)}"
+            f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "
+            f"of {', '.join(names)}"
         )
     return dict(zip(names, diagonal.tolist(), strict=True))
 

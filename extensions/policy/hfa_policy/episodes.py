@@ -92,7 +92,8 @@ class Episodes:
             raise BadInputError("no trim is given; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
             raise BadInputError(
-                f"the duration of an episode is {shown(seconds)} s; give at least one sample time"
+                f"the duration of an episode is {shown(seconds)} s; give at least the sample time, "
+                f"{deployed.deployment.dt:g} s"
             )
         self.deployed = deployed
         self.points = tuple(points)
@@ -207,8 +208,8 @@ class Episodes:
         wanted = self._actions.shape
         if actions.shape != wanted or _has_nan(actions):
             raise BadInputError(
-                f"the actions are {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]}"
-                " numbers, none NaN"
+                f"the actions are {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]} "
+                "numbers without NaN (episodes x actions)"
             )
         self._actions[:] = actions
         if self._air is not None:
@@ -401,7 +402,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
     for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
         if not (np.isfinite(lowest) and np.isfinite(highest)):
             raise BadInputError(
-                f"{deployed.deployment.origin}: action.{name} has no box, which an "
+                f"{deployed.deployment.origin}: action.{name} has no box, which a learning "
                 "environment requires; give box = [lowest, highest]"
             )
     return low, high

@@ -107,7 +107,8 @@ def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) 
         count, _ = _FUNCTIONS[node.func.id]
         if len(node.args) != count:
             raise BadInputError(
-                f"the formula {shown(text)}: {node.func.id} requires {count} arguments"
+                f"the formula {shown(text)}: the number of arguments of {node.func.id} is "
+                f"{len(node.args)}; give {count}"
             )
         parts = node.args
     else:
@@ -127,7 +128,7 @@ def _check_number(value: Any, text: str) -> None:
         is_number = False
     if not is_number:
         raise BadInputError(
-            f"the formula {shown(text)} contains a number that is not finite; correct it"
+            f"the formula {shown(text)} contains a number that is not finite; give a finite number"
         )
 
 

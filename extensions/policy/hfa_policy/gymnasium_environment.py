@@ -111,7 +111,8 @@ class AircraftEnvironment(gymnasium.Env):
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
             raise BadInputError(
-                f"options: trim is {number}; there are {count} trims, numbered from 0"
+                f"options: trim is {number}, but there are {count} trims; give the index of a "
+                f"trim, at most {count - 1}"
             )
         return int(number)
 
@@ -123,7 +124,10 @@ class AircraftEnvironment(gymnasium.Env):
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]
         if states.shape != wanted or not np.isfinite(states).all():
-            raise BadInputError(f"options: start is {shown(start)}; give {wanted[0]} finite states")
+            raise BadInputError(
+                f"options: start is {shown(start)}; give {wanted[0]} finite "
+                "numbers, one for each state"
+            )
         return states
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:

@@ -133,12 +133,12 @@ class _Restricted(pickle.Unpickler):
             return _inert(module, name)
         whose = " (a class or function that you defined)" if "cloudpickle" in module else ""
         raise BadInputError(
-            f"reading the data would call {shortened(f'{module}.{name}')}{whose}, which "
-            "is refused; no code was run"
+            f"reading the data would call {shortened(f'{module}.{name}')}{whose}, which is refused "
+            "(no code was run); save the data without this object"
         )
 
     def persistent_load(self, pid: Any) -> Any:
-        raise BadInputError("the pickle refers to data outside the file; save it again")
+        raise BadInputError("the pickle refers to data outside the file; save all data in one file")
 
 
 def inert(content: bytes) -> Any:
@@ -157,5 +157,5 @@ def inert(content: bytes) -> Any:
     except Exception as error:  # a damaged pickle may cause any exception
         reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
         raise BadInputError(
-            f"the data are not a pickle, or are damaged ({reason}); save them again"
+            f"the data are not a pickle, or are damaged ({reason}); save the file again"
         ) from error

@@ -26,7 +26,10 @@ def linear_plant(path: str) -> Model:
     with said_of(path):
         entries, _ = entries_of(found, {"A", "B"})
         if is_discrete(entries):
-            raise BadInputError("the plant is in discrete time; give A and B of x' = A x + B u")
+            raise BadInputError(
+                "the plant is in discrete time, which is not supported; give A "
+                "and B of x' = A x + B u"
+            )
     game = stored_game(path, found=found, defaults=_unit_weights).game
     return plant_model(path, game.names.completed(*game.B.shape), game.A, game.B)
 

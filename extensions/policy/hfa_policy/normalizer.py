@@ -49,11 +49,14 @@ class Normalizer:
             object.__setattr__(self, name, values)
         if self.mean.shape != self.variance.shape:
             raise BadInputError(
-                f"the normalizer has {self.mean.size} means and {self.variance.size} variances;"
-                " give one of each per observation"
+                f"the normalizer has {self.mean.size} means and {self.variance.size} variances; "
+                "give one mean and one variance for each observation"
             )
         if not is_finite(self.epsilon) or np.any(self.variance + self.epsilon <= 0.0):
-            raise BadInputError("every variance of the normalizer plus epsilon must be positive")
+            raise BadInputError(
+                f"epsilon of the normalizer is {self.epsilon}; epsilon must be "
+                "finite, and every variance plus epsilon positive"
+            )
         if not self.clip > 0.0:
             raise BadInputError(f"clip of the normalizer is {self.clip}; give a number above 0")
 
@@ -102,13 +105,14 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
         statistics = getattr(stored, "obs_rms", None)
         if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
             raise BadInputError(
-                "the file is not a VecNormalize; give a file written by VecNormalize.save"
+                "the file does not contain a VecNormalize object; give a file written by "
+                "VecNormalize.save"
             )
         if getattr(stored, "norm_obs", True) is False:
             return None
         if isinstance(statistics, dict):
             raise BadInputError(
-                "the VecNormalize normalizes a dictionary of observations, which is not "
+                "the VecNormalize object normalizes a dictionary of observations, which is not "
                 "supported; give mean and variance in the deployment file"
             )
         if statistics is None:
@@ -135,9 +139,9 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
 
     Raises BadInputError unless the attribute is a single number.
     """
-    numbers = numbers_in(f"its {name}", attributes.get(name))
+    numbers = numbers_in(f"{name} of the VecNormalize object", attributes.get(name))
     if numbers.size != 1:
-        raise BadInputError(f"{name} of the VecNormalize must be one number")
+        raise BadInputError(f"{name} of the VecNormalize object must be one number")
     return float(numbers.item())
 
 
@@ -150,11 +154,14 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
     """
     for name in ("mean", "variance"):
         if name not in entries:
-            raise BadInputError(f"policy.normalizer has no {name}; add the list, or name a file")
+            raise BadInputError(
+                f"policy.normalizer has no {name}; add the list {name}, or give "
+                "the path of a normalizer file"
+            )
     epsilon = entries.get("epsilon", EPSILON)
     clip = entries.get("clip", CLIP)
     if not is_finite(epsilon):
-        raise BadInputError(f"policy.normalizer.epsilon is {shown(epsilon)}; give a number")
+        raise BadInputError(f"policy.normalizer.epsilon is {shown(epsilon)}; give a finite number")
     return Normalizer(entries["mean"], entries["variance"], float(epsilon), float(clip))
 
 

@@ -60,11 +60,14 @@ def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     """
     if samples < 1:
         raise BadInputError(
-            "samples is 0, so there is no flight with noise, gust or turbulence; give at least 1"
+            f"samples is {samples}, so there is no flight with noise, gust or turbulence; give at "
+            "least 1"
         )
     on_model = scenario.on(model)
     if not _disturbed_by(on_model):
-        raise BadInputError("the scenario has no noise, gust or turbulence; add one")
+        raise BadInputError(
+            "the scenario has no noise, gust or turbulence; add at least one of the three"
+        )
     return on_model
 
 

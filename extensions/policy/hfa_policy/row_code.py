@@ -124,7 +124,7 @@ class RowCode:
         given = [np.ascontiguousarray(table, dtype=float) for table in tables]
         for table, width in zip(given, self._widths, strict=True):
             if table.shape != (count, width):
-                raise ValueError(f"a table is {table.shape}, not {(count, width)}")
+                raise ValueError(f"a table has the shape {table.shape}, not {(count, width)}")
         results = [np.empty((count, size)) for size in self._sizes]
         self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
         return results
@@ -137,7 +137,9 @@ class RowCode:
         """
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
-                raise ValueError("a bound table must be contiguous, of doubles and with all rows")
+                raise ValueError(
+                    "a bound table must be a contiguous array of doubles with all rows"
+                )
         count = ctypes.c_longlong(len(table))
         return partial(self._call, count, _addresses([table]), _addresses(results))
 

@@ -107,7 +107,8 @@ def read_zip(path: str | Path) -> Zip:
                 data = json.loads(_member(archive, "data"))
                 if not isinstance(data, dict):
                     raise BadInputError(
-                        "the file data in the zip is not a dictionary; save the model again"
+                        'the member "data" of the zip file is not a dictionary; save the model '
+                        "again"
                     )
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
@@ -118,7 +119,7 @@ def read_zip(path: str | Path) -> Zip:
             raise
         except Exception as error:  # a damaged member may cause any exception
             raise BadInputError(
-                f"the file is not a zip of Stable-Baselines3 ({error}); give a file written "
+                f"the file is not a zip file of Stable-Baselines3 ({error}); give a file written "
                 "by model.save"
             ) from error
         return _described(data, tensors)
@@ -128,7 +129,8 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
     """Return a file in the zip. Raises BadInputError if the file is missing."""
     if name not in archive.namelist():
         raise BadInputError(
-            f"the zip contains no {name}; give a file written by Stable-Baselines3's model.save"
+            f"the zip file contains no member {name!r}; give a file written by Stable-Baselines3's "
+            "model.save"
         )
     return unpacked(archive, name)
 
@@ -185,7 +187,8 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
         found = _stored(data, entry)
     except BadInputError as error:  # its message names the class or function
         raise BadInputError(
-            f"{error}; {entry} is not a class of Stable-Baselines3; export the policy to ONNX"
+            f"{entry} is not a class of Stable-Baselines3 ({str(error).partition(';')[0]}); export "
+            "the policy to ONNX"
         ) from error
     made_of = getattr(found, "made_of", None) or shown(found)
     if made_of not in known:
@@ -207,8 +210,8 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
         )
     if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
         raise BadInputError(
-            "the actor uses batch normalization, as in CrossQ, which is not supported in "
-            "a zip; export the policy to ONNX"
+            "the actor uses batch normalization, as in CrossQ, which is not supported in a zip "
+            "file; export the policy to ONNX"
         )
     if "lstm" in names:
         raise BadInputError(
@@ -221,7 +224,7 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
     if "actor.mu." in names:
         return "TD3", "actor", "relu"
     raise BadInputError(
-        "the zip contains no actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
+        "the zip file contains no actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
     )
 
 
@@ -255,7 +258,7 @@ def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
         return usual
     number = Number(0.0).of(entry)
     if number is None:
-        raise BadInputError(f"{name} is {shown(entry)}; it must be {Number(0.0)}")
+        raise BadInputError(f"{name} is {shown(entry)}; give {Number(0.0)}")
     return number
 
 
@@ -285,13 +288,19 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
     low = getattr(space, "low", None)
     high = getattr(space, "high", None)
     if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
-        raise BadInputError(f"the {what} are a {shortened(kind)}; only a Box is supported")
+        raise BadInputError(
+            f"the space of the {what} is a {shortened(kind)}, but only a Box is "
+            "supported; train a policy with a Box"
+        )
     if low.ndim != 1 or low.shape != high.shape:
         raise BadInputError(
-            f"the {what} are a Box with {low.ndim} axes; only a Box with one axis is supported"
+            f"the Box of the {what} has {low.ndim} axes, but only one is supported; train a policy "
+            "with a flat Box"
         )
     if not np.all(low <= high):
-        raise BadInputError(f"the Box of the {what} has a low above its high; save the model again")
+        raise BadInputError(
+            f"the Box of the {what} has a lower limit above the upper limit; save the model again"
+        )
     return np.array(low, dtype=float), np.array(high, dtype=float)
 
 

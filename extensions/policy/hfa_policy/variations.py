@@ -86,11 +86,13 @@ def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
         return
     if name in model.inputs:
         raise BadInputError(
-            f"cannot vary {name}: this input is an action of the deployment file; choose another"
+            f"cannot vary {name}: this input is an action of the deployment file; choose a "
+            "parameter or another input"
         )
     if not model.parameters and not inputs:
         raise BadInputError(
-            f"cannot vary {name!r}: {model.title} has no parameters, and no input is free"
+            f"cannot vary {name!r}: {model.title} has no parameters, and every input is an action; "
+            "remove this variation"
         )
     refuse_unknown("cannot vary", name, (*model.parameters, *inputs))
 
@@ -129,7 +131,10 @@ def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
     if not is_pair or pair[0] > pair[1]:
-        raise BadInputError(f"vary[{name!r}] is {shown(limits)}; give (lowest, highest)")
+        raise BadInputError(
+            f"vary[{name!r}] is {shown(limits)}; give (lowest, highest), two "
+            "finite numbers in ascending order"
+        )
     return float(pair[0]), float(pair[1])
 
 

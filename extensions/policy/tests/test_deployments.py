@@ -71,18 +71,18 @@ def message_of(folder, text):
     [
         ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
         ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number of at least 0.0001, at most 10"),
-        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 100 dt"),
+        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 2 s (100 samples)"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
         ('file = "ppo_gtm.zip"', "", "policy.file is missing"),
         ('file = "ppo_gtm.zip"', 'file = "other.zip"', "other.zip"),
-        ('file = "ppo_gtm.zip"', "file = {name = 1}", "give the name of a file"),
+        ('file = "ppo_gtm.zip"', "file = {name = 1}", "give the path of the file that contains the policy"),
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with one of the suffixes .zip"),
         ("speed = {scale = 20.0}", "sped = {}", "contains the unknown name 'sped'"),
         ("speed = {scale = 20.0}", "speed = {skale = 20.0}", "did you mean scale?"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("speed = {scale = 20.0}", "", "expects 4 observations, but the deployment file has 3"),
+        ("speed = {scale = 20.0}", "", "expects 4 observations, but the deployment file lists 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
         ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "but the policy contains"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
@@ -302,7 +302,7 @@ def test_zip_whose_directory_lies_about_size_is_refused(folder):
     size = slice(entry + 24, entry + 28)
     lying = content[: size.start] + (100).to_bytes(4, "little") + content[size.stop :]
     (folder / "ppo_gtm.zip").write_bytes(lying)
-    assert "not a zip of Stable-Baselines3" in message_of(folder, CARD)
+    assert "not a zip file of Stable-Baselines3" in message_of(folder, CARD)
 
 
 @pytest.mark.parametrize("suffix", ["zip", "npz", "pt", "pkl"])
@@ -439,7 +439,7 @@ def test_stacks_of_frames_actors_crossq_refused_in_words():
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
     with pytest.raises(
         BadInputError,
-        match=r"4 times those of the deployment file; for a stack of frames give history = 4",
+        match=r"4 times as many as the deployment file lists; list all observations, or give history = 4",
     ):
         _ = one.actor
     tensors = {"actor.latent_pi.0.running_mean": np.zeros(4), "actor.mu.weight": np.zeros((2, 4))}

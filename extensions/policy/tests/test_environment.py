@@ -217,7 +217,7 @@ def test_what_environment_cannot_be_made_of_one_line() -> None:
         environment(model, gtm_card({}, action={"elevator": {}}), points)
     with pytest.raises(BadInputError, match="render_mode is 'human'; give None or 'rgb_array'"):
         environment(model, gtm_card({}, action=ACTION), points, render_mode="human")
-    with pytest.raises(BadInputError, match="give at least one sample"):
+    with pytest.raises(BadInputError, match="give at least the sample time"):
         environment(model, gtm_card({}, action=ACTION), points, seconds=0.001)
 
 
@@ -342,7 +342,9 @@ def test_weights_of_the_cost_are_those_of_a_game() -> None:
     env = environment(model, Deployment.usual(model).changed(cost={"Q": Q, "R": R}))
     env.reset(seed=1)
     assert rewards == [env.step(np.full(m, 0.1))[1]] * 3
-    with pytest.raises(BadInputError, match="Q is not diagonal; give a weight for each of"):
+    with pytest.raises(
+        BadInputError, match="Q is not a diagonal matrix of 4 weights; give one weight for each of"
+    ):
         environment(model, Q=np.ones((n, n)))
     with pytest.raises(
         BadInputError, match=r"R is given together with a deployment; change cost\.R"

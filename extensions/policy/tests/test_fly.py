@@ -79,9 +79,13 @@ def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))
     model = aircraft("ppo_gtm")
-    with pytest.raises(BadInputError, match=r"action\.throttle: the formula has no value"):
+    with pytest.raises(
+        BadInputError, match=r"action\.throttle: the formula or its derivative is not finite"
+    ):
         flown_card(path, model, trims("ppo_gtm")[0])
-    with pytest.raises(BadInputError, match=r"action\.throttle: the formula has no value"):
+    with pytest.raises(
+        BadInputError, match=r"action\.throttle: the formula or its derivative is not finite"
+    ):
         Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
 
 

@@ -105,7 +105,7 @@ def test_the_exported_C_takes_earlier_observations(tmp_path):
     [
         (0, "timing.history is 0"),
         (2.5, "timing.history is 2.5; give a whole number of samples"),
-        (2, "expects 12 observations, but the deployment file has 8"),
+        (2, "expects 12 observations, but the deployment file lists 8"),
     ],
 )
 def test_a_wrong_history_is_refused(history, said):

@@ -125,7 +125,10 @@ def test_a_gain_alone_is_assessed(folder, capsys):
         radii.append(point["spectral_radius"])
     assert radii[0] == radii[1] == radii[2]
     assert main(["assess", "P.npy", *SAMPLED, *words]) == 2
-    assert "P.npy: the file contains no gain K; write a deployment file" in capsys.readouterr().err
+    assert (
+        "P.npy: the file contains no linear policy u = -K x; write a deployment file"
+        in capsys.readouterr().err
+    )
     assert main(["assess", "plant.npz", *SAMPLED, *words]) == 2
     assert (
         "the file contains no K; give a K of 1 x 2 (inputs u1 by states x1, x2)"

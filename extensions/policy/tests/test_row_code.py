@@ -79,7 +79,7 @@ def test_any_number_of_rows_and_functions_called_inside(count: int) -> None:
 
 def test_a_table_of_another_width_is_refused() -> None:
     code = row_code(of_every_operation())
-    with pytest.raises(ValueError, match=r"a table is \(3, 2\), not \(3, 1\)"):
+    with pytest.raises(ValueError, match=r"a table has the shape \(3, 2\), not \(3, 1\)"):
         code(np.zeros((3, 2)), np.zeros((3, 1)))
 
 

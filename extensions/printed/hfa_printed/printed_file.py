@@ -142,22 +142,23 @@ def read_block(
     lines = [re.split(r"[\s,&]+", line.strip(" \t,&")) for line in re.split(r"[\n;\\]+", plain)]
     rows = [line for line in lines if line != [""]]
     if not rows:
-        raise BadInputError(f"{name} is empty; give its numbers")
+        raise BadInputError(f"{name} is empty; give the printed numbers")
     if rows[0][0] == "diag":
         diagonal = [number for row in rows for number in row][1:]
         if len(diagonal) > _LONGEST_DIAGONAL:
             raise BadInputError(
-                f"{name}: diag has {len(diagonal)} numbers; give at most {_LONGEST_DIAGONAL}"
+                f"{name}: the diagonal after diag has {len(diagonal)} numbers; give at most "
+                f"{_LONGEST_DIAGONAL}"
             )
         rows = [["0" for _ in diagonal] for _ in diagonal]
         for index, number in enumerate(diagonal):
             rows[index][index] = number
         if not rows:
-            raise BadInputError(f"{name}: diag has no numbers; give the diagonal")
+            raise BadInputError(f"{name}: no numbers follow diag; give the diagonal entries")
     for index, row in enumerate(rows):
         if len(row) != len(rows[0]):
             raise BadInputError(
-                f"{name}, row {index + 1}, has {len(row)} numbers, but row 1 has "
+                f"{name}, row {index + 1}: the length is {len(row)}, but the length of row 1 is "
                 f"{len(rows[0])}; make all rows equally long"
             )
     if exponent:
@@ -182,8 +183,8 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
         for word in row:
             if not re.fullmatch(r"[+-]?\d*\.?\d*", word):
                 raise BadInputError(
-                    f"{name}: {shown(word)} is not a decimal number, as scale requires; write it "
-                    "without exponent or formula"
+                    f"{name}: {shown(word)} is not a decimal number, as scale requires; write the "
+                    "number without exponent or formula"
                 )
         multiplied.append(
             [f"0e{exponent - decimals}" if word == "0" else f"{word}e{exponent}" for word in row]
@@ -203,9 +204,13 @@ def _value_of(text: str, parameters: Mapping[str, float]) -> float:
     except BadInputError:
         raise
     except Exception as error:
-        raise BadInputError(f"{shortened(text)!r} is not a number; correct it") from error
+        raise BadInputError(
+            f"{shortened(text)!r} is not a number or a formula of numbers; correct the entry"
+        ) from error
     if not np.isfinite(value):
-        raise BadInputError(f"{shortened(text)!r} is {value}; it must be finite")
+        raise BadInputError(
+            f"the value of {shortened(text)!r} is {value}; give an entry with a finite value"
+        )
     return value
 
 
@@ -218,13 +223,18 @@ def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
     if match is None:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
         if lacks_space or re.search(r"(?<!\w)\d+[xXoObB_]", word):
-            raise BadInputError(f"{shown(word)} is not a number; correct it")
+            raise BadInputError(
+                f"{shown(word)} is not a number; correct the digits, or separate "
+                "two numbers by a space"
+            )
         return _value_of(word, parameters), 0.0
     decimals = len(match["decimals"] or match["only"] or "")
     half = float(f"0.5e{int(match['exponent'] or 0) - decimals}")
     value = float(word)
     if not np.isfinite([value, half]).all():
-        raise BadInputError(f"{shown(word)} overflows; correct it")
+        raise BadInputError(
+            f"{shown(word)} exceeds the range of double precision; give a smaller exponent"
+        )
     return value, half
 
 
@@ -240,7 +250,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
     typed = {name: read_block(name, text, parameters) for name, text in plant_texts.items()}
     for name in ("A", "B", "Q", "R"):
         if name not in typed:
-            raise BadInputError(f"the plant has no {name}; add it")
+            raise BadInputError(f"the plant has no {name}; add {name} to [plant]")
     assumption = _completed(typed, parameters)
     plant = _plant(typed, is_discrete=time == "discrete", discount=_discount(content))
     exponent = _exponent(answer_texts.get("scale", "1.0e+00"))
@@ -250,7 +260,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
         if name in answer_texts
     }
     if not answer:
-        raise BadInputError("the printed answer is empty; give P, K, L, W or H")
+        raise BadInputError("[printed] contains no matrix; give at least one of P, K, L, W and H")
     _check_answer(answer, answer_texts, plant)
     flags = {}
     for name in ("learned", "plant_rounded"):
@@ -280,7 +290,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
 def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, Any]:
     table = content.get(name)
     if not isinstance(table, dict):
-        raise BadInputError(f"the table [{name}] is missing; add it")
+        raise BadInputError(f"the table [{name}] is missing; add this table")
     for key in table:
         refuse_unknown(f"[{name}] has no", key, keys)
     return table
@@ -321,14 +331,16 @@ def _discount(content: dict[str, Any]) -> float:
         return 1.0
     if content.get("time") != "discrete":
         raise BadInputError(
-            'discount applies only to discrete time; did you mean time = "discrete"?'
+            'discount applies only to discrete time; add time = "discrete", or remove discount'
         )
     return _scalar("discount", read_block("discount", content["discount"]))
 
 
 def _scalar(name: str, block: Block) -> float:
     if block.values.shape != (1, 1):
-        raise BadInputError(f"{name} must be one number")
+        raise BadInputError(
+            f"{name} is {block.values.shape[0]} x {block.values.shape[1]}; give one number"
+        )
     return float(block.values[0, 0])
 
 
@@ -349,7 +361,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
     m = typed["B"].values.shape[1]
     if ("E" in typed) != ("gamma" in typed):
         missing = "gamma" if "E" in typed else "E"
-        raise BadInputError(f"{missing} is missing; a game needs both E and gamma")
+        raise BadInputError(f"the plant has no {missing}; give both E and gamma, or neither")
     shapes = {"A": (n, n), "B": (n, m), "N": (n, m), "Q": (n, n), "R": (m, m)}
     for name, (rows, columns) in shapes.items():
         if name in typed:
@@ -382,8 +394,8 @@ def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
         return
     row = 1 if actual_columns != columns else min(actual_rows, rows) + 1
     raise BadInputError(
-        f"{name}, row {row}: {name} is {actual_rows} x {actual_columns}; with this plant it must be"
-        f" {rows} x {columns}"
+        f"{name}, row {row}: {name} is {actual_rows} x {actual_columns}; give {rows} x {columns}, "
+        "as this plant requires"
     )
 
 
@@ -392,17 +404,19 @@ def _check_answer(answer: dict[str, Block], texts: dict[str, Any], plant: Plant)
     k = plant.E.shape[1]
     size = n + m + k
     if "H" in answer and not plant.is_discrete:
-        raise BadInputError('H applies only to discrete time; did you mean time = "discrete"?')
+        raise BadInputError('H applies only to discrete time; add time = "discrete", or remove H')
     if "L" in answer and not k:
-        raise BadInputError("L is printed, but the plant has no E and gamma; add them")
+        raise BadInputError(
+            "L is given, but the plant has no E and gamma; add E and gamma to [plant]"
+        )
     shapes = {"P": (n, n), "K": (m, n), "L": (k, n), "H": (size, size)}
     for name, block in answer.items():
         if name == "W":
             refuse_unknown("basis is", texts.get("basis", "quadratic"), ("quadratic",))
             if block.values.size != n * (n + 1) // 2:
                 raise BadInputError(
-                    f"W, row 1: W has {block.values.size} numbers; the quadratic basis of {n}"
-                    f" states has {n * (n + 1) // 2}"
+                    f"W, row 1: W has {block.values.size} numbers; give {n * (n + 1) // 2}, one "
+                    f"for each function of the quadratic basis of {n} states"
                 )
         else:
             _check_shape(name, block, *shapes[name])

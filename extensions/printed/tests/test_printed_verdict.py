@@ -365,9 +365,17 @@ def test_time_that_every_digit_fits_is_asked_for(verdict_of):
     ("old", "new", "message"),
     [
         ("0.8223", "0.82x3", "A, row 2: '0.82x3' is not a number"),
-        ('"0.3127; 1.4586"', '"0.3127"', "B, row 2: B is 1 x 1; with this plant it must be 2 x 1"),
-        ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers, but row 1 has 2"),
-        ('R = "1"', 'R = "1"\nE = "1; 0"', "gamma is missing; a game needs both E and gamma"),
+        (
+            '"0.3127; 1.4586"',
+            '"0.3127"',
+            "B, row 2: B is 1 x 1; give 2 x 1, as this plant requires",
+        ),
+        ("0.8223 -1.0774", "0.8223", "A, row 2: the length is 1, but the length of row 1 is 2"),
+        (
+            'R = "1"',
+            'R = "1"\nE = "1; 0"',
+            "the plant has no gamma; give both E and gamma, or neither",
+        ),
         (
             'R = "1"',
             "R = 1.0",
@@ -376,14 +384,18 @@ def test_time_that_every_digit_fits_is_asked_for(verdict_of):
         ("0.8223", "0x82", "A, row 2: '0x82' is not a number"),
         ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is not a number"),
         ("0.8223", "m*g", "A, row 2: 'm' is unknown; use numbers, + - * / ** and sin"),
-        ("0.8223", "1/0", "A, row 2: '1/0' is inf; it must be finite"),
+        ("0.8223", "1/0", "A, row 2: the value of '1/0' is inf; give an entry with a finite value"),
         ("[printed]", '[printed]\nscale = "4"', "scale is '4'; give a power of ten such as"),
         (
             'time = "continuous"',
             'discount = "0.9"',
-            "discount applies only to discrete time; did you mean",
+            "discount applies only to discrete time; add time =",
         ),
-        ('Q = "1 0; 0 2"', f'Q = "diag {"1 " * 401}"', "Q: diag has 401 numbers; give at most 400"),
+        (
+            'Q = "1 0; 0 2"',
+            f'Q = "diag {"1 " * 401}"',
+            "Q: the diagonal after diag has 401 numbers; give at most 400",
+        ),
         ('Q = "1 0; 0 2"', "", "the plant has no Q"),
         ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),
     ],

@@ -33,7 +33,9 @@ def dataset(result: Any) -> xarray.Dataset:
         return _of_linear(result)
     if isinstance(result, OperatingPoint):
         return _of_point(result)
-    raise BadInputError(f"a {type(result).__name__} has no dataset; use to_pandas() or to_dict()")
+    raise BadInputError(
+        f"a {type(result).__name__} cannot be converted to a dataset; use to_pandas() or to_dict()"
+    )
 
 
 def _of_point(point: OperatingPoint) -> xarray.Dataset:

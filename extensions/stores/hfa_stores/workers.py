@@ -121,7 +121,7 @@ def _processes(count: int) -> Iterator[Run]:
             of_thread.connection.send((function, arguments))
             result, error = of_thread.connection.recv()
         except (EOFError, ConnectionError) as lost:
-            raise NoSolutionError(f"a worker died; {_ADVICE}") from lost
+            raise NoSolutionError(f"a worker process ended unexpectedly; {_ADVICE}") from lost
         if error is not None:
             raise error
         return result
@@ -196,7 +196,8 @@ def _cluster(address: str) -> Iterator[Run]:
         from distributed.scheduler import KilledWorker
     except ImportError as error:
         raise BadInputError(
-            "a scheduler needs Dask; install it with `pip install .[distributed]`"
+            "a Dask scheduler requires the package distributed; type python -m pip install "
+            '".[distributed]"'
         ) from error
 
     logging.disable()  # Dask logs tracebacks of a lost connection; we report one line
@@ -205,20 +206,22 @@ def _cluster(address: str) -> Iterator[Run]:
             client = Client(address, timeout=_ANSWER, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BadInputError(
-                f"no Dask scheduler responds at {address} ({error}); start one, or use --workers"
+                f"no Dask scheduler responds at {address} ({error}); start a scheduler, or give a "
+                "number of processes"
             ) from None
         with client:
             threads = sum(client.nthreads().values())
             if not threads:
                 raise BadInputError(
-                    f"the Dask scheduler at {address} has no workers; start at least one"
+                    f"the Dask scheduler at {address} has no workers; start at least one worker"
                 )
             try:
                 pool = client.get_executor(pure=False, retries=_RETRIES)
                 yield partial(_run_in, pool, _AHEAD * threads)
             except (KilledWorker, CancelledError, CommClosedError) as error:
                 raise NoSolutionError(
-                    f"the cluster abandoned a chunk ({type(error).__name__}); {_ADVICE}"
+                    f"the Dask cluster abandoned a chunk of rows ({type(error).__name__}); "
+                    f"{_ADVICE}"
                 ) from error
     finally:
         logging.disable(logging.NOTSET)

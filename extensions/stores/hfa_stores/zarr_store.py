@@ -273,7 +273,9 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 
     Raises BadInputError if the path exists.
     """
-    taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
+    taken = BadInputError(
+        f"{path} already exists; continue this store with --resume, or give another path"
+    )
     if path.exists():
         raise taken
     with temporary_folder(path.parent) as folder:
@@ -335,29 +337,29 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         same_job = _deciding(attributes) == _deciding(expected["."]["attributes"])
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
-            f"{path} is not a {job.what} store of this version, or is damaged; start again, "
-            "without "
-            "--resume, under another name"
+            f"{path} is not a {job.what} store of this version, or is damaged; give another path, "
+            "without --resume"
         ) from error
     if not same_job:
         raise BadInputError(
-            f"{path} belongs to another {job.what}; give the same options, or another name"
+            f"{path} is the store of another {job.what}; give the options of that {job.what}, or "
+            "another path"
         )
     if begun != VERSION:
         raise BadInputError(
-            f"{path} was started by version {on_one_line(begun)} and this is version "
-            f"{VERSION}; finish it with the former version, or start again"
+            f"{path} was started by version {on_one_line(begun)}, but this is version {VERSION}; "
+            "finish the store with the former version, or start a new store"
         )
     other = _first_difference(path, expected)
     if other:
         raise BadInputError(
-            f"{path} is damaged or has another origin: {other} differs from the store of "
-            f"this {job.what}; start again"
+            f"{path} is damaged or has another origin: {other} differs from the store of this "
+            f"{job.what}; start a new store"
         )
     if not _same_labels(path, job.row, labels):
         raise BadInputError(
-            f"{path} is damaged: its names or units differ from those of this {job.what}; "
-            "start again"
+            f"{path} is damaged: its names or units differ from those of this {job.what}; start a "
+            "new store"
         )
 
 
@@ -472,5 +474,5 @@ def _require_xarray() -> None:
         _zarr()
     except ImportError as error:
         raise BadInputError(
-            "a store needs xarray, Dask and Zarr; install them with `pip install .[distributed]`"
+            'a store requires xarray, Dask and Zarr; type python -m pip install ".[distributed]"'
         ) from error

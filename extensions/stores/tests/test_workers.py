@@ -57,7 +57,9 @@ def test_a_job_that_is_left_leaves_no_worker() -> None:
 def test_worker_that_dies_ends_job_in_one_line() -> None:
     """The death of a worker is reported with the proposal of --resume, and no worker is left."""
     with (
-        pytest.raises(NoSolutionError, match=r"a worker died; .*continue with --resume"),
+        pytest.raises(
+            NoSolutionError, match=r"a worker process ended unexpectedly; .*continue with --resume"
+        ),
         open_workers(2) as run,
     ):
         list(run(_die, ((key, (key,)) for key in range(9))))

@@ -203,15 +203,15 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
     else:
         (path / file).write_bytes(content.replace(b'"ft"', b'"kt"').replace(b'"seed"', b'"sead"'))
         assert (path / file).read_bytes() != content
-    with pytest.raises(BadInputError, match=r"damaged|belongs to another test"):
+    with pytest.raises(BadInputError, match=r"damaged|is the store of another test"):
         fill_store(row_job(), path, resume=True)
 
 
 def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_path: Path) -> None:
     """A store is not overwritten, and not continued by another job, schema or version."""
-    with pytest.raises(BadInputError, match="exists; continue it with --resume"):
+    with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
         fill_store(row_job(), path)
-    with pytest.raises(BadInputError, match="belongs to another test"):
+    with pytest.raises(BadInputError, match="is the store of another test"):
         fill_store(row_job(seed=1), path, resume=True)
     (tmp_path / "empty.zarr").mkdir()
     shutil.copytree(path, tmp_path / "old.zarr")
@@ -225,7 +225,7 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
     attributes["attributes"]["toolchain"] = "0.0.9"
     (path / "zarr.json").write_text(json.dumps(attributes))
     with pytest.raises(
-        BadInputError, match=r"was started by version 0\.0\.9 and this is version \d"
+        BadInputError, match=r"was started by version 0\.0\.9, but this is version \d"
     ):
         fill_store(row_job(), path, resume=True)
     assert open_store(path).square.shape == (ROWS, 2)  # any version reads it

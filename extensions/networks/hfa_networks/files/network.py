@@ -67,7 +67,9 @@ def from_network(
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
-        raise BadInputError(f"scale must be {n} numbers other than 0, one for each state")
+        raise BadInputError(
+            f"scale must contain {n} finite numbers other than 0, one for each state"
+        )
     functions = basis("quadratic", n) if features is None else features
     if isinstance(source, ca.Function):
         stored = NetworkFile({network: source}, "a CasADi function", "float64")
@@ -110,7 +112,7 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     suffix = Path(path).suffix.lower()
     if suffix == ".onnx" and reading.activation is not None:
         raise BadInputError(
-            f"{path}: an ONNX file contains its activations; remove --set activation"
+            f"{path}: an ONNX file already contains the activations; remove --set activation"
         )
     if suffix == ".zip":
         warnings.warn(
@@ -195,10 +197,16 @@ def _on_basis(
     """
     layer = stored.on_basis
     assert layer is not None
-    if len(layer.weight) != 1 or not set(parts) <= {"", "V"}:
+    if len(layer.weight) != 1:
         raise BadInputError(
-            f"a single layer on the basis has {len(layer.weight)} outputs, but only V (1 "
-            "output) is supported; give a layer with 1 output"
+            f"the single layer on the basis functions has {len(layer.weight)} outputs; give a "
+            "layer with one output, V"
+        )
+    others = sorted(set(parts) - {"", "V"})
+    if others:
+        raise BadInputError(
+            "the single layer on the basis functions is a value function V; leave out "
+            f"{others[0]}= in --network"
         )
     weights = layer.weight[0]
     if isinstance(functions, Basis):
@@ -261,13 +269,13 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
             raise BadInputError(
-                f"the network has {size} outputs, but on this plant {meanings}; give a "
-                "network with one of these sizes"
+                f"the network has {size} outputs, but on this plant {meanings}; give a network "
+                "with one of these numbers of outputs"
             )
         if len(fitting) > 1:
             raise BadInputError(
-                f"{size} outputs may be {' or '.join(fitting)}; choose one, for example "
-                f'network="{fitting[0]}={part}"',
+                f"a network with {size} outputs may be {' or '.join(fitting)}; state which, for "
+                f'example network="{fitting[0]}={part}"',
                 ("--network", f"{fitting[0]}={part}"),
             )
         kinds[name] = fitting[0]

@@ -190,15 +190,14 @@ def _refuse_unread(
     normalizer = found[name].normalizer
     if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
         raise BadInputError(
-            f"normalizer {shortened(normalizer.name)} has {len(normalizer.mean)} entries, "
-            f"but the network has {layers[0].inputs} inputs; save the normalizer of this "
-            "network"
+            f"normalizer {shortened(normalizer.name)} has {len(normalizer.mean)} entries, but the "
+            f"network has {layers[0].inputs} inputs; save the network with its own normalizer"
         )
     squash = found[name].squash
     if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
         raise BadInputError(
-            f"action_scale has {len(squash.scale)} entries and action_bias has "
-            f"{len(squash.bias)}; each must have {layers[-1].outputs}, one per output"
+            f"action_scale has {len(squash.scale)} entries and action_bias has {len(squash.bias)}; "
+            f"each must have {layers[-1].outputs} entries, one per output of the network"
         )
 
 
@@ -229,8 +228,8 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
             reason = (
-                f"has the input size {layer.inputs}, but the layer before it has the output size "
-                f"{before.outputs}"
+                f"has the input size {layer.inputs}, but layer {shortened(before.name)!r} before "
+                f"it has the output size {before.outputs}"
             )
             name = f"{layer.name}.weight".removeprefix(".")
             raise _no_chain(name, layer.weight, reason, tensors)
@@ -252,14 +251,13 @@ def _no_chain(
     networks = roots(tensors)
     if len(networks) < 2:
         return BadInputError(
-            f"{message}; save the network without this tensor, or export it to ONNX"
+            f"{message}; save the network without this tensor, or export the network to ONNX"
         )
     actors = [root for root in networks if re.search(r"actor|policy|(^|[._])(pi|mu)$", root)]
     chosen = (actors or networks)[0]
     return BadInputError(
-        f"{message}; select one of several networks, for example "
-        f'network="{shortened(chosen)}" (the file contains '
-        f"{shortened(', '.join(networks), 200)})",
+        f"{message}; select one of the networks {shortened(', '.join(networks), 200)}, for example "
+        f'network="{shortened(chosen)}"',
         ("--network", chosen),
     )
 
@@ -283,9 +281,9 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
         before = last.get(_kind(layer))
         if before is not None and _numbers(before) > _numbers(layer):
             raise BadInputError(
-                f"layer {shortened(layer.name)!r} comes after {shortened(before.name)!r}, so "
-                "the order of the layers is not clear; save them in the order of their "
-                "numbers, or export the network to ONNX"
+                f"layer {shortened(layer.name)!r} is stored after {shortened(before.name)!r}, so "
+                "the order of the layers is ambiguous; save the layers in ascending order of "
+                "their numbers, or export the network to ONNX"
             )
         last[_kind(layer)] = layer
     return layers
@@ -316,9 +314,9 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     orders = list(islice(_orders(tuple(by_kind.values()), widths), 2))
     if len(orders) == 2:
         raise BadInputError(
-            f"the layers ({names}) fit together in more than one order, and this format "
-            "does not store the order; number the layers in order of evaluation, or "
-            "export the network to ONNX"
+            f"the layers ({names}) fit together in more than one order, and the file format does "
+            "not store the order; number the layers in order of evaluation, or export the network "
+            "to ONNX"
         )
     return orders[0] if orders else as_numbered
 
@@ -458,7 +456,7 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     """
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
-            'a state dict does not contain its activation; give activation="tanh" (or '
+            'a state dict does not contain the activation; give activation="tanh" (or '
             f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')})",
             ("--set", "activation=tanh"),
         )

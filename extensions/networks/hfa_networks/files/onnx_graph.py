@@ -101,8 +101,8 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
         return x.astype(int)
     if to not in (_FLOAT, _DOUBLE):
         raise BadInputError(
-            "a Cast to another type than float, double and bool is not supported; export "
-            "the network without this Cast"
+            f"Cast to the ONNX type number {to} is not supported (only to float, double and bool); "
+            "export the network without this Cast"
         )
     return x
 
@@ -130,7 +130,10 @@ def _shape(x: np.ndarray, start: int = 0, end: int | None = None) -> np.ndarray:
 def _einsum(*arrays: np.ndarray, equation: str) -> np.ndarray:
     letters = equation.partition("->")[0].replace(" ", "").split(",")
     if "." in equation or len(letters) != len(arrays):
-        raise BadInputError(f"Einsum {shortened(equation)!r} is not supported; use MatMul")
+        raise BadInputError(
+            f"the Einsum equation {shortened(equation)!r} is not supported; use "
+            "MatMul instead of Einsum"
+        )
     lengths: dict[str, int] = {}
     for word, array in zip(letters, arrays, strict=True):
         lengths |= dict(zip(word, array.shape, strict=True))
@@ -187,8 +190,8 @@ def _batch_norm(
         )
     if x.ndim != 2:
         raise BadInputError(
-            f"BatchNormalization acts on an array with {x.ndim} axes; only rows of states "
-            "are supported"
+            f"BatchNormalization acts on an array with {x.ndim} axes; export the network with 2 "
+            "axes (samples x entries)"
         )
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
 
@@ -350,14 +353,15 @@ def graph_functions(
         import onnx
     except ImportError as error:
         raise BadInputError(
-            "ONNX files need the package onnx; install hfa with the extra [networks]"
+            'ONNX files require the package onnx; type python -m pip install ".[networks]"'
         ) from error
     model = onnx.load_from_string(regular_file(path).read_bytes())
     versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
     opset = max(versions, default=0)
     if opset < OLDEST_OPSET:
         raise BadInputError(
-            f"the graph uses the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later"
+            f"the graph uses ONNX operator set {opset}; export the network with operator set "
+            f"{OLDEST_OPSET} or later"
         )
     graph = model.graph
     arrays: dict[str, Any]
@@ -420,9 +424,9 @@ def _evaluate(
             constants += size
         if scalars > _MOST_SCALARS or constants > LARGEST_NETWORK:
             raise BadInputError(
-                f"the graph is too large: more than {_MOST_SCALARS} numbers depend on the "
-                f"state, or there are more than {LARGEST_NETWORK} constants; give a smaller "
-                "network"
+                f"the graph has at least {scalars} entries that depend on the state (at most "
+                f"{_MOST_SCALARS} are supported) and {constants} constant entries (at most "
+                f"{LARGEST_NETWORK}); give a smaller network"
             )
         arrays |= dict(zip(node.output, results, strict=False))
         precision = min(precision, node_precision)  # float32 before float64
@@ -449,24 +453,24 @@ def _inputs_of(
             shapes[item.name] = [axis.dim_value for axis in axes]  # 0 for an open dimension
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
-            f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a "
-            "graph with the state as input (for a Q, the state and the input) and at "
+            f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a graph "
+            "with the state as input (for a Q function, the state and the plant input) and at "
             "least one output"
         )
     rows = {}
     for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
         if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
             raise BadInputError(
-                f"the graph's input has the shape {sizes}; give a graph whose input is one "
-                "row of states"
+                f"input {shortened(name)!r} of the graph has the shape {sizes}; export the network "
+                "for one row per input"
             )
         columns = sizes[-1] or width
         if len(shapes) == 1:
             check_width(columns, states, inputs)
         elif columns != width:
             raise BadInputError(
-                f"input {shortened(name)!r} has {columns} numbers; the inputs of a Q are "
-                f"{states} states, then {inputs} inputs"
+                f"input {shortened(name)!r} of the graph has {columns} entries; give a Q function "
+                f"of {states} states and then {inputs} plant inputs"
             )
         rows[name] = (1, columns)[-len(sizes) :]
     return rows
@@ -484,13 +488,13 @@ def check_width(width: int, states: int, inputs: int) -> None:
         return
     if inputs == 0:
         raise BadInputError(
-            f"the network has {width} inputs, but {states} are given; list the inputs of "
-            "its training"
+            f"the network has {width} inputs, but {states} observations are given; list the "
+            "observations of the training"
         )
     if width != states + inputs:
         raise BadInputError(
-            f"the network has {width} inputs; this plant needs {states} (its states) or, for a Q, "
-            f"{states + inputs} (states and inputs)"
+            f"the network has {width} inputs; this plant requires {states} (its states) or, for a "
+            f"Q function, {states + inputs} (states and plant inputs)"
         )
 
 
@@ -521,8 +525,8 @@ def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
     beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
     if folder is None or not beside:
         raise BadInputError(
-            "the data are in another folder; export the weights in the same file (torch: "
-            "external_data=False)"
+            f"tensor {shortened(tensor.name)!r} is stored outside the folder of the graph; export "
+            "the weights in the same file (torch: external_data=False)"
         )
     path = regular_file(folder / location)
     dtype = np.dtype(onnx.helper.tensor_dtype_to_np_dtype(tensor.data_type))
@@ -550,7 +554,8 @@ def _evaluated(
         name = f"{node.domain}.{name}"
     if name not in operators:
         raise BadInputError(
-            f"operator {shortened(name)} is not supported; use {', '.join(operators)}"
+            f"operator {shortened(name)} is not supported; export a network that uses only "
+            f"{', '.join(operators)}"
         )
     attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
     attributes = {
@@ -586,8 +591,8 @@ def _refuse_unread(
     except TypeError as error:
         how = ", ".join(attributes) or "none"
         raise BadInputError(
-            f"operator {name} with {len(inputs)} inputs and the attributes "
-            f"{shortened(how)} is not supported ({error}); export the network without it"
+            f"operator {name} with {len(inputs)} inputs and the attributes {shortened(how)} is not "
+            f"supported ({error}); export the network without this operator"
         ) from error
 
 
@@ -619,7 +624,8 @@ def _refuse_more(name: str, size: int, inputs: Any) -> None:
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:
         raise BadInputError(
-            f"operator {name} needs {size:.3g} array elements; at most {most} are supported"
+            f"operator {name} requires {size:.3g} array elements, but at most {most} are "
+            "supported; give a smaller network"
         )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from hfa_support.errors import BadInputError
 
 _ELSE = (
-    "export the policy u(x) that was trained with this Q and name it (for an actor in the same "
-    "file: --network policy=NAME)"
+    "export the policy u(x) that was trained with this Q function and select it (for an actor "
+    "in the same file: --network policy=NAME)"
 )
 
 
@@ -28,8 +28,8 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     """
     if Q.numel_out(0) != 1:
         raise BadInputError(
-            f"a network with the inputs (x, u) has {Q.numel_out(0)} outputs; a Q function "
-            "must have one"
+            f"the network of (x, u) has {Q.numel_out(0)} outputs; give a Q function, which has one "
+            "output"
         )
     if _degree(Q.expand(), states) > 2.0:
         raise BadInputError(f"Q(x, u) is not quadratic in u; {_ELSE}")
@@ -42,7 +42,7 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     eigenvalues = np.linalg.eigvalsh(at_origin)
     sign = np.sign(eigenvalues[0])
     if sign == 0.0 or np.any(np.sign(eigenvalues) != sign):
-        raise BadInputError(f"Q(x, u) has no minimum or maximum over u; {_ELSE}")
+        raise BadInputError(f"Q(x, u) has neither a minimum nor a maximum over u at x = 0; {_ELSE}")
     root = ca.chol(sign * curvature)
     policy = -ca.solve(root, ca.solve(root.T, sign * slope))
     return ca.Function("policy", [x], [policy])

@@ -147,7 +147,7 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
             layers[name] = array
     if not layers:
         where = shortened(", ".join(roots(tensors)), 200)
-        advice = f"choose from {where}" if where else "for a single network, select no part"
+        advice = f"choose from {where}" if where else "this is a single network: remove the name"
         raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
     of_critic = all(map(_is_of_critic, layers))
     others = {
@@ -294,7 +294,8 @@ def _normalizer_of(
         for stem in own:
             if _words(stem) & {"value", "values", "reward", "rewards"}:
                 raise BadInputError(
-                    f"{shortened(stem)} scales the value, which is not supported; {_ELSE}"
+                    f"module {shortened(stem)!r} scales the value or the reward, which is not "
+                    f"supported; {_ELSE}"
                 )
         own = own or dict(found)
     return _the_one("normalizer", own, layers)

@@ -59,7 +59,8 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     if content[:2] != b"PK":
         raise BadInputError(
-            "the file was not written by torch.save of torch 1.6 or later; save state_dict() again"
+            "the file was not written by torch.save of torch 1.6 or later; save state_dict() with "
+            "a later torch"
         )
     return _torch_zip(content)
 
@@ -85,7 +86,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
             )
     if sum(array.size for array in tensors.values()) > LARGEST_NETWORK:
         raise BadInputError(
-            f"the network has more than {LARGEST_NETWORK} entries, the maximum; give a "
+            f"the tensors have more than {LARGEST_NETWORK} entries in total, the maximum; give a "
             "smaller network"
         )
     is_single = any(array.dtype == np.float32 for array in tensors.values())
@@ -117,7 +118,8 @@ def _safetensors(content: bytes) -> dict[str, np.ndarray]:
 def _dtype(kind: str) -> str:
     if kind not in _TYPES:
         raise BadInputError(
-            f"a tensor has the type {shortened(kind)}; save the weights as float32 or float64"
+            f"a tensor has the unsupported type {shortened(kind)}; save the weights as float32 or "
+            "float64"
         )
     return _TYPES[kind]
 
@@ -138,16 +140,16 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
         )
     if any(abs(number) > LARGEST for number in numbers):
         raise BadInputError(
-            "the file is damaged (a tensor is larger than the maximum file size); save "
-            "the network again"
+            "the file is damaged (a size, stride or offset of a tensor exceeds the maximum file "
+            "size); save the network again"
         )
     steps = zip(size, stride, strict=True)
     last = offset + sum((count - 1) * step for count, step in steps)
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
     if math.prod(size) > storage.size or not is_inside:
         raise BadInputError(
-            f"the file is damaged (a tensor of shape {size} is larger than its storage); "
-            "save the network again"
+            f"the file is damaged (a tensor of shape {size} extends beyond its storage); save the "
+            "network again"
         )
     strides = [step * storage.itemsize for step in stride]
     return np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
@@ -170,7 +172,8 @@ def refuse_pickle_bomb(content: bytes) -> None:
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
             raise BadInputError(
-                "the pickle is damaged (it refers to more objects than it has bytes); save it again"
+                "the pickle is damaged (a memo index exceeds its number of bytes); save the file "
+                "again"
             )
         if count > _MOST_STEPS:
             raise BadInputError(
@@ -260,8 +263,8 @@ class _Restricted(pickle.Unpickler):
             return _dtype(name)
         if (module, name) not in _ALLOWED:
             raise BadInputError(
-                f"reading the file would create {shortened(f'{module}.{name}')}, which is "
-                "refused; save state_dict() alone"
+                f"the file would load {shortened(f'{module}.{name}')}, but only tensors may be "
+                "loaded; save state_dict() alone"
             )
         return _ALLOWED[module, name]
 
@@ -272,7 +275,7 @@ class _Restricted(pickle.Unpickler):
             )
         if not isinstance(pid[1], str):
             raise BadInputError(
-                "the file is damaged (a storage has no number type); save the network again"
+                "the file is damaged (a storage has no data type); save the network again"
             )
         return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
@@ -296,8 +299,8 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
     is_encrypted = entry.flag_bits & 1
     if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise BadInputError(
-            f"member {shortened(name)} of the file has an unsupported compression; save "
-            "the file again"
+            f"member {shortened(name)} is encrypted, or its compression is not supported; save the "
+            "file again without encryption"
         )
     if entry.file_size > LARGEST:
         raise BadInputError(
@@ -320,8 +323,8 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
             return _torch_zip(unpacked(archive, "policy.pth"))
         if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in names):
             raise BadInputError(
-                "the file is TorchScript, which is a program; save state_dict() instead, or "
-                "export the network to ONNX"
+                "the file is a TorchScript program, which is not supported; save state_dict() "
+                "instead, or export the network to ONNX"
             )
         members = {name.partition("/")[2]: unpacked(archive, name) for name in names}
     stored = _Restricted(members["data.pkl"], members).load()

@@ -13,7 +13,7 @@ from hfa_networks.files.onnx_graph import check_width
 from hfa_networks.files.tensors import checked_tensors
 from hfa_support.errors import BadInputError, shortened
 
-_ELSE = "export the network to ONNX (torch.onnx.export) and give that file"
+_ELSE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
 #: Class of an activation in torch.nn -> its name in `ACTIVATIONS` and its required settings.
 _ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "ELU": ("elu", {"alpha": 1.0}),
@@ -46,8 +46,8 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
             precisions.add(precision)
         elif not steps or steps[-1][1]:
             raise BadInputError(
-                f"the network contains the activation {_class_of(part)} without a linear layer "
-                f"before it; {_ELSE}"
+                f"the network contains the activation {_class_of(part)}, which does not directly "
+                f"follow a linear layer; {_ELSE}"
             )
         else:
             steps[-1] = (steps[-1][0], _activation(part))
@@ -58,8 +58,8 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
             raise BadInputError(
-                f"layer {layer.name} has the input size {layer.inputs}, but the layer before it "
-                f"has the output size {before.outputs}; correct the network"
+                f"layer {layer.name} has {layer.inputs} inputs, but layer {before.name} before it "
+                f"has {before.outputs} outputs; make the two numbers equal"
             )
     function, on_rows = composed(steps, None)
     widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
@@ -89,8 +89,8 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
         yield name, module
     elif kind != "Identity":
         raise BadInputError(
-            f"the network contains {shortened(kind)}; only a torch.nn.Sequential of "
-            f"Linear and {', '.join(_ACTIVATIONS)} is supported; {_ELSE}"
+            f"the network contains {shortened(kind)}, but only a torch.nn.Sequential of Linear and "
+            f"{', '.join(_ACTIVATIONS)} is supported; {_ELSE}"
         )
 
 
@@ -109,7 +109,8 @@ def _numbers(name: str, tensor: Any) -> np.ndarray:
         return np.asarray(tensor.detach().cpu().numpy())
     except (TypeError, RuntimeError) as error:  # numbers that NumPy does not support
         raise BadInputError(
-            f"layer {name} has weights of the type {tensor.dtype}; give float32 or float64"
+            f"layer {name} has weights of the type {tensor.dtype}; convert the network to float32 "
+            "or float64"
         ) from error
 
 
@@ -123,7 +124,7 @@ def _activation(module: Any) -> str:
     for setting, value in usual.items():
         if getattr(module, setting) != value:
             raise BadInputError(
-                f"{kind} has {setting} = {getattr(module, setting)}; only {value} is "
+                f"{kind} has {setting} = {getattr(module, setting)}, but only {value} is "
                 f"supported; {_ELSE}"
             )
     return name

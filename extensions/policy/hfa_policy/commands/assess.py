@@ -97,9 +97,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """Arguments of `hfa assess`."""
 
     cards: tuple[Path, ...] = option(
-        "deployment file with the observations, actions and timing of a policy, or, with "
-        "--sample-time, a file with a gain K; several files are compared in one table, from the "
-        "same initial conditions",
+        "deployment file (observations, actions and timing of a policy), or, with --sample-time, "
+        "file with a gain K; several files are compared in one table, from the same initial "
+        "conditions",
         "DEPLOYMENT.toml",
         _card_path,
         names="cards",
@@ -120,7 +120,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"
     )
     samples: int = option(
-        "number of flights at each trim, with and without disturbance; default 300, 0 for none",
+        "number of initial conditions at each trim, each flown with and without the disturbance "
+        "pulse; 0 for none; default 300",
         "N",
         whole(0, _MOST_SAMPLES),
         default=300,
@@ -136,15 +137,15 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         rare=True,
     )
     need: Mapping[str, float] = option(
-        "requirement: tolerated delay (s), disk margin, or linear cost (percent above the "
-        "optimum); exit code 1 if it is not satisfied; repeatable",
+        "requirement: smallest tolerated delay (s), smallest disk margin, or largest linear cost "
+        "(percent above the optimum); exit code 1 if it is not satisfied; repeatable",
         "delay|margin|cost=X",
         _need,
         named=True,
     )
     vary: Mapping[str, tuple[float, float]] = option(
-        "also assess changed aircraft with the unchanged policy: five values of a parameter, or "
-        "of an input that is not an action; repeatable",
+        "interval of a parameter, or of an input that is not an action; the unchanged policy is "
+        "also assessed at five values in it; repeatable",
         "NAME=LOW:HIGH",
         OfModel(_varied),
         named=True,
@@ -156,15 +157,15 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int | None = option(
-        "compare K flights at each trim with the best flights found; default 5 if the deployment "
-        "file has [cost], 0 for none",
+        "number of flights at each trim that are compared with the best flights found; 0 for "
+        "none; default 5 if the deployment file contains [cost]",
         "K",
         whole(0, _MOST_SAMPLES),
     )
     draws: int | None = draws_option()
     bound: Path | None = option(
-        "certificate of `hfa prove cost`, whose lower bound is compared with the costs of the "
-        "flights of --best",
+        "certificate of `hfa prove cost`; the costs of the flights of --best are compared with "
+        "its lower bound",
         "FILE",
         input_file(".json"),
     )
@@ -200,7 +201,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 
         gains = [card for card in self.cards if card.suffix.lower() != ".toml"]
         if gains and self.sample_time is None:
-            raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time S")
+            raise BadInputError(f"{gains[0]}: a gain K requires a sample time; add --sample-time S")
         if self.sample_time is not None and not gains:
             raise BadInputError(
                 "--sample-time applies only to a file with a gain K; give such a file, or "
@@ -298,7 +299,10 @@ def assess(request: AssessRequest) -> int:
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
     if request.bound is not None and len(points) > 1:
-        raise BadInputError("--bound requires a single trim; give one value")
+        raise BadInputError(
+            f"--bound requires a single trim, but {len(points)} are given; give "
+            f"one value of --{called_at(model)}"
+        )
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):

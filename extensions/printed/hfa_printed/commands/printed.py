@@ -20,14 +20,16 @@ class PrintedRequest(OutputOptions):
     """Arguments of `hfa printed`."""
 
     file: Path = option(
-        "file with the printed plant and P, K, L, W or H (docs/critics.md)",
+        "TOML file with the printed plant and the printed P, K, L, W or H (format: "
+        "docs/critics.md)",
         "FILE",
         input_file(".toml"),
         names="file",
         required=True,
     )
     limit_cost: float | None = option(
-        "exit code 0 if the cost is at most this percentage above the optimum",
+        "largest cost of the printed answer, percent above the optimum, for exit code 0; default: "
+        "every digit must be right",
         "PERCENT",
         positive,
     )
