@@ -225,11 +225,11 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     gives = function.numel_out(0)
     if takes != observations:
         raise BadInputError(
-            f"{what} expects {takes} observations, but the deployment file has "
+            f"{what} expects {takes} observations, but the deployment file lists "
             f"{observations}; list all training observations, in the order used in training"
         )
     if gives != actions:
         raise BadInputError(
-            f"{what} returns {gives} actions, but the deployment file lists {actions}; list the "
-            "actions of the training in their order"
+            f"{what} returns {gives} actions, but the deployment file lists {actions}; list all "
+            "training actions, in the order used in training"
         )
