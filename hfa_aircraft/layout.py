@@ -76,8 +76,8 @@ class Layout(NamedTuple):
         for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
             if entry and not slope:
                 raise BadInputError(
-                    f"{self.name}: {name} is discrete, so its derivatives are all 0; "
-                    "declare it as a parameter"
+                    f"{self.name}: {name} is discrete, so all derivatives with respect to it are "
+                    "0; declare it as a parameter"
                 )
 
     def record(self, vector: str, values: Any) -> Any:
@@ -152,7 +152,7 @@ class Layout(NamedTuple):
             slope = ca.jacobian(replacements[row], symbol)
             if slope.is_zero() or ca.depends_on(slope, symbol):
                 raise BadInputError(
-                    f"{self.name}: {output} cannot replace {state}; it must be affine in {state}"
+                    f"{self.name}: {output} must be affine in {state}, which it replaces"
                 )
             at_zero = ca.substitute(replacements[row], symbol, 0)
             parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])
@@ -182,7 +182,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
         values.append([0.0 for _ in layout.names[3]])
     arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
     rates, outputs = _called(layout, arguments)
-    f = [_scalar(layout, "rate", name, rates[name]) for name in layout.names[0]]
+    f = [_scalar(layout, "rate of", name, rates[name]) for name in layout.names[0]]
     seen = {name: _scalar(layout, "output", name, outputs[name]) for name in layout.names[4]}
     _refuse_other_symbols(layout, ca.vertcat(*f, *seen.values()), ca.vertcat(*symbols))
     return symbols, ca.densify(ca.SX(ca.vertcat(*f))), seen
@@ -217,20 +217,18 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     is_pair = isinstance(returned, tuple) and len(returned) == 2
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
-            f"{layout.name}: the equations return {shown(returned)}; return rates by state and "
-            "outputs by name, two dicts (algebraic equations are not supported: solve them, or "
+            f"{layout.name}: the equations return {shown(returned)}; return two dicts, rates by "
+            "state and outputs by name (algebraic equations are not supported: solve them, or "
             "declare their unknowns as states)"
         )
     rates, outputs = returned
     for kind, values, names in (
-        ("rate", rates, layout.names[0]),
+        ("rate of", rates, layout.names[0]),
         ("output", outputs, layout.names[4]),
     ):
         for name in names:
             if name not in values:
-                raise BadInputError(
-                    f"{layout.name}: the equations return no {kind} of {name}; add it"
-                )
+                raise BadInputError(f"{layout.name}: the equations return no {kind} {name}; add it")
         for name in values:
             refuse_unknown(
                 f"{layout.name}: the equations return the undeclared {kind}", name, names
@@ -241,17 +239,17 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
     """Return a rate or an output as a scalar expression. Raises BadInputError for a vector.
 
-    kind: "rate" or "output", for messages
+    kind: "rate of" or "output", for messages
     """
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError, ValueError) as error:
         raise BadInputError(
-            f"{layout.name}: the {kind} of {name} is {shown(value)}; return a number"
+            f"{layout.name}: the {kind} {name} is {shown(value)}; return a number"
         ) from error
     if expression.numel() != 1:
         raise BadInputError(
-            f"{layout.name}: the {kind} of {name} has {expression.numel()} entries; "
-            "return one number for each name"
+            f"{layout.name}: the {kind} {name} has {expression.numel()} entries; return one "
+            "number for each name"
         )
     return expression

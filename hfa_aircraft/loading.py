@@ -72,7 +72,7 @@ def load_model(text: str) -> Model:
         raise BadInputError(f"{where}: {error}") from error
     except OSError as error:
         raise BadInputError(
-            f"{error.filename} cannot be read ({error.strerror}); give FILE.py:NAME"
+            f"{error.filename} cannot be read ({error.strerror}); give a readable file"
         ) from error
     except SyntaxError as error:
         raise BadInputError(
@@ -80,7 +80,7 @@ def load_model(text: str) -> Model:
         ) from error
     except SystemExit as error:
         raise BadInputError(
-            f"{where} ends the program (sys.exit) when it is loaded; put its calls under "
+            f"{where} calls sys.exit when it is loaded; put this call under "
             'if __name__ == "__main__":'
         ) from error
     except Exception as error:  # any exception of the user's file
@@ -198,5 +198,5 @@ def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
     """
     model = load_model(source[0])
     if model.extras.source != source:
-        raise BadInputError(f"{source[0]} has changed since the run began; start again")
+        raise BadInputError(f"{source[0]} has changed since the run began; start the run again")
     return model.with_parameters(**parameters)

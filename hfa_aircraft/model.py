@@ -98,7 +98,9 @@ class Model(Reported):
         for name, value in self.trim.items():
             refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):
-                raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a number")
+                raise BadInputError(
+                    f"{self.name}: trim imposes {name} = {value}; give a finite number"
+                )
         usual = UsualTrim(self.trim)
         usual.model = self
         object.__setattr__(self, "trim", usual)
@@ -494,7 +496,7 @@ def _check_signal(where: str, signal: Signal) -> None:
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
     if not isinstance(signal.unit, str):
-        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give text")
+        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give the unit as text")
     rate = signal.nominal if signal.rate is None else signal.rate
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:

@@ -41,7 +41,7 @@ def offered(group: str) -> dict[str, EntryPoint]:
         if other.value != entry.value:
             raise BadInputError(
                 f"{_package(other)} and {_package(entry)} both offer {entry.name} in {group};"
-                " remove one package"
+                " uninstall one of the packages"
             )
     return found
 
@@ -57,7 +57,7 @@ def loaded(entry: EntryPoint) -> Any:
         reason = f"{type(error).__name__}: {on_one_line(str(error))}"
         raise BadInputError(
             f"{_package(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"
-            " remove the package"
+            " uninstall the package"
         ) from error
 
 

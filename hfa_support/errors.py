@@ -189,7 +189,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
         raise BadInputError(rule + _faulty_row(values))
     mask = getattr(values, "_mask", None)  # importing numpy.ma would take 10 ms
     if mask is not None and np.any(mask):
-        raise BadInputError(f"{what} has masked entries; replace them by numbers")
+        raise BadInputError(f"{what} has masked entries; replace them with numbers")
     return array.astype(float)
 
 

@@ -254,7 +254,7 @@ def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
     """Raise BadInputError if two matrices P differ by more than `TOGETHER` (six printed digits)."""
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
-        raise BadInputError("W and P give different values; leave one of them out")
+        raise BadInputError("W and P define different value functions; leave out W or P")
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:

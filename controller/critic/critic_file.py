@@ -122,7 +122,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         parts = single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
             raise BadInputError(
-                "--basis lists functions, but the file has no W; give W, or a basis name"
+                "--basis lists functions, but the file contains no W; add W, or give --basis a name"
             )
         return (from_parts(game, parts, functions),)
 
@@ -169,7 +169,9 @@ def read_critic(
     if game is None:
         entries = {} if is_network(Path(path)) else entries_in(path)
         if "K" not in entries or "state_units" in entries:
-            raise BadInputError(f"{path} needs its game to be read; call read_critic(FILE, game)")
+            raise BadInputError(
+                f"{path} cannot be read without its game; call read_critic(FILE, game)"
+            )
         with said_of(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])
     return critic_in(path, game, Reading(basis, network, activation, scale))
@@ -235,7 +237,7 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
     if len(fitting) != 1:
         meaning = " or ".join(fitting) or "neither W, P nor K of this plant"
         raise BadInputError(
-            f"the array of shape {array.shape} is {meaning}; name the file W.npy, P.npy or K.npy"
+            f"the shape {array.shape} is that of {meaning}; name the file W.npy, P.npy or K.npy"
         )
     return fitting[0]
 
@@ -255,12 +257,10 @@ def single_parts(
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
-        raise BadInputError(
-            'H applies only to a plant in discrete time; did you mean time = "discrete"?'
-        )
+        raise BadInputError('H requires a discrete-time plant; remove H, or add time = "discrete"')
     if not parts:
         raise BadInputError(
-            f"there is no W, P or K; a weights file contains one of them{found_in(entries)}"
+            f"the file contains no W, P or K; add one of these matrices{found_in(entries)}"
         )
     for name, values in parts.items():
         is_row = max(values.shape, default=1) == values.size

@@ -52,7 +52,7 @@ def critics_over_time(
     rows = {name: array for name, array in arrays.items() if array.ndim == DIMENSIONS[name] + 1}
     if times.ndim != 1 or not len(times) or not rows:
         raise BadInputError(
-            "a history must contain a time for each row, and W (rows of weights), P or K (matrices)"
+            "the history is incomplete; give time with W (rows of weights), P or K (matrices)"
         )
     for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
         raise BadInputError(
@@ -61,7 +61,7 @@ def critics_over_time(
     for name, array in rows.items():
         if len(array) != len(times):
             raise BadInputError(
-                f"{name} has {len(array)} rows, time has {len(times)}; give one row per time"
+                f"{name} has {len(array)} rows, but time has {len(times)}; give one row per time"
             )
     psi = basis(functions, len(game.A))
     critics = []

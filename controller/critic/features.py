@@ -84,6 +84,6 @@ def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.S
         case ast.Call(func=ast.Name(id=name), args=arguments) if name in _FUNCTIONS:
             return getattr(ca, name)(*(_expression(part, symbols, known) for part in arguments))
     raise BadInputError(
-        f"{shortened(ast.unparse(node))!r} is unknown; use {known}, + - * / ** and "
+        f"{shortened(ast.unparse(node))!r} is not supported; use {known}, + - * / ** and "
         f"{', '.join(_FUNCTIONS)}"
     )

@@ -54,7 +54,7 @@ def from_weights(
     psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
         raise BadInputError(
-            f"W has {weights.size} weights; basis {psi.name!r} on {psi.states} states has "
+            f"W has {weights.size} weights, but basis {psi.name!r} on {psi.states} states has "
             f"{psi.size}; give the name of the basis of W"
         )
     P = psi.matrix(weights)

@@ -36,7 +36,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         with warnings.catch_warnings(action="ignore"):
             return _READERS[suffix](Path(path))
     except (FileNotFoundError, IsADirectoryError) as error:
-        raise BadInputError(f"{path}: no such file") from error
+        raise BadInputError(f"{path}: no such file; check the path") from error
     except OSError as error:
         raise BadInputError(
             f"{path} cannot be read ({error.strerror}); give a readable file"
@@ -46,7 +46,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     except Exception as error:  # a damaged file makes the readers raise nearly anything
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise BadInputError(
-            f"{path} cannot be read as {suffix} ({shortened(reason, 200)}); save it again"
+            f"{path} cannot be read as {suffix} ({shortened(reason, 200)}); correct the file"
         ) from error
 
 

@@ -97,7 +97,7 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
             if here != of_A and sorted(here) == sorted(of_A):
                 where = f"the {('rows', 'columns')[side]} of {matrix}"
                 raise ValueError(
-                    f"{where} are {', '.join(here)}, but A has {', '.join(of_A)}; use that order"
+                    f"{where} are {', '.join(here)}, but A has {', '.join(of_A)}; use A's order"
                 )
     return names
 

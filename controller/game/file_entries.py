@@ -37,7 +37,7 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
     for entry in entries:
         if not entry.isprintable():
             raise BadInputError(
-                f"{key} has {shortened(ascii(entry))}, which cannot be printed; write plain text"
+                f"{key} contains {shortened(ascii(entry))}, which cannot be printed; use plain text"
             )
     return tuple(entries)
 

@@ -74,8 +74,10 @@ def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...
     for name, weight in given.items():
         refuse_unknown(f"{matrix} weights an unknown name", name, names)
         if not isinstance(weight, (int, float, np.number)):
-            raise BadInputError(f"{matrix} of {name} is {shown(weight)}; give a number")
+            raise BadInputError(f"the {matrix} weight of {name} is {shown(weight)}; give a number")
     missing = [name for name in names if name not in given]
     if matrix == "R" and missing:
-        raise BadInputError(f"R has no weight on {', '.join(missing)}; give one for each input")
+        raise BadInputError(
+            f"R has no weight for {', '.join(missing)}; give a weight for each input"
+        )
     return np.diag([float(given.get(name, 0.0)) for name in names])

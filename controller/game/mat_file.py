@@ -30,7 +30,9 @@ def structures(path: Path) -> dict[str, Any]:
     try:
         done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
     except subprocess.TimeoutExpired as error:
-        raise ValueError(f"reading takes longer than {_LONGEST:g} s; use .npz") from error
+        raise ValueError(
+            f"reading takes longer than {_LONGEST:g} s; save the file as .npz"
+        ) from error
     if done.returncode:
         message = ""
         if done.returncode == 1:

@@ -170,7 +170,7 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
                 raise BadInputError(
-                    f'{key} applies only to discrete time; did you mean time = "discrete"?'
+                    f'{key} requires a discrete-time plant; remove it, or add time = "discrete"'
                 )
         return None
     discount = 1.0
@@ -192,7 +192,7 @@ def one_number(name: str, value: Any) -> float:
         raise BadInputError(f"{name} is {shown(value)}; give a number without quotes")
     numbers = numbers_in(name, value)
     if numbers.size != 1:
-        raise BadInputError(f"{name} has {numbers.size} numbers; give one")
+        raise BadInputError(f"{name} has {numbers.size} elements; give a single number")
     return float(numbers.item())
 
 

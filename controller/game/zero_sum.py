@@ -83,7 +83,7 @@ class Game(ByValue, Reported):
         n = len(self.A)
         m = self.B.shape[1]
         if 0 in (n, m):
-            raise BadInputError("A or B is empty; a game needs a state and an input")
+            raise BadInputError("A or B is empty; a game needs at least one state and one input")
         shapes = {"A": (n, n), "B": (n, m), "E": (n, self.E.shape[1]), "Q": (n, n), "R": (m, m)}
         for name, shape in shapes.items():
             actual = getattr(self, name).shape

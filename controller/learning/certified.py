@@ -237,8 +237,8 @@ def lower_discount(
 
 def _not_brought_to_rest(discount: float) -> NoSolutionError:
     return NoSolutionError(
-        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do"
-        " not stabilize a mode; check that (A, B) is stabilizable and that Q weights the mode"
+        f"the discount cannot be lowered below {discount:.6g} 1/s, where the learned policies"
+        " leave a mode unstable; check that (A, B) is stabilizable and that Q weights the mode"
     )
 
 
@@ -321,7 +321,7 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
     if weights.size != basis.size:
         raise BadInputError(
-            f"initial_weights has {weights.size} numbers; basis '{basis.name}' has {basis.size}"
+            f"initial_weights has {weights.size} elements; basis '{basis.name}' has {basis.size}"
             " weights"
         )
     return weights
@@ -619,7 +619,7 @@ def learn(
         refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
     if not game.Q.any():
         raise BadInputError(
-            "Q is zero: every law divides its residual by z'Qz; give at least one state a weight"
+            "Q is zero, but every law divides by z'Qz; give at least one state a weight"
         )
     settings = CertifiedSettings(**options)
     if progress is not None:

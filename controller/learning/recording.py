@@ -49,8 +49,8 @@ class Stack(Reported):
             )
         if self.states.shape != self.drifts.shape:
             raise BadInputError(
-                f"states are {self.states.shape} and drifts {self.drifts.shape}; both must be"
-                " (N_h, n)"
+                f"states have shape {self.states.shape} and drifts {self.drifts.shape}; give both"
+                " as (N_h, n)"
             )
 
     @property
@@ -97,7 +97,7 @@ def record(game: Game, states: np.ndarray) -> Stack:
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(
-            f"recorded states are {states.shape}; they must be (N, {game.A.shape[0]})"
+            f"recorded states have shape {states.shape}; the shape must be (N, {game.A.shape[0]})"
         )
     return Stack(states, states @ game.A.T)
 
@@ -171,7 +171,7 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
         )
     if pool.samples < samples:
         raise BadInputError(
-            f"the pool contains {pool.samples} samples and {samples} are requested; record more"
+            f"the pool contains {pool.samples} samples, but {samples} are requested; record more"
         )
     rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
     chosen: list[int] = []
@@ -243,6 +243,6 @@ def refuse_poor(found: int, needed: int, what: str) -> None:
     """
     if found < needed:
         raise BadInputError(
-            f"{what} has rank {found} of {needed} (singular values below {RANK_TOLERANCE:g} of the"
-            " largest do not count); record more or more varied states"
+            f"the rank of {what} is {found} of {needed} (singular values below {RANK_TOLERANCE:g}"
+            " of the largest do not count); record more states, or states that differ more"
         )

@@ -107,7 +107,9 @@ class Solution(Result, Reported):
         """
         state = numbers_in("z", z)
         if state.shape != (len(self.P),):
-            raise BadInputError(f"z has shape {state.shape}; give ({len(self.P)},)")
+            raise BadInputError(
+                f"z has shape {state.shape}; give an array of shape ({len(self.P)},)"
+            )
         return float(state @ self.P @ state)
 
     def report(self) -> Report:

@@ -119,7 +119,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
             axes = self._listed_axes(listing, condition, ranges)
         elif not ranges:
             raise BadInputError(
-                f"nothing to sweep; give --{called_at(self.model)} RANGE or --hold NAME=RANGE"
+                f"no variable is swept; give --{called_at(self.model)} RANGE or --hold NAME=RANGE"
             )
         elif self.stored:
             axes = dict(ranges)

@@ -376,7 +376,9 @@ class TrimOptions(HfaOptions):
         """
         for name in self.free:
             if name in self.hold:
-                raise BadInputError(f"{name} is both set free and held; give it in one option")
+                raise BadInputError(
+                    f"{name} is both free and held; leave out --free or --hold for this variable"
+                )
         if self.at is None:
             return
         variable = self.model.schedule

@@ -118,7 +118,7 @@ def new_figure(width: float, height: float) -> Figure:
         from matplotlib.figure import Figure
     except ValueError as error:
         raise BadInputError(
-            f"matplotlib does not start ({error}); check MPLBACKEND and matplotlibrc"
+            f"matplotlib cannot be loaded ({error}); check MPLBACKEND and matplotlibrc"
         ) from error
 
     figure = Figure(figsize=(width, height), layout="constrained")

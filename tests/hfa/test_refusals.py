@@ -71,7 +71,7 @@ REFUSED = {
             "--dihedral 15 --hold dihedral=10",
             "dihedral is given by both --dihedral and --hold",
         ),
-        ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both set free and held"),
+        ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both free and held"),
     ],
     "linearize": [
         ("--dihedral 95", "dihedral is 95 deg"),
@@ -93,7 +93,7 @@ REFUSED = {
         ("--dihedral 15 -o folder.json", "it is a folder"),
     ],
     "sweep": [
-        ("", "nothing to sweep"),
+        ("", "no variable is swept"),
         ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
         ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
@@ -124,7 +124,7 @@ REFUSED = {
         ("--dihedral 15 --set tick=1e-320", "a number is too large or too small to compute with"),
         (
             "--dihedral 15 --set initial_weights=1,2",
-            "initial_weights has 2 numbers; basis 'quadratic' has 21",
+            "initial_weights has 2 elements; basis 'quadratic' has 21",
         ),
     ],
     "verify": [

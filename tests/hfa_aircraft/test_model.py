@@ -41,11 +41,11 @@ def cart(**declared: Any) -> Model:
         ({"replaced": {"x": ()}}, r"replaced names the unknown output \(\); choose from position"),
         ({"replaced": {"y": "position"}}, "replaced names the unknown state 'y'"),
         ({"schedule": "position"}, "schedule is the unknown variable 'position'"),
-        ({"trim": {"x": "0"}}, "trim imposes x = 0; give a number"),
+        ({"trim": {"x": "0"}}, "trim imposes x = 0; give a finite number"),
         ({"trim": {"x": 0.0}, "replaced": {"x": "position"}}, "trim imposes the unknown"),
         ({"trim": {"height": 1.0}}, "trim imposes the unknown variable 'height'"),
         ({"states": {"x": Signal(nominal=-1.0)}}, "nominal and rate positive"),
-        ({"states": {"x": Signal(3)}}, "x: the unit is 3; give text"),  # type: ignore[arg-type]
+        ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),  # type: ignore[arg-type]
     ],
 )
 def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) -> None:
@@ -58,7 +58,7 @@ def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) 
     ("rates", "outputs", "message"),
     [
         ({"v": ca.SX.ones(2)}, {}, "the rate of v has 2 entries"),
-        ({}, {"position": ca.SX.ones(2)}, "the output of position has 2 entries"),
+        ({}, {"position": ca.SX.ones(2)}, "the output position has 2 entries"),
         ({"v": object()}, {}, "the rate of v is"),
         ({"v": ()}, {}, "the rate of v"),
     ],

@@ -126,10 +126,10 @@ def test_conditions_and_points_in_other_units_are_refused() -> None:
     """A model in SI units refuses trim conditions and operating points in English units."""
     model = MODELS[0]
     converted = in_si(model)
-    with pytest.raises(BadInputError, match="condition is not in the units of the model"):
+    with pytest.raises(BadInputError, match="condition is in other units than the model"):
         find_operating_point(converted, usual_condition(model))
     point = find_operating_point(model, usual_condition(model))
-    with pytest.raises(BadInputError, match="operating point is not in the units of the model"):
+    with pytest.raises(BadInputError, match="operating point is in other units than the model"):
         linearize(converted, point)
     assert isinstance(published_game(linearize(model, point)), Game)
     assert replace(usual_condition(model), name="a") == usual_condition(model)

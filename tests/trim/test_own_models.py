@@ -338,7 +338,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         (lambda x, u, p, w: ({"x": x.v}, {}), "the equations return no rate of v"),
         (
             lambda x, u, p, w: ({"x": x.v, "v": u.u, "q": 0}, {}),
-            "return the undeclared rate 'q'; choose from x, v",
+            "return the undeclared rate of 'q'; choose from x, v",
         ),
         (
             lambda x, u, p, w: ({"x": x.v, "v": u.gas}, {}),
@@ -359,7 +359,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         (lambda x, u, p, w: ({"x": x.v, "v": np.fft.fft([u.u, x.x])}, {}), "the equations fail ("),
         (
             lambda x, u, p, w: ({"x": x.v, "v": ca.floor(u.u) + x.x}, {}),
-            "cart: u is discrete, so its derivatives are all 0; ",
+            "cart: u is discrete, so all derivatives with respect to it are 0; ",
         ),
         (
             lambda x, u, p, w: ({"x": ca.if_else(x.v > 1, 1, 0), "v": u.u}, {}),
@@ -371,7 +371,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         ),
         (
             lambda x, u, p, w: ([x.v, u.u], {}),
-            "return rates by state and outputs by name, two dicts",
+            "return two dicts, rates by state and outputs by name",
         ),
     ],
 )

@@ -366,7 +366,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     """
     if model.states != LINEAR_STATES:
         raise BadInputError(
-            f"error bands exist only for the states {', '.join(LINEAR_STATES)}; select these"
+            f"error bands exist only for the states {', '.join(LINEAR_STATES)}; select these states"
         )
     if not bands_known(parameters):
         raise BadInputError(

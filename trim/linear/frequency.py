@@ -89,7 +89,7 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     size = np.abs(values)
     if not size.any():
         raise BadInputError(
-            "no chosen input affects any chosen output; choose others for the Bode plot"
+            "no chosen input affects any chosen output; choose other inputs or outputs"
         )
     phase = np.degrees(np.unwrap(np.angle(values), axis=0))
     reaches = size.max(axis=0) > ROUNDING * size.max()  # (outputs, inputs)

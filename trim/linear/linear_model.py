@@ -174,7 +174,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
                 return chosen(self, inputs, outputs)
-        raise BadInputError("write linear[outputs, inputs] with names of signals")
+        raise BadInputError(
+            "an index needs names of outputs and inputs; write linear[outputs, inputs]"
+        )
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield A, B, C and D, so that A, B, C, D = linear and control.ss(*linear) work."""

@@ -61,7 +61,7 @@ def modes_of(
     A = np.asarray(A, dtype=float)
     if A.shape != (len(states), len(states)) or not np.isfinite(A).all():
         raise BadInputError(
-            f"A has shape {A.shape}, with {len(states)} states; give a square matrix of finite "
+            f"A has shape {A.shape} for {len(states)} states; give a square matrix of finite "
             "numbers, one row for each state"
         )
     eigenvalues, _, right, left = spectrum(A)

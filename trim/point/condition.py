@@ -245,7 +245,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
     """Raise BadInputError if only one of condition and model is in SI units."""
     if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
-            "the condition is not in the units of the model; use the same model for both"
+            "the condition is in other units than the model; create the condition with this model"
         )
 
 
@@ -277,7 +277,7 @@ def release(
         condition.model.refuse_unheld("unknown trim variable", name)
     both = sorted(set(free) & set(hold))
     if both:
-        raise BadInputError(f"{both[0]} is both set free and held; name it once")
+        raise BadInputError(f"{both[0]} is both free and held; free or hold the variable, not both")
     values, held_rates = _values_and_rates(condition.model, hold)
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
     imposed = without_alternatives(condition.model, condition.imposed, values) | values

@@ -204,12 +204,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
-                "the operating point is not in the units of the model; trim this model"
+                "the operating point is in other units than the model; trim this model"
             )
         if self.dynamics != model.name:
             raise BadInputError(
-                f"the operating point was trimmed with {self.dynamics!r} dynamics, but the aircraft"
-                f" has {model.name!r}; trim it again"
+                f"the operating point was trimmed with {self.dynamics!r} dynamics, but the"
+                f" aircraft has {model.name!r}; trim the aircraft again"
             )
 
     def scale(self, equation: str) -> float:

@@ -29,7 +29,9 @@ def draw_point(point: OperatingPoint) -> Axes:
         if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest:
             limited.append(margin)
     if not limited:
-        raise BadInputError("no variable has two limits; declare min and max of its Signal")
+        raise BadInputError(
+            "no variable has both a lower and an upper limit; declare min and max of a Signal"
+        )
     limited.reverse()  # so that the first is at the top
     axes = pyplot_figure(7.0, 1.2 + 0.3 * len(limited)).subplots()
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]

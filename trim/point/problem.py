@@ -82,7 +82,7 @@ class TrimProblem:
             self.model.extras.check(evaluation.x)
         if not evaluation.finite:
             self.model.at(evaluation.x, evaluation.u)  # raises an error that names the rate
-            raise FloatingPointError(f"{self.model.name}: an output is not a number")
+            raise FloatingPointError(f"{self.model.name}: an output is not a finite number")
         self._last = key, evaluation
         return evaluation
 

@@ -38,7 +38,7 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
         data = read_json(path)
     except OSError as error:
         raise BadInputError(
-            f"{path} cannot be read ({error.strerror}); give a saved operating point"
+            f"{path} cannot be read ({error.strerror}); give a readable operating point"
         ) from error
     if isinstance(data, dict):
         data = data.get("operating_point", data)

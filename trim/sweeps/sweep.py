@@ -509,7 +509,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         Raises BadInputError if a value is missing, and NoSolutionError if there is no trim.
         """
         if {*values} != {*self.variables}:
-            raise BadInputError(f"give one value for each of: {', '.join(self.variables)}")
+            raise BadInputError(f"give one value for each variable: {', '.join(self.variables)}")
         axes = {name: [value] for name, value in values.items()}
         found: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
         return found

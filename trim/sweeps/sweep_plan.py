@@ -67,7 +67,7 @@ class SweepPlan:
             object.__setattr__(self, "condition", usual_condition(model))
         if not self.axes:
             choices = ", ".join((*model.holdable, *model.parameters))
-            raise BadInputError(f"nothing to sweep; choose from {choices}")
+            raise BadInputError(f"no variable is swept; choose from {choices}")
         axes = {name: self._checked_axis(name, values) for name, values in self.axes.items()}
         object.__setattr__(self, "axes", axes)
         lengths = [len(values) for values in axes.values()]

@@ -303,12 +303,13 @@ def test_a_time_that_fits_is_asked_for():
     critic = stored("critic.npz", K=solve_game(step).K)
     verdict = answer("verify", "--model", steps, "--weights", critic, code=FAILED)
     assert verdict["diagnosis"].endswith('x\' = A x + B u; did you mean time = "continuous"?')
-    question = 'did you mean time = "discrete"'
+    question = 'time = "discrete"'
     refused = hfa("verify", "--model", plant, "--weights", stored("H.npz", H=solution.H))
     assert question in refused.err
     for key, value in (("discount", 0.9), ("N", np.zeros((2, 1)))):
         refused = hfa("solve", "--model", stored("other.json", **parts, **{key: value}))
-        assert f"{key} applies only to discrete time; {question}" in refused.err
+        assert f"{key} requires a discrete-time plant" in refused.err
+        assert question in refused.err
     for words in (("solve",), ("verify", "--weights", stored("K.npz", K=solution.K))):
         refused = hfa(*words, "--model", steps, "--draws", "3")
         assert "--draws applies only to continuous time" in refused.err

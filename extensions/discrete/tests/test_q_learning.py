@@ -66,7 +66,7 @@ def test_what_has_no_value_and_poor_steps_refused():
     with pytest.raises(BadInputError, match="is 0 in every step"):
         learn_steps(problem, steps=Steps(*parts))
     parts[1] = steps.states[:, :2]
-    with pytest.raises(BadInputError, match="the recorded steps has rank"):
+    with pytest.raises(BadInputError, match="the rank of the recorded steps is"):
         learn_steps(problem, steps=Steps(*parts))
     with pytest.raises(BadInputError, match="recorded inputs has"):
         Steps(steps.states, steps.inputs[:3], steps.disturbances, steps.next_states)

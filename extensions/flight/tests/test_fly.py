@@ -130,7 +130,7 @@ def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
         ),
         (
             "--weights V.npz",
-            "V.npz: W has 25 weights; basis 'quadratic' on 6 states has 21",
+            "V.npz: W has 25 weights, but basis 'quadratic' on 6 states has 21",
         ),
         ("--weights none.npz", "no such file"),
     ):

@@ -260,7 +260,7 @@ def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
         assert np.array_equal(stored_part, right)
     np.save("odd.npy", np.ones((4, 3)))
     assert (
-        "odd.npy: the array of shape (4, 3) is neither"
+        "odd.npy: the shape (4, 3) is that of neither"
         in hfa("verify", *AT_15, "--weights", "odd.npy").err
     )
 

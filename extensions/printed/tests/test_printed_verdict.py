@@ -383,7 +383,7 @@ def test_time_that_every_digit_fits_is_asked_for(verdict_of):
         ),
         ("0.8223", "0x82", "A, row 2: '0x82' is not a number"),
         ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is not a number"),
-        ("0.8223", "m*g", "A, row 2: 'm' is unknown; use numbers, + - * / ** and sin"),
+        ("0.8223", "m*g", "A, row 2: 'm' is not supported; use numbers, + - * / ** and sin"),
         ("0.8223", "1/0", "A, row 2: the value of '1/0' is inf; give an entry with a finite value"),
         ("[printed]", '[printed]\nscale = "4"', "scale is '4'; give a power of ten such as"),
         (

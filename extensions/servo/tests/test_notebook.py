@@ -266,7 +266,7 @@ def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> 
     np.savez("metric.npz", K=run.K / factors, states=names.states, state_units=units)
     assert np.allclose(hfa.fly(point, "metric.npz", 0.1, initial=initial).states, flown)
     np.savez("weights.npz", W=run.weights[-1])
-    with pytest.raises(BadInputError, match=r"weights\.npz needs its game"):
+    with pytest.raises(BadInputError, match=r"weights\.npz cannot be read without"):
         hfa.fly(point, "weights.npz", 0.1)
 
 

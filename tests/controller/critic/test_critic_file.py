@@ -57,7 +57,7 @@ def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ({"A": np.eye(2)}, r"there is no W, P or K; .* \(found: A\)"),
+        ({"A": np.eye(2)}, r"the file contains no W, P or K; .* \(found: A\)"),
         ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); W must be one row or one"),
         ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
         ({"P": [1.0, 2.0]}, "P has 1 dimension"),
@@ -146,7 +146,9 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     found = critic_in(single, GAME).basis
     assert found is not None
     assert np.array_equal(found.exponents, basis.exponents)
-    with pytest.raises(BadInputError, match="W has 5 weights; basis 'quadratic' on 2 states has 3"):
+    with pytest.raises(
+        BadInputError, match="W has 5 weights, but basis 'quadratic' on 2 states has 3"
+    ):
         critic_in(single, GAME, reading=Reading("quadratic"))
     listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
     assert listed.value is not None
@@ -173,8 +175,11 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
             {"times": TIMES, "W": W * np.array([[1.0], [1.0], [1e60]])},
             r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
         ),
-        ({"times": TIMES[:2], "W": W}, "W has 3 rows, time has 2; give one row per time"),
-        ({"times": TIMES, "K": np.ones((1, 2))}, "and W .rows of weights., P or K"),
+        (
+            {"times": TIMES[:2], "W": W},
+            "W has 3 rows, but time has 2; give one row per time",
+        ),
+        ({"times": TIMES, "K": np.ones((1, 2))}, "with W .rows of weights., P or K"),
     ],
 )
 def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:

@@ -175,7 +175,7 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
         ({"A": "0;1\n-2;-3\n"}, "could not convert string to float: '-2;-3'"),
         (
             {"A": ",x,y\ny,-2,-3\nx,0,1\n"},
-            "the columns of A are x, y, but A has y, x; use that order",
+            "the columns of A are x, y, but A has y, x; use A's order",
         ),
         (
             {"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"},

@@ -52,8 +52,8 @@ def test_a_game_has_the_disturbances_of_the_model() -> None:
     ("weights", "words"),
     [
         ({"Q": {"sped": 1.0}}, "Q weights an unknown name 'sped'; did you mean speed"),
-        ({"Q": {"speed": "1"}}, "Q of speed is '1'; give a number"),
-        ({"R": {"throttle": 1.0}}, "R has no weight on aileron_center"),
+        ({"Q": {"speed": "1"}}, "the Q weight of speed is '1'; give a number"),
+        ({"R": {"throttle": 1.0}}, "R has no weight for aileron_center"),
         ({"Q": np.eye(5)}, "Q is 5 x 5"),
         ({"Q": [1.0, "2"]}, "Q is a list; give an array of numbers"),
     ],

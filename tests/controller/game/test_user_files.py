@@ -144,10 +144,14 @@ def test_structures_are_read_where_nothing_stands_outside() -> None:
         (
             load_game,
             PLANT | {"states": ["a\x1b[31m", "b"]},
-            "states has .* which cannot be printed",
+            "states contains .* which cannot be printed",
         ),
-        (load_game, PLANT | {"input_labels": ["a\nb"]}, "inputs has .* which cannot be printed"),
-        (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 numbers; give one"),
+        (
+            load_game,
+            PLANT | {"input_labels": ["a\nb"]},
+            "inputs contains .* which cannot be printed",
+        ),
+        (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 elements; give a single number"),
         (load_game, PLANT | {"dt": [[0.1], 2.0]}, "denotes discrete time"),
         (load_game, PLANT | {"dt": 0.1}, r"dt = 0\.1 denotes discrete time"),
     ],

@@ -36,7 +36,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
             {"A": [[1e150, 0.0], [0.0, 1.0]]},
             r"A\[0\]\[0\] is 1e\+150; entries must not exceed 1e\+100",
         ),
-        ({"A": np.zeros((0, 0))}, "a game needs a state and an input"),
+        ({"A": np.zeros((0, 0))}, "a game needs at least one state and one input"),
         ({"B": [[1.0]]}, "B is 1 x 1; with this A and B it must be 2 x 1"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
         ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),

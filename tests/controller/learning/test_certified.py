@@ -424,7 +424,7 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         ({"eta": 1.0}, "eta is 1.0"),
         ({"samples": 20}, "20 samples cannot determine 21 weights"),
         ({"samples": 30.5}, "samples is 30.5"),
-        ({"pool_samples": 40}, "the pool contains 40 samples and 50 are requested"),
+        ({"pool_samples": 40}, "the pool contains 40 samples, but 50 are requested"),
         (
             {"pool_samples": 10**11},
             "pool_samples is 100000000000; give a whole number from 1 to 100000",
@@ -433,7 +433,7 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         ({"basis": "cubic"}, "unknown basis 'cubic'"),
         (
             {"initial_weights": (1.0, 2.0)},
-            "initial_weights has 2 numbers; basis 'quadratic' has 21",
+            "initial_weights has 2 elements; basis 'quadratic' has 21",
         ),
         ({"initial_weights": np.nan}, r"initial_weights\[0\] is nan"),
         (

@@ -126,7 +126,7 @@ def test_poor_stacks_are_refused() -> None:
     game, _ = published(PUBLISHED[0])
     rng = np.random.default_rng(0)
     in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
-    with pytest.raises(BadInputError, match=r"rank 15 of 21 .*record more"):
+    with pytest.raises(BadInputError, match=r"is 15 of 21 .*record more"):
         choose(record(game, in_a_plane), QUADRATIC, 30)
 
 
@@ -161,7 +161,7 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
 def test_malformed_stacks_are_refused() -> None:
     """Wrong shapes, nan, a box without width, and a state that is always 0 are refused by name."""
     game = stable_game()
-    with pytest.raises(BadInputError, match=r"both must be \(N_h, n\)"):
+    with pytest.raises(BadInputError, match=r"give both as \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
     with pytest.raises(
         BadInputError, match=r"stack drifts\[0\]\[0\] is nan; every entry must be finite"

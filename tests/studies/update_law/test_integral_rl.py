@@ -111,7 +111,7 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_data_without_a_result_are_refused() -> None:
     """Data of low rank, an overflowing flight and a policy without a value raise errors."""
     game, _ = published("published-5")
-    with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
+    with pytest.raises(BadInputError, match=r"rank of the flight is \d+ of 21"):
         learn_by_integrals(game, intervals=21, interval=1e-4)
     with pytest.raises(BadInputError, match=r"grows beyond 1e\+100; make interval"):
         learn_by_integrals(published("published-15")[0], interval=1000.0)

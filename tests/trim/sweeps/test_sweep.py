@@ -117,7 +117,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
             LEVEL_FLIGHT,
             "panel_mass is -1 slug in the sweep; it must lie between 0 slug",
         ),
-        ({}, LEVEL_FLIGHT, "nothing to sweep"),
+        ({}, LEVEL_FLIGHT, "no variable is swept"),
         ({"speed": []}, LEVEL_FLIGHT, "give a list of numbers"),
     ],
 )
@@ -416,7 +416,9 @@ def test_an_extreme_parameter_is_refused(
 
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
     """Tables of points with a wrong shape or with masked entries are refused."""
-    with pytest.raises(BadInputError, match=r"values are \(2,\); they must be \(N, 1\)"):
+    with pytest.raises(
+        BadInputError, match=r"values have shape \(2,\); the shape must be \(N, 1\)"
+    ):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
         trim_points(aircraft, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]]))

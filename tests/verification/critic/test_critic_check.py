@@ -272,7 +272,7 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
     assert np.array_equal(read_critic("K.npz").K, gain(game))
     np.savez("in_SI.npz", K=gain(game), state_units=["m/s", *game.names.state_units[1:]])
     for file in ("P.npz", "in_SI.npz"):
-        with pytest.raises(BadInputError, match=f"{file} needs its game"):
+        with pytest.raises(BadInputError, match=f"{file} cannot be read without"):
             read_critic(file)
     with pytest.raises(BadInputError, match="no such file"):
         check_critic(game, "none.npz")
@@ -368,7 +368,7 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
     words = ("verify", *AT_15, "--weights")
     result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
     assert (result.code, result.out) == (BAD_INPUT, "")
-    assert result.err == "hfa: wp.npz: W and P give different values; leave one of them out\n"
+    assert result.err == "hfa: wp.npz: W and P define different value functions; leave out W or P\n"
     assert "K is 6 x 5" in hfa(*words, stored("pk.npz", P=P, K=np.ones((6, 5)))).err
 
 
@@ -593,6 +593,6 @@ def test_the_last_row_is_judged(
     )
     assert not check_history(game, history).ok
     with pytest.raises(
-        BadInputError, match="W has 20 weights; basis 'quadratic' on 6 states has 21"
+        BadInputError, match="W has 20 weights, but basis 'quadratic' on 6 states has 21"
     ):
         check_history(game, critics_over_time(game, TIMES, W=np.ones((len(TIMES), 20))))
