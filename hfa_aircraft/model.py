@@ -89,12 +89,12 @@ class Model(Reported):
             raise BadInputError(f"{self.name} declares no states; a model needs at least one")
         for kind in ("steady", "linear"):
             names = _names(f"{self.name}: {kind}", getattr(self, kind))
-            object.__setattr__(self, kind, names or tuple(self.states))
+            vars(self)[kind] = names or tuple(self.states)
         self._check_names()
         if not self.modes:
             from hfa_aircraft.usual_modes import usual_modes
 
-            object.__setattr__(self, "modes", usual_modes(self.states))
+            vars(self)["modes"] = usual_modes(self.states)
         for name, value in self.trim.items():
             refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):
@@ -103,7 +103,7 @@ class Model(Reported):
                 )
         usual = UsualTrim(self.trim)
         usual.model = self
-        object.__setattr__(self, "trim", usual)
+        vars(self)["trim"] = usual
         if self.extras.made_by is None:
             self.layout.refuse_broken()
 
@@ -119,7 +119,11 @@ class Model(Reported):
             if hasattr(signals, "_asdict"):
                 remember_record(type(signals))
                 signals = signals._asdict()
-            object.__setattr__(self, kind, dict(signals))
+            if not isinstance(signals, Mapping):
+                raise BadInputError(
+                    f"{self.name}: {kind} is {shown(signals)}; give {{name: Signal(unit)}}"
+                )
+            vars(self)[kind] = dict(signals)
             for name, signal in signals.items():
                 if not _is_identifier(name):
                     raise BadInputError(

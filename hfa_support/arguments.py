@@ -160,9 +160,8 @@ def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_
     holds, words = whole
     of_one_kind = len(arguments) == 1 or (len(arguments) == 2 and arguments[1] is Ellipsis)
     member = arguments[0] if of_one_kind else Any
-    if not isinstance(member, type) or member in (Any, float, int, bool, np.ndarray):
-        return whole
-    known = _kind(member)
+    is_class = isinstance(member, type) and member not in (Any, float, int, bool, np.ndarray)
+    known = _kind(member) if is_class else None
     if known is None:
         return whole
     is_member, called = known
@@ -173,11 +172,11 @@ def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _is_whole(value: Any) -> bool:
-    is_integer = isinstance(value, Integral) and not isinstance(value, (bool, np.bool_))
+    is_integer = isinstance(value, Integral) and not isinstance(value, bool)
     return is_integer and -_LARGEST <= value < _LARGEST
 
 

@@ -34,8 +34,7 @@ class LinearTable(ByValue):
             raise BadInputError(
                 "the breakpoints of a table must increase, with a value for each; correct the table"
             )
-        object.__setattr__(self, "breakpoints", breakpoints)
-        object.__setattr__(self, "values", values)
+        vars(self).update(breakpoints=breakpoints, values=values)
 
     def at(self, where: float | np.ndarray) -> np.ndarray:
         """Return the array at x, interpolated linearly and constant beyond both ends.

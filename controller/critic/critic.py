@@ -23,8 +23,6 @@ from hfa_support.reporting.results import Matrix
 
 #: Possible outputs of a network: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
-#: Largest relative difference between W and P of one critic: the rounding of six printed digits.
-TOGETHER = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +66,7 @@ class Critic(Reported):
     feedback: np.ndarray | None = None
     time: float | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
-    variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict)
+    variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict, repr=False)
     implies_policy: bool = False
     is_layer: bool = False
 
@@ -227,11 +225,11 @@ def from_parts(
     if "P" in parts:
         critic = from_value(game, parts["P"])
     if "W" in parts:
-        from controller.critic.weights import from_weights
+        from controller.critic.weights import from_weights, refuse_different_values
 
         weighted = from_weights(game, parts["W"], functions)
         if "P" in parts and weighted.P is not None:
-            _refuse_different_values(numbers_in("P", parts["P"]), weighted.P)
+            refuse_different_values(parts["P"], weighted.P)
         critic = weighted
     if critic is None:
         raise BadInputError("no critic is given; give W, P or K, or a file")
@@ -248,13 +246,6 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
         network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
     origin = f"{critic.origin} and K"
     return replace(critic, K=K, origin=origin, feedback=None, network=network)
-
-
-def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """Raise BadInputError if two matrices P differ by more than `TOGETHER` (six printed digits)."""
-    sizes = np.sqrt(np.abs(np.diag(P)))
-    if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
-        raise BadInputError("W and P define different value functions; leave out W or P")
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:

@@ -170,7 +170,7 @@ def read_critic(
         entries = {} if is_network(Path(path)) else entries_in(path)
         if "K" not in entries or "state_units" in entries:
             raise BadInputError(
-                f"{path} cannot be read without its game; call read_critic(FILE, game)"
+                f"{path} cannot be read without its game; give the game as the second argument"
             )
         with said_of(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+
+#: Largest relative difference between W and P of one critic: the rounding of six printed digits.
+_TOGETHER = 1e-6
 
 
 @checks_arguments
@@ -68,3 +72,10 @@ def from_weights(
         precision=precision,
         feedback=game.R_inverse_B_transposed,
     )
+
+
+def refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
+    """Raise BadInputError if two matrices P differ by more than `_TOGETHER`."""
+    sizes = np.sqrt(np.abs(np.diag(P)))
+    if not np.all(np.abs(P - P_of_weights) <= _TOGETHER * np.outer(sizes, sizes)):
+        raise BadInputError("W and P define different value functions; leave out W or P")

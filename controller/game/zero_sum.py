@@ -73,13 +73,16 @@ class Game(ByValue, Reported):
     def __post_init__(self) -> None:
         """Check all fields, and replace diagonals by matrices."""
         if self.Q is None or self.R is None:
-            raise BadInputError("Q or R is missing; give both, each as a matrix or as its diagonal")
+            raise BadInputError(
+                "Q or R is missing; give both as Q=, R=, because the third argument is E, each as "
+                "a matrix or as its diagonal"
+            )
         if self.E is None:
-            object.__setattr__(self, "E", np.eye(len(np.atleast_1d(self.A))))
+            vars(self)["E"] = np.eye(len(np.atleast_1d(self.A)))
         for name in ("Q", "R"):
-            object.__setattr__(self, name, _with_diagonal(name, getattr(self, name)))
+            vars(self)[name] = _with_diagonal(name, getattr(self, name))
         for name in ("A", "B", "E", "Q", "R"):
-            object.__setattr__(self, name, checked_matrix(name, getattr(self, name), LARGEST))
+            vars(self)[name] = checked_matrix(name, getattr(self, name), LARGEST)
         n = len(self.A)
         m = self.B.shape[1]
         if 0 in (n, m):
@@ -94,8 +97,7 @@ class Game(ByValue, Reported):
                 raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
         check_definite("Q", self.Q, strictly=False)
         check_definite("R", self.R, strictly=True)
-        object.__setattr__(self, "delta", _checked_delta(self.delta))
-        object.__setattr__(self, "names", self.names.completed(n, m))
+        vars(self).update(delta=_checked_delta(self.delta), names=self.names.completed(n, m))
 
     def __hash__(self) -> int:
         """Return a hash of the sums of A, Q and R and of delta. Equal games have equal hashes."""

@@ -22,10 +22,10 @@ _LONGEST = 110
 def fields_report(result: Any) -> Report:
     """Return a report of a dataclass: summary line, fields, small matrices and checks.
 
-    The summary line is the name of the class and the first line of its docstring. Empty fields are
-    omitted.
+    The summary line is the name of the class and the first line of its docstring. Empty fields and
+    fields with repr=False are omitted.
     """
-    held = {field.name: getattr(result, field.name) for field in fields(result)}
+    held = {field.name: getattr(result, field.name) for field in fields(result) if field.repr}
     lines: list[str] = []
     matrices: list[Part] = []
     checks: list[Part] = []

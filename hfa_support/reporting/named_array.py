@@ -35,8 +35,7 @@ class NamedArray(np.ndarray):
                 refuse_unknown("unknown name", key, names)
                 key = names.index(key)
             numbers.append(key)
-        entries = values[..., *numbers]
-        return entries[()]  # converts an array without axes to a number
+        return values[..., *numbers][()]  # converts an array without axes to a number
 
     def __repr__(self) -> str:
         return repr(np.asarray(self))

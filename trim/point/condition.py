@@ -64,7 +64,7 @@ class TrimCondition:
         """
         model = self.model
         if self.rates is None:
-            object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
+            vars(self)["rates"] = dict.fromkeys(model.steady, 0.0)
         if not self.rates:
             raise BadInputError(
                 "no rate is imposed; name at least one of " + ", ".join(model.states)
@@ -96,9 +96,11 @@ class TrimCondition:
                     raise BadInputError(f"{name} is {shown(number)}; give a finite number")
                 if limits.least[index] <= number <= limits.most[index]:
                     continue
+                given = self.model.describe(name, number)
+                if abs(number) > 2.0 * np.pi and given.endswith("deg"):
+                    given += f" ({number:g} rad)"
                 raise BadInputError(
-                    f"{name} is {self.model.describe(name, number)}; it must lie between "
-                    f"{limits.between(name)}"
+                    f"{name} is {given}; it must lie between {limits.between(name)}"
                 )
 
     @property

@@ -64,12 +64,12 @@ class SweepPlan:
         """
         model = self.model
         if self.condition is None:
-            object.__setattr__(self, "condition", usual_condition(model))
+            vars(self)["condition"] = usual_condition(model)
         if not self.axes:
             choices = ", ".join((*model.holdable, *model.parameters))
             raise BadInputError(f"no variable is swept; choose from {choices}")
         axes = {name: self._checked_axis(name, values) for name, values in self.axes.items()}
-        object.__setattr__(self, "axes", axes)
+        vars(self)["axes"] = axes
         lengths = [len(values) for values in axes.values()]
         if self.listed and len({*lengths}) > 1:
             raise BadInputError(

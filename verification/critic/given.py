@@ -9,6 +9,7 @@ from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import critic_in
 from controller.riccati.gare import Solution
 from hfa_support.entry_points import CRITICS, part
+from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
@@ -34,6 +35,11 @@ def critic_given(
         return given.critic(game), given
     if isinstance(given, Solution):
         parts = {"P": given.P, "K": given.K}
+    elif callable(given):
+        raise BadInputError(
+            "the critic is a function; give a gain K, a solution, a training run, a torch network, "
+            "a file, or a critic, such as from_network(game, CASADI_FUNCTION)"
+        )
     elif given is not None:
         parts = {"K": given}
     named = {name: array for name, array in parts.items() if array is not None}

@@ -18,7 +18,7 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
 from hfa_flight.gust_equations import in_gusts
-from hfa_flight.policies import GainPolicy, Measurements, Policy
+from hfa_flight.policies import FunctionPolicy, GainPolicy, Measurements, Policy
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import zero
 from hfa_support.errors import BadInputError
@@ -259,6 +259,14 @@ class ClosedLoop:
                 f"the gain has shape {self.policy.gains.shape[1:]}; this aircraft needs {m} x {k},"
                 " inputs by states"
             )
+        if isinstance(self.policy, FunctionPolicy):
+            function = self.policy.function
+            sizes = function.numel_out(0), function.numel_in(0)
+            if sizes != (m, k):
+                raise BadInputError(
+                    f"the policy {self.policy.name} computes {sizes[0]} inputs from {sizes[1]} "
+                    f"states; this aircraft has {m} inputs and {k} states"
+                )
         for name in ("reference", "disturbance", "noise"):
             signal = getattr(self.scenario, name)
             if signal is not None and signal.size != k:

@@ -28,7 +28,15 @@ from planted_critics import gain, value, weights_of
 from controller import critic_in, load_game
 from controller.critic.features import features_of
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from hfa import BadInputError, Game, check_critic, from_network, from_weights, solve_game
+from hfa import (
+    BadInputError,
+    Game,
+    check_critic,
+    from_network,
+    from_weights,
+    read_critic,
+    solve_game,
+)
 from hfa.main import BAD_INPUT, DONE, FAILED
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
@@ -165,7 +173,7 @@ def test_the_scale_of_the_inputs_counts(game: Game) -> None:
     )
 
 
-def test_value_and_policy_of_one_file_are_named() -> None:
+def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
     """A value and a policy in one file are selected by --network.
 
     A missing or unknown name is refused. A note refers to `hfa assess`.
@@ -181,6 +189,10 @@ def test_value_and_policy_of_one_file_are_named() -> None:
     assert json.loads(judged.out)["network"]["output"] == "V and policy"
     assert "hfa assess" in judged.err  # a zip has no normalizer and no map
     assert "; select one of the networks " in hfa(*words[:-1]).err
+    assert "mlp_extractor.policy_net+action_net" in hfa(*words[:-1]).err
+    with pytest.warns(UserWarning, match="hfa assess") as caught:
+        read_critic("ppo.zip", game, network="policy_net+action_net", activation="tanh")
+    assert caught[0].filename == __file__
     assert (
         "the word before = must be one of V, gradient, policy, V+policy"
         in hfa(*words, "W=value_net").err

@@ -8,6 +8,7 @@ import pickle
 from functools import cache
 from pathlib import Path
 
+import casadi as ca
 import control
 import numpy as np
 import pytest
@@ -317,6 +318,10 @@ def test_prove_chooses_by_its_arguments() -> None:
         hfa.prove(game, np.ones(2))
     assert hfa.prove(game, hfa.solve_game(game)).data["distances"].keys() == {"K", "P"}
     assert hfa.prove(game).data["statement"] == "solution"
+    with pytest.raises(AttributeError, match=r'write linear.save\("model.mat"\) for MATLAB'):
+        hfa.export  # noqa: B018
+    gain = hfa.prove(_linear().point, np.ones((5, 6)))
+    assert gain.report().title.startswith("Refuted: the gain of the critic does not stabilize")
     with pytest.raises(AttributeError, match="use the command hfa design"):
         hfa.design  # noqa: B018
 
@@ -541,6 +546,27 @@ def test_errors_name_the_call_that_was_meant() -> None:
         hfa.verify(game, Trained())
 
 
+def _small_critic() -> hfa.Critic:
+    """Return a nonlinear critic of a plant with two states and one input."""
+    z = ca.SX.sym("z", 2)
+    policy = ca.Function("policy", [z], [ca.sin(2.0 * z[0]) - z[1]])
+    game = hfa.Game(np.eye(2), np.ones((2, 1)), Q=np.eye(2), R=[1.0])
+    return hfa.from_network(game, policy, network="policy")
+
+
+def test_a_critic_computes_inputs() -> None:
+    """u(z) of a network is its policy, and u(z) of a gain is -K z, at one or several states."""
+    small = _small_critic()
+    assert small.u([0.5, 1.0]) == pytest.approx([np.sin(1.0) - 1.0])
+    assert small.u([[0.5, 1.0], [0.0, 0.0]]).shape == (2, 1)
+    solution = hfa.solve_game(hfa.paper.published_game(_linear()))
+    z = np.arange(6.0)
+    assert hfa.from_gain(solution.game, solution.K).u(z) == pytest.approx(-solution.K @ z)
+    assert "variants" not in repr(small)
+    swept = hfa.sweep(MODEL, dihedral=[0.0, 0.1])
+    assert np.array_equal(swept.sel(dihedral=0.05).A, swept.at(dihedral=0.05).A)
+
+
 def test_wrong_calls_are_one_line() -> None:
     """A wrong call raises a one-line error about the call, not an error from inside a function."""
 
@@ -552,6 +578,8 @@ def test_wrong_calls_are_one_line() -> None:
         def __eq__(self, other: object) -> np.ndarray:  # type: ignore[override]
             return np.array([True, False])
 
+    game = hfa.paper.published_game(_linear())
+    small = _small_critic()
     for wrong, said in (
         (lambda: hfa.step(), "hfa.step is a method of results"),
         (lambda: hfa.save(5, "x.npz"), r"write result\.save\(...\)$"),
@@ -561,6 +589,14 @@ def test_wrong_calls_are_one_line() -> None:
         (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "plot needs names"),
         (lambda: hfa.linearize(MODEL, None), "point is None"),
         (lambda: hfa.identify(Table()), "model is a Table; give a Model"),
+        (lambda: hfa.identify("flight.csv", "uav.toml"), r"identify\(aircraft, records\)"),
+        (lambda: hfa.Model("m", ["x"], {}, lambda x, u, p, w: ({}, {})), "give {name: Signal"),
+        (lambda: hfa.Game(np.eye(2), np.eye(2), np.eye(2), np.eye(2)), "third argument is E"),
+        (lambda: hfa.optimize(_linear().point, np.ones((5, 6))), "a gain K is not an argument"),
+        (lambda: hfa.verify(game, lambda t, X: X), "the critic is a function; give a gain K"),
+        (lambda: hfa.fly(_linear().point, small), "computes 1 inputs from 2 states; this aircraft"),
+        (lambda: hfa.load_policy("policy.onnx"), "give the game as the second argument"),
+        (lambda: small.u(np.ones(3)), r"z has shape \(3,\); give \(2,\) or \(N, 2\)"),
     ):
         with pytest.raises(BadInputError, match=said):
             wrong()

@@ -216,6 +216,7 @@ def test_the_cheaper_of_two_minima_is_found(
     ("changes", "words"),
     [
         ({"speed": 0.0}, "speed is 0 ft/s; it must lie between 1 ft/s and 500 ft/s"),
+        ({"dihedral": 15.0}, "dihedral is 859.437 deg (15 rad); it must lie between -60 deg and"),
         ({"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}}, "speed is 0 ft/s; it must be positive"),
         (
             {"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}},

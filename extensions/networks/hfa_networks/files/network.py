@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -118,7 +119,7 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
         warnings.warn(
             f"{path}: the network is judged without normalizer, clip and action map; "
             "`hfa assess DEPLOYMENT.toml` judges the policy as it is deployed",
-            stacklevel=2,
+            stacklevel=_user_level(),
         )
     return from_network(
         game,
@@ -128,6 +129,22 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
         scale=reading.scale,
         features=reading.functions(len(game.A), game.names.states),
     )
+
+
+def _user_level() -> int:
+    """Return the stack level, for a warning of the calling function, of the user's own code.
+
+    This is the nearest frame outside the packages of the project.
+    """
+    frame = inspect.currentframe()
+    level = 0
+    while frame is not None:
+        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if not package.startswith("hfa") and package not in ("controller", "trim", "verification"):
+            break
+        frame = frame.f_back
+        level += 1
+    return level
 
 
 def _of_states(

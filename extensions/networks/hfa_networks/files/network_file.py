@@ -37,6 +37,8 @@ from hfa_support.files import regular_file
 _ORDERED = (".pt", ".pth", ".pkl", ".zip")
 #: Largest number of kinds of names that are ordered by widths. The search would take long for more.
 _MOST_KINDS = 8
+#: Names of the two parts of an actor of Stable-Baselines3: hidden layers -> last layer.
+_ACTORS = {"policy_net": "action_net", "latent_pi": "actor.mu"}
 #: Number that torch's LayerNorm adds to the variance. A state dict does not contain it.
 _EPSILON = 1e-5
 
@@ -255,6 +257,10 @@ def _no_chain(
         )
     actors = [root for root in networks if re.search(r"actor|policy|(^|[._])(pi|mu)$", root)]
     chosen = (actors or networks)[0]
+    for body, head in _ACTORS.items():
+        parts = [root for word in (body, head) for root in networks if root.endswith(word)]
+        if len(parts) == 2:
+            chosen = "+".join(parts)
     return BadInputError(
         f"{message}; select one of the networks {shortened(', '.join(networks), 200)}, for example "
         f'network="{shortened(chosen)}"',

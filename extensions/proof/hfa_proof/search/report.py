@@ -256,7 +256,7 @@ def count_said(run: Run) -> str:
 
 
 def game_report(
-    data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
+    data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "the critic"
 ) -> Report:
     """Return the report of a proof about a game, for a solution or for a critic.
 

@@ -193,7 +193,7 @@ def test_an_unstable_gain_is_certified_as_such(
     checked = checked_report(check_certificate(tmp_path / "critic.json"))
     assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (False, False)
     assert checked.title.startswith("Verified, refuted, the gain does not stabilize")
-    assert proof.report().title.startswith("Refuted: the gain of it does not stabilize")
+    assert proof.report().title.startswith("Refuted: the gain of the critic does not")
     game = Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf)
     proof = prove_critic(game, from_gain(game, ONE))
     assert proof.data["closed_loop_hurwitz"] is None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.critic.critic import Critic
 from controller.game.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
@@ -17,6 +18,7 @@ from controller.riccati.loop_margins import loop_margins, named_margins
 from hfa_aircraft.model import Model
 from hfa_servo.notebook.frames import entries_frame
 from hfa_servo.notebook.of_control import of_control
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.report import Reported
 from trim.linear.linear_model import LinearModel
@@ -159,6 +161,26 @@ def _game_of(linear: LinearModel) -> Game:
     return Game(linear.A, linear.B, np.eye(n), np.eye(n), np.eye(m), np.inf)
 
 
+def _policy_values(value: Any) -> Callable[[Any], np.ndarray] | None:
+    """Return the method `u` of a critic, or None for another value.
+
+    The method returns the inputs u(z), (m,) or (N, m), at deviations z of the state, (n,) or
+    (N, n).
+    """
+    if not isinstance(value, Critic):
+        return None
+
+    def u(z: Any) -> np.ndarray:
+        rows = numbers_in("z", z)
+        n = value.K.shape[1]
+        if rows.ndim not in (1, 2) or rows.shape[-1] != n:
+            raise BadInputError(f"z has shape {rows.shape}; give ({n},) or (N, {n})")
+        columns = value.policy(np.atleast_2d(rows).T).full()
+        return columns.T.reshape(*rows.shape[:-1], -1)
+
+    return u
+
+
 def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
     """Return the method `closed_loop` of a linear model, or None for another value.
 
@@ -212,5 +234,6 @@ ADDED: dict[str, Callable[[Any], Any]] = {
     "to_pandas": _to_pandas,
     "to_scipy": _to_scipy,
     "to_series": _to_series,
+    "u": _policy_values,
     "verdict": lambda value: str(value.grade_text()) if isinstance(value, Verdict) else None,
 }

@@ -195,6 +195,15 @@ def _axes(value: object) -> int:
     return np.asarray(value, dtype=object).ndim
 
 
+def _is_gain(value: Any, linear: LinearModel | None = None) -> bool:
+    """Return whether a value has the shape of a gain: a matrix that is not square.
+
+    linear: linear model with the inputs and states of the gain, if known
+    """
+    shape = np.shape(value) if _axes(value) == 2 else (0, 0)
+    return shape[0] != shape[1] and (linear is None or shape == linear.B.T.shape)
+
+
 class _Reading:
     """Conversion of the arguments and keywords of a call to the form that the function accepts.
 
@@ -243,6 +252,12 @@ class _Reading:
             places = [0]
         if places:
             value = self.rest.pop(places[0])
+            if name == "Q" and _is_gain(value):
+                function = self.function.__name__
+                raise BadInputError(
+                    f"{function}: a gain K is not an argument; compare {function}(point) with the "
+                    "cost of fly(point, K)"
+                )
             found[name] = self._changed(value) if isinstance(value, Game) else value
             return
         made = self._made(name, link, first[0], found) if first and self._has_others(name) else None
@@ -280,7 +295,7 @@ class _Reading:
         is_file = isinstance(value, (str, Path))
         model = found.get("model", self.words.get("model"))
         if link is Model and is_file:
-            return public().load_model(str(value))
+            return self._loaded(str(value))
         if link is TrimCondition and isinstance(value, Mapping) and isinstance(model, Model):
             return release(usual_condition(model), hold=value)
         if link is OperatingPoint and isinstance(value, LinearModel):
@@ -302,6 +317,19 @@ class _Reading:
             return [value.point if isinstance(value, LinearModel) else value]
         return None
 
+    def _loaded(self, file: str) -> Any:
+        """Return the model of an aircraft file.
+
+        The error for another file states the order of the arguments, if the next one is a record.
+        """
+        try:
+            return public().load_model(file)
+        except BadInputError as error:
+            if "records" not in self.parameters:
+                raise
+            name = self.function.__name__
+            raise BadInputError(f"{error}; the arguments are {name}(aircraft, records)") from error
+
     def _game(self, value: Any, is_file: bool) -> Any:
         """Return the game of a file or of a solution, or the game on a linear model with the
         keywords Q, R and delta.
@@ -319,7 +347,8 @@ class _Reading:
         weights = self._weights()
         places = list(self.parameters)
         following = self.tests.get(places[1]) if len(places) > 1 else None
-        if len(self.rest) > 1 and following is not None and not following(self.rest[1]):
+        is_matrix = len(self.rest) > 1 and following is not None and not following(self.rest[1])
+        if is_matrix and not _is_gain(self.rest[1], linear):
             matrices = self.rest[1:]
             self.rest = self.rest[:1]
             return hfa.game(linear, *matrices, **weights)

@@ -64,6 +64,7 @@ plot_modes: plot
 plot_nyquist: nyquist
 plot_poles: plot
 regret: cost_lost
+sel: at
 sigma: singular_values_plot
 simulate: fly
 smallest_delta: delta_min

@@ -34,6 +34,7 @@ ss: LinearModel
 """
 #: Command without a Python function of the same name -> what to write in Python.
 _INSTEAD = {
+    "export": 'write linear.save("model.mat") for MATLAB, or use',
     "design": "write [hfa.lqr(linear, Q, R) for linear in hfa.sweep(model, ...)], or use",
 }
 #: Function of MATLAB or gymnasium -> equivalent function of this project.
