@@ -67,7 +67,7 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     loop = spectrum(game.A - game.B @ K) if is_moderate else None
     if loop is None or loop.abscissa >= 0.0:
         return FlightCost(math.inf, math.inf, math.inf, exact_gain, 0.0, exact_distance)
-    worst, mean = _lost(game, exact, K)
+    worst, mean = cost_lost(game, exact, K)
     return FlightCost(
         worst=100.0 * worst,
         mean=100.0 * mean,
@@ -78,12 +78,14 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     )
 
 
-def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
+def cost_lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
     """Return the largest and the mean eigenvalue of P*⁻¹ D, with D the `loss_matrix`.
 
     Only states with a positive optimal cost are included. Both values are inf if the cost has no
     bound, and if D ≠ 0 but no state has a positive optimal cost. Both are 0 if D = 0 and no state
     has a positive optimal cost.
+
+    K: (m, n), stabilizing
     """
     D = loss_matrix(game, exact, K)
     if D is None:

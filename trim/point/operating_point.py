@@ -99,25 +99,23 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def values(self) -> dict[str, float]:
         """Name -> value of all variables: states, inputs, and outputs that replace states."""
-        replacing = self.model.outputs_at(
-            self.states, self.inputs, list(self.model.replaced.values())
-        )
-        return {**self.states._asdict(), **self.inputs._asdict(), **replacing}
+        outputs = list(self.model.replaced.values())
+        replacing = self.model.outputs_at(self.states, self.inputs, outputs) if outputs else {}
+        return self.states._asdict() | self.inputs._asdict() | replacing
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a state, an input or an output, in the units of the model.
 
         Raises BadInputError if the model does not have such a name.
         """
-        model = self.model
         refuse_unknown("unknown variable", name, tuple(self))
-        if name in model.outputs:
-            return model.outputs_at(self.states, self.inputs, (name,))[name]
+        if name in self.model.outputs:
+            return self.model.outputs_at(self.states, self.inputs, (name,))[name]
         return self.values[name]
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the states, the inputs and the outputs."""
-        return iter((*self.model.states, *self.model.inputs, *self.model.outputs))
+        yield from (*self.model.states, *self.model.inputs, *self.model.outputs)
 
     def keys(self) -> tuple[str, ...]:
         """Return the names of the states, inputs and outputs, so that dict(point) contains all
@@ -183,7 +181,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             from hfa_aircraft.degrees import notes_on_degrees
 
             notes += notes_on_degrees(self.model)
-        return [*notes, *beyond_range(self.model, self.states._asdict())]
+        return notes + beyond_range(self.model, self.states._asdict())
 
     @property
     def margins(self) -> dict[str, Margin]:

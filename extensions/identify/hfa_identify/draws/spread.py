@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.cost import flight_cost
+from controller.riccati.cost import cost_lost
 from controller.riccati.gare import solve_game
 from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
@@ -190,9 +190,10 @@ class DrawnAircraft:
             except NoSolutionError:
                 unsolved += 1
                 continue
-            costs.append(flight_cost(drawn, solution, K).worst)
+            is_stable = _abscissa(linear.A - linear.B @ K) < 0.0
+            costs.append(cost_lost(drawn, solution, K)[0] if is_stable else np.inf)
         found = self._loops(K, _abscissa(game.A - game.B @ K), linear_models)
-        worst = max(costs, default=np.nan)
+        worst = 100.0 * max(costs, default=np.nan)
         return replace(found, cost_lost_worst_percent=worst, unsolved=unsolved)
 
     def loops(self, K: np.ndarray, progress: Progress | None = None) -> Draws:
