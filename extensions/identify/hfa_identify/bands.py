@@ -287,10 +287,8 @@ def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
 
     coefficients: coefficients of the process, (order,)
     """
-    lags = np.arange(1, len(coefficients) + 1)
-    turns = np.exp(-2j * np.pi * np.outer(np.arange(_LENGTH) / _LENGTH, lags))
-    spectrum = 1.0 / np.abs(1.0 - turns @ coefficients) ** 2
-    correlation = np.fft.ifft(spectrum).real[: _LENGTH // 2]
+    polynomial = np.fft.rfft(np.append(1.0, -coefficients), _LENGTH)
+    correlation = np.fft.irfft(1.0 / np.abs(polynomial) ** 2, _LENGTH)[: _LENGTH // 2]
     correlation /= correlation[0]
     beyond = np.flatnonzero(np.abs(correlation) > _GONE)
     return np.asarray(correlation[: beyond[-1] + 1])
