@@ -156,6 +156,7 @@ class _Check:
 class _Begin:
     """Function `Extras.begin` of a model that was converted to SI.
 
+    begin: function `Extras.begin` of the original model, in the original units
     factors: (name, factor to SI) of each signal
     """
 

@@ -117,11 +117,11 @@ class Certified(NamedTuple):
 
 
 def certified_solution(form: NormalForm) -> Certified:
-    """Return the certified solution of the normal form of one game.
+    """Return the certified solution of one game.
 
-    The form of the result may be in other coordinates, in which X is of moderate size.
+    The form in the result may have other coordinates than the given form.
 
-    Raises NoSolutionError with the reason of the first failed test.
+    Raises NoSolutionError as `carefully_certified` does, or if entries of the game overflow.
     """
     stack = certified_stack(form[None])
     if stack.holds[0]:

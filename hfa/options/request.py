@@ -61,10 +61,15 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """Return a copy of this option with functions of the model replaced by values.
+        """Return a copy of this option for a model.
+
+        - form, names, required: functions are evaluated for the model
+        - about: a function is bound to the model
+        - kind: the function of an `OfModel` is bound to the model
+        - aliases: those of the model, or {} without a model
 
         model: None for an option that does not depend on the model
-        name: name of the field, used as the name of the option if it declares no other
+        name: name of the field, which determines the option's name if `names` is empty
         """
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")

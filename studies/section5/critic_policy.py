@@ -52,7 +52,12 @@ class CriticPolicy(Policy):
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
-        """Return W' of Eq. (46), (M,), from the current sample and the recorded samples."""
+        """Return dW/dt of Eq. (46) times `held`, (M,), from the current sample and the recorded
+        samples.
+
+        memory: W, (M,)
+        held: 1 during learning, 0 when the weights are frozen
+        """
         s = self.law.settings
         gains = self.law.gains
         sigma, residual = self._current(t, measurements.error, memory)

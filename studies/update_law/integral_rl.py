@@ -342,6 +342,6 @@ def baseline_gain(game: Game) -> np.ndarray:
 
 
 def baseline_weights(game: Game) -> tuple[float, ...]:
-    """Return the quadratic weights (M,) whose policy has the gain of `baseline_gain`."""
+    """Return the weights (M,) of the quadratic basis for a policy with the gain `baseline_gain`."""
     weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
     return tuple(weights.tolist())

@@ -55,7 +55,10 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
 
 
 def test_a_held_alpha_in_the_way_is_named() -> None:
-    """If a trim fails because alpha is held, the message advises to free alpha."""
+    """If a trim fails because alpha is held, the message suggests freeing alpha.
+
+    With `--free alpha`, the trim is found.
+    """
     refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith(

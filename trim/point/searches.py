@@ -33,12 +33,14 @@ _INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the initial point, unknowns) at the end of each search, in this order:
+    """Yield (number, unknowns (k,)) at the end of each search, in this order:
 
-    - Newton's method from the least-squares solution within the limits
-    - continuation from the trim that the model declares, if it succeeds
-    - the least-squares solution itself
-    - Newton's method from other initial points, with the numbers 1, 2, ...
+    - 0: Newton's method from the least-squares solution within the limits
+    - 0: continuation from the trim that the model declares, if `_continued` finds a solution
+    - 0: the least-squares solution itself
+    - 1, 2, ...: bounded Newton's method from other initial points
+
+    The unknowns need not be a trim.
     """
     problem.at(guess)  # where the equations have no value there, that is the answer
     nearest = _bounded_least_squares(problem, guess)

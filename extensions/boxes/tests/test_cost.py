@@ -362,9 +362,10 @@ def test_a_bound_with_slope_at_trim_is_refused() -> None:
 
 
 def test_the_loss_covers_guesses_that_vary_over_box() -> None:
-    """The loss covers a guess that varies from -0.3 to -0.1 over a box.
+    """`_loss` bounds the suboptimality of an input guess that varies from -0.3 to -0.1 over a box.
 
-    The best input is the limit -0.3.
+    At the center of the box, the cost of the input -0.1 is compared with the cost of the optimal
+    input, which is the limit -0.3.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
     k = 0.75
@@ -578,7 +579,7 @@ def test_the_edge_by_which_g_varies_most_is_halved() -> None:
 
 
 def _still(inequality: CostInequality, boxes: Boxes) -> Any:
-    """Return Taylor models of the symbols on boxes, with the inputs at their best values."""
+    """Return Taylor models of the symbols on boxes, with inputs that approximately minimize g."""
     v, slopes = inequality.best_inputs(boxes.centres)
     return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
 

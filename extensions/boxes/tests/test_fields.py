@@ -131,7 +131,7 @@ def piece(degree: int) -> Piece:
 
 
 def region(cart: Model, degree: int) -> BoxStatement:
-    """Return the statement of a region that is not proved.
+    """Return the statement of a region, without a proof.
 
     degree: degree of V
     """

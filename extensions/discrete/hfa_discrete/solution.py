@@ -232,7 +232,17 @@ def _certified(form: StepForm) -> _Certified:
 
 
 def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
-    """Return the tests of X: Bellman's equation, Newton correction, signs and both closed loops."""
+    """Return the six checks of X:
+
+    - residual of Bellman's equation, relative to the largest term
+    - change of P in a Newton step, relative to the largest entry
+    - smallest eigenvalue of X, relative to the largest entry
+    - smallest eigenvalue of I - E'X E
+    - spectral radius of the game's loop, A - B K + E L
+    - spectral radius of the controlled loop, A - B K
+
+    A, B and E are those of `form`, which contain the discount.
+    """
     gains = form.policies(X)
     size = float(largest(X)) or 1.0
     loop = form.A - form.B @ gains.K
@@ -272,10 +282,10 @@ def _gain_check(radius: float) -> Check:
 
 
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
-    """Raise NoSolutionError if no input reaches some mode of sqrt(discount) A that does not decay.
+    """Raise NoSolutionError if a mode of sqrt(discount) A does not decay and is uncontrollable.
 
-    The test uses the user's A and B, because rounding of A - B R⁻¹ N' couples every mode to the
-    inputs. If N is not 0, a mode whose coupling is below `FAINT_REACH` is refused too, because P
+    A and B are those of the user, because rounding of A - B R⁻¹ N' couples every mode to the
+    inputs. If N is not 0, a mode whose coupling is at most `FAINT_REACH` is also refused, because P
     would have no correct digits.
     """
     root = math.sqrt(problem.discount)

@@ -1,4 +1,4 @@
-"""The published formats of the output of `--json` and `-o FILE.json`: a JSON Schema."""
+"""JSON Schema of the output of `--json` and of files written by `-o FILE.json`."""
 
 from __future__ import annotations
 

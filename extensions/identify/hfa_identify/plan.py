@@ -38,16 +38,16 @@ _MOST = 10
 
 @dataclass(frozen=True)
 class Manoeuvre(Result):
-    """A maneuver from the trim of the identified aircraft, and the bands expected afterwards.
+    """A maneuver from the trim of the identified aircraft, with confidence bands of one parameter.
 
     kind: "doublet", "3-2-1-1" or "multisine".
     input: the input that moves.
     amplitude: amplitude of the input.
     unit: unit of the amplitude.
-    seconds: duration of the unit step of a doublet or 3-2-1-1, or of the complete multisine, s.
-    widest: parameter whose band is widest after the maneuver, relative to the parameter's value.
-    before: present half-width of this band, percent of the parameter.
-    after: half-width of this band with the maneuver in addition, percent of the parameter.
+    seconds: shortest pulse width of a doublet or 3-2-1-1, or duration of a multisine, s.
+    widest: parameter with the widest relative confidence band after the maneuver.
+    before: half-width of the confidence band before the maneuver, percent of the estimate.
+    after: half-width of the confidence band after the maneuver, percent of the estimate.
     """
 
     kind: str

@@ -206,10 +206,14 @@ def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarra
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return samples assigned to the nearest time, NaN for a time without a sample, (N,).
+    """Return the value of each sample at the time nearest to the sample, NaN at other times, (N,).
 
-    time: (N,)
-    stamps, values: times and values of the samples
+    Samples outside the times by more than half the median interval are omitted. If several samples
+    have the same nearest time, the last of these samples is used.
+
+    time: (N,), increasing, s
+    stamps: (k,), times of the samples, s
+    values: (k,), values of the samples
     """
     edges = 0.5 * (time[:-1] + time[1:])
     half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0

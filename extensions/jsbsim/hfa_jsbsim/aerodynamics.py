@@ -177,10 +177,19 @@ def _acts_at_center(function: Element) -> bool:
 def _frames(element: Element | None) -> tuple[str, str]:
     """Return the frame of the forces and the frame of the moments.
 
-    Forces are in WIND, BODY, AXIAL or STABILITY axes, moments in BODY, STABILITY or WIND axes. The
-    first axis that defines a frame determines the frame.
+    The first force axis that defines a frame determines the frame of the forces:
 
-    Raises BadInputError for an unknown frame.
+    - DRAG, LIFT: WIND
+    - AXIAL, NORMAL: AXIAL
+    - X, Y, Z: attribute `frame`, by default BODY
+    - SIDE: no frame
+
+    Without such an axis, the frame of the forces is WIND.
+
+    The attribute `frame` of the first moment axis determines the frame of the moments, by default
+    BODY.
+
+    Raises BadInputError if the `frame` of X, Y, Z or a moment axis is not BODY, STABILITY or WIND.
     """
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():

@@ -535,8 +535,8 @@ class Equations:
     def _blow(self) -> None:
         """Replace the wind parameters by the sum of wind, gust and turbulence set in the files.
 
-        Raises BadInputError if this wind depends on the states, which are relative to a steady
-        wind.
+        Raises BadInputError if this sum depends on the states, because the equations assume a
+        steady wind.
         """
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             total = ca.SX(0.0)

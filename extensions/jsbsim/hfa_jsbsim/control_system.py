@@ -103,10 +103,14 @@ def _add_component(
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
-    """Remove the outputs of a channel whose property `execute` is 0, so that initial values remain.
+    """Remove the outputs of a channel whose attribute `execute` names a property equal to 0.
 
-    Raises BadInputError if `execute` is never set. If `execute` is not constant, reading one of the
-    outputs raises BadInputError.
+    A removed output that nothing else writes keeps its initial value, by default 0. If the property
+    is not constant, reading one of the outputs raises BadInputError.
+
+    writers: writers of the channel's outputs
+
+    Raises BadInputError if the property is never set.
     """
     name = channel.attributes["execute"]
     if not properties.is_known(name):
@@ -281,9 +285,14 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
-    """Return a value after the lag given by a child element, or the value if lags are not states.
+    """Return a value after a first-order lag.
 
-    name: name of the child, which contains the corner frequency, 1/s
+    - The component has no child `name`: the value
+    - Filters have no states: the value, with a note that the lag is omitted
+    - Otherwise: a new state y with y' = rate (value - y)
+
+    name: name of the child, whose text is the rate, 1/s, or a property
+    value: input of the lag
     """
     child = component.find(name)
     if child is None:

@@ -23,7 +23,11 @@ class _Past:
         self._properties = properties
 
     def of(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """Return the value that `compute` returned in the previous frame."""
+        """Return the symbol of the value of `compute` in the previous frame.
+
+        name: key of the value in the component
+        compute: function without arguments that returns the value in this frame
+        """
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:

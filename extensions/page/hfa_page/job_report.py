@@ -164,7 +164,10 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """Return the report that the slider shows at one angle: trim, modes, A and B."""
+    """Return the report for one dihedral angle, with trim, modes, A and B.
+
+    Without a linear model, the report contains only the reason.
+    """
     title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
     if model is None:

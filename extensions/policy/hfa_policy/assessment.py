@@ -152,7 +152,9 @@ class AssessedPoint(Result):
 
     @property
     def radii(self) -> tuple[float, ...]:
-        """Spectral radii with delays of 0, 1, 2, ... samples, or () without an equilibrium."""
+        """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples, or () without an
+        equilibrium.
+        """
         return () if self.delays is None else self.delays.radii
 
     @property

@@ -228,9 +228,10 @@ class Assessment(Result, Reported):
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
-        """Return a phrase on the changed aircraft on which the policy does not hold, or "".
+        """Return a phrase on changed aircraft that the policy does not stabilize, or "" if none
+        exist.
 
-        The phrase gives the number of these aircraft and describes the first.
+        The phrase contains the number of these aircraft and describes the first.
         """
         failing = [variation for variation in self.variations if not variation.holds]
         if not failing:

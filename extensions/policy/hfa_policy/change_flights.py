@@ -183,8 +183,10 @@ class ChangeFlights:
         dt: float | None = None,
         delay: float | None = None,
     ) -> list[Flown]:
-        """Return the results of flights with each change.
+        """Return one result for each change.
 
+        repairs: the changes
+        sample: number of initial conditions for each change, and duration
         dt, delay: sample time and delay, s, by default those of the deployment
         """
         card = self.deployed.deployment

@@ -296,11 +296,17 @@ def _ends_size(flight: SampledFlight) -> int:
 def _outcome(changing: int, n: int) -> ca.Function:
     """Return the function (before, after, cost, ends) -> (accepted entries, new ends, outcome).
 
-    `before` and `after` are the changing entries of a row before and after the sample. If `after`
-    contains an entry that is not finite, `before` is accepted and the episode is terminated.
+    - before, after: entries of a row that change, before and after the sample
+    - cost: cost of the sample, replaced by `_DEAREST` if not finite
+    - ends: lowest X, highest X and the number of remaining samples
+    - accepted entries: `after` if all its entries are finite, else `before`
+    - outcome: reward, whether the aircraft left the limits, whether no samples remain
 
-    changing: number of changing entries
-    n: number of states, which are the first changing entries
+    An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If the
+    aircraft leaves the limits, the cost of the sample is also counted for each remaining sample.
+
+    changing: number of entries that change
+    n: number of states, which are the first of these entries
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
     least = ca.SX.sym("least", n)

@@ -12,7 +12,7 @@ from trim.point.operating_point import OperatingPoint
 
 
 def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> Iterator[Mistake]:
-    """Yield the mistakes that the policy's files prove, or make likely."""
+    """Yield the mistakes of a deployment that are proved by its files, or likely from its files."""
     stored = deployed.deployment.actor.stored
     normalizer = deployed.deployment.normalizer
     if stored is not None and stored.timesteps > 0:

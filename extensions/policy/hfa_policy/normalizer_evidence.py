@@ -75,7 +75,7 @@ class _Training(Enum):
 
 
 def _says_no_normalizer(training: _Training) -> str:
-    """Return the message on a missing normalizer, with the correction.
+    """Return the message for a normalizer that the deployment file omits, with the remedy.
 
     training: LIKELY or NORMALIZED
     """

@@ -337,9 +337,18 @@ class FlownRows:
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
-        """Return a mask of the flights that have stood still elsewhere for `_STANDING` windows.
+        """Return a mask of the flights that have settled at another equilibrium.
 
-        distance, swings: results of `_in_balls`
+        Such a flight fulfills two conditions in each of the last `_STANDING` windows:
+
+        - The distance is finite and more than `_ELSEWHERE`.
+        - No swing exceeds `_STANDS` times the distance.
+
+        The number of such windows in sequence is updated for each flight.
+
+        flying: indices of the flights
+        distance: (N,), result of `_in_balls`
+        swings: (N, k), result of `_in_balls`
         """
         is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
         stands = is_away & (swings.max(axis=1) <= _STANDS * distance)

@@ -221,7 +221,10 @@ def _text(function: ca.Function, one_row: bool) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """Return the compiler option for this processor's registers, and the doubles per register."""
+    """Return a line of C that enables AVX2, and the number of doubles in a register.
+
+    The line is "" if AVX2 is not listed in /proc/cpuinfo.
+    """
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:  # not Linux

@@ -114,7 +114,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_rest_is_where_flight_of_200_s_ends(name):
-    """The equilibrium equals the end of a flight of 200 s that begins at the trim, to 1e-6."""
+    """The equilibrium equals the final state of a 200 s flight from the trim, to 1e-6."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
@@ -395,7 +395,7 @@ def test_a_lost_flight_names_state_limit_and_time():
 def test_the_first_lost_flight_is_the_first():
     """The flight that leaves the envelope first is reported, with its initial state and its time.
 
-    Both equal those of SciPy's integration, without and with a disturbance pulse of 33 samples.
+    Both agree with SciPy's integration, without and with a disturbance pulse of 33 samples.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])

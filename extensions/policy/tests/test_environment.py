@@ -144,9 +144,10 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
 
 
 def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
-    """The reward of a sample is its negative cost.
+    """The reward of a sample is the negative cost of the sample.
 
-    If an episode leaves the limits, the cost of the sample is counted for all remaining samples.
+    If a state leaves the limits, the cost is charged for this sample and for every remaining
+    sample.
     """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]

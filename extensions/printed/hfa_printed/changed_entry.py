@@ -31,13 +31,13 @@ _MOST = 1e10
 
 @dataclass(frozen=True, eq=False)
 class ChangedEntry(Result):
-    """Entry of the plant with another value for which every printed digit is right.
+    """Change of one entry of the plant that makes every printed digit right.
 
     position: position of the entry
     typed: text of the entry in the file
-    lowest: lower end of the interval of such values
+    lowest: lower end of an interval of values that make every printed digit right
     highest: upper end of this interval
-    value: text of a value in the interval that differs from the typed text by one misprint
+    value: text of a value in this interval that differs from `typed` by one misprint
     slip: the misprint
     """
 

@@ -101,11 +101,13 @@ class Plant:
         return replace(self, **changes)
 
     def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
-        """Return a stack of plants, one for each value of an entry.
+        """Return a stack of plants that differ in the value of one entry.
 
-        A, B, E, N, Q and R of the result have a first axis for the values. In Q and R the mirrored
-        entry is changed too.
+        A, B, E, N, Q and R of the result have a first axis for the values. If gamma is the changed
+        entry, gamma is (count, 1, 1). In Q and R the mirrored entry is changed too.
 
+        name: "A", "B", "E", "N", "Q", "R" or "gamma"
+        row, column: position of the entry, ignored for gamma
         values: (count,)
         """
         fields: dict[str, Any] = {}

@@ -135,7 +135,15 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
-    """Return the first key at which two mappings differ, or `name` for other entries."""
+    """Return the name of the first differing entry for a message.
+
+    - Two mappings with a differing key: "limit of KEY" if `name` is "limits", else the key
+    - Otherwise: `name`
+
+    name: name of the entry
+    stated: value in the certificate
+    own: the user's value
+    """
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
             if not _same(stated.get(key), own.value.get(key)):

@@ -294,11 +294,12 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return the views of P and of K, with weights by balanced units.
+    """Return two pairs of the critic's and the exact matrix: for P and for K.
 
-    The first is None without a P.
+    The pair for P is None if the critic has no P.
 
-    P, K: the exact matrices
+    P: (n, n), exact
+    K: (m, n), exact
     """
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
@@ -348,9 +349,9 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """Return a sentence on P as another root of the Riccati equation, or "".
+    """Return a sentence that P is another root of the Riccati equation, or "".
 
-    Such a root does not stabilize the loop.
+    The result is "" if the relative residual exceeds `_ROOT`, or A - S P is Hurwitz.
     """
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa

@@ -288,10 +288,11 @@ NETWORK = ("--set", "activation=tanh", "--set", f"scale={SCALE}")
 def layers(
     name: str, out: Any = 1.0, states: Any = slice(None), outputs: Any = slice(None)
 ) -> dict[str, Any]:
-    """Return the state dict of a trained network, changed.
+    """Return the state dict of a trained network with scaled outputs and reordered states and
+    outputs.
 
     name: name of the network
-    out: factor on the outputs
+    out: factor on the outputs, or one factor for each output
     states: order of the states
     outputs: order of the outputs
     """

@@ -28,11 +28,10 @@ def prove_region(
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
     point: trim x0, u0 of this aircraft
-    K: (m, n), gain from the states of the linear model to the inputs, or an object with this gain
-        as
-        its attribute K
+    K: (m, n), gain from states to inputs of the linear model, or an object with the attribute K
     seconds: processor time of the search
     degree: highest degree of V
+    progress: called with the current step; a KeyboardInterrupt from the callback ends the search
 
     Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot be
     enclosed, K has another shape, or the point belongs to another model.

@@ -292,10 +292,10 @@ def test_a_multiplier_that_is_not_positive_is_refused() -> None:
 
 
 def test_what_identity_lacks_is_shared_by_its_places() -> None:
-    """The residual of the identity is divided among the entries of its monomials.
+    """The residual of the identity is divided among the Gram entries of the same monomial.
 
-    With the monomials 1, y, y², 1 + 1.5 y + y² + y⁴ is proved positive, and 1 + 2.2 y + y² + y⁴ is
-    not.
+    With the basis (1, y, y²) and the identity as the Gram matrix, 1 + 1.5 y + y² + y⁴ is proved
+    positive, and 1 + 2.2 y + y² + y⁴ is not.
     """
     evidence = Evidence(_gram(0, 2, np.eye(3).tolist()), {})
     check_positive("a test", _polynomial(1.0, 1.5, 1.0, 0.0, 1.0), {}, evidence, 1)

@@ -20,8 +20,9 @@ ROOT = Path(__file__).parents[3]
 
 
 def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
-    """Prove a region by the command, and return its verified statement and its JSON data.
+    """Prove a region with `hfa prove region`, and return the checked statement and the JSON output.
 
+    path: path of the certificate
     aircraft: argument of --aircraft
     words: further arguments
     """

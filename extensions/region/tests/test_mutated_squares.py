@@ -81,9 +81,9 @@ def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", FUNCTIONS)
 def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
-    """Every changed certificate that is accepted is true.
+    """The claim of every accepted mutated certificate is true.
 
-    Some of the changed certificates are accepted, but not all.
+    At least one mutated certificate is accepted, and at least one is refused.
     """
     rng = np.random.default_rng(0)
     original = content(kind)

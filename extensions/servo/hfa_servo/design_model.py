@@ -58,7 +58,7 @@ class DesignModel(Reported):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the commands, in order."""
+        """Names of u, the commands of the actuators, in order."""
         return self.design.inputs
 
     @property

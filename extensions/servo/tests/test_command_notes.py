@@ -61,7 +61,10 @@ u = 1.0
 )
 @pytest.mark.usefixtures("folder")
 def test_gain_of_matrix_at_kink_comes_with_note(words: str, where: str) -> None:
-    """A gain computed at a kink of the equations comes with one note that names the place."""
+    """A gain computed at a kink prints one note with the matrix entry, its value and both slopes.
+
+    `hfa design` adds the number of scheduling values with a kink, and the first of these values.
+    """
     Path("kinked.py").write_text(KINKED)
     Path("design.toml").write_text(DESIGN)
     result = hfa(*words.split(), "--aircraft", "kinked.py:PLANT")

@@ -161,7 +161,11 @@ def test_what_cannot_be_done_is_said() -> None:
 
 
 def test_a_bode_plot_holds_six_outputs_at_most() -> None:
-    """A Bode plot shows six outputs at most, and its frequencies include every mode."""
+    """A Bode plot of seven outputs shows the first six and lists the omitted output.
+
+    The frequency range covers all modes. The phase changes by less than 45 deg between two
+    frequencies near the phugoid.
+    """
     point = level_model(choice.aircraft(), 0.2).point
     states = linearize(choice.aircraft(), point)
     model = linearize(choice.aircraft(), point, outputs=(*states.states, "gamma"))

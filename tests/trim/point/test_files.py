@@ -100,7 +100,7 @@ def test_the_peers_conditions_have_its_angles(
     ],
 )
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
-    """A fault in a condition file is refused, and the message names the fault."""
+    """A faulty condition file is refused, and the message names the fault."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(load_condition, path)

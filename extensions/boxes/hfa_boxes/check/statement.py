@@ -112,11 +112,11 @@ class BoxStatement:
 
         content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
-        policy: the user's policy, state deviations -> input deviations, or None if the certificate
-            stores the coefficients
+        policy: the user's policy, state deviations -> input deviations, or None
 
-        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
-        another model or policy.
+        Raises Malformed for the first wrong entry. Raises BadInputError in these cases:
+        - The statement concerns another model.
+        - The statement concerns a policy in a file, and `policy` is None or another policy.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)

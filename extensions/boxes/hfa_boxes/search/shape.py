@@ -608,11 +608,13 @@ class Growth:
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, K) and right sides (N,) of inequalities for the decrease of V.
+        """Return rows (N, K) and right-hand sides (N,) of linear inequalities for the coefficients
+        of V.
 
-        - Within the limits: (-V' + k V) / decay >= least decay + k, where k >= 0 grows with the
-          present V.
-        - Beyond a limit: V >= 1.02.
+        - Within the limits: k V - V' / decay >= least decay + k
+        - Beyond a limit: V >= 1.02
+
+        k is between 0 and `_LEEWAY`, and increases with the value of V of `last`.
 
         y: (N, n), points in the coordinates of `last`
         """

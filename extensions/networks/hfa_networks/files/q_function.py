@@ -49,7 +49,9 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 
 
 def _degree(Q: ca.Function, states: int) -> float:
-    """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial in u.
+    """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial.
+
+    inf does not imply that Q is not a polynomial in u.
 
     Q: graph of scalars
     states: number of entries before u in the argument

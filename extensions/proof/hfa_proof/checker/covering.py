@@ -20,10 +20,14 @@ def covering(
 
     what: name of the pieces in a message, such as "the cells"
     stated: box of the claim, with low = high for a claim at one value
-    pieces: evidence in any order, whose boxes may overlap and extend beyond the stated box
+    pieces: evidence in any order
+    box_of: piece -> box, which may overlap other boxes and extend beyond the stated box
 
-    Raises Rejected if a point is not covered, an end is not finite, ends are in reverse order, or a
-    box has another number of coordinates.
+    Raises Rejected in these cases:
+    - The boxes do not cover the stated box.
+    - An endpoint of the stated box or of a piece's box is not finite, or low > high.
+    - The stated box has no coordinates.
+    - A piece's box and the stated box have different numbers of coordinates.
     """
     _check_ends(f"where {what} are needed", stated, len(stated))
     boxes = [box_of(piece) for piece in pieces]

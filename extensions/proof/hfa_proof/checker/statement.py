@@ -38,10 +38,12 @@ class Run(NamedTuple):
 
 
 class StatedTrim(NamedTuple):
-    """The trim at a scheduling value, within `SAME_TRIM`, which selects a branch of trims.
+    """Approximate values of a trim at a scheduling value.
+
+    The proved trim is the only trim within `SAME_TRIM` nominal values of each unknown.
 
     breakpoint: scheduling value
-    unknowns: name -> value
+    unknowns: name -> approximate value
     """
 
     breakpoint: float

@@ -247,11 +247,12 @@ class SolutionBox:
 
 @dataclass(frozen=True, eq=False)
 class PointTrim:
-    """The trim at one scheduling value, for the doubles and for all decimals that round to them.
+    """Enclosure of the trim at one scheduling value.
 
-    center: unknown -> ball
-    radii: unknown -> radius about the center that contains the trim of the doubles
-    wide_radii: unknown -> radius about the center that contains all trims, at least `radii`
+    center: unknown -> (c0, 0, 0) with the center c0
+    radii: unknown -> radius about c0, for the trim of the stored doubles
+    wide_radii: unknown -> radius about c0, for the trims of all decimals that round to these
+        doubles
     """
 
     center: dict[str, list[arb]]

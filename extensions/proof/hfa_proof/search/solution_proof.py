@@ -1,4 +1,4 @@
-"""Proof of the exact solution of a game, and of the distances of a critic's W, P and K."""
+"""Enclosures of the solution of a game and of delta_min, and bounds on a critic's distances."""
 
 from __future__ import annotations
 

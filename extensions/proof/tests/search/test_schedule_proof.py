@@ -58,9 +58,10 @@ def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
-    """The loop, the modes of A and a rate of the dihedral are proved.
+    """Stability, the number of unstable modes and a bound on the dihedral rate are proved.
 
-    The same Lyapunov function does not prove twice the rate.
+    The Lyapunov function decreases at the proved rate. At twice the rate, the same function does
+    not decrease at some angle.
     """
     loop = exact_loop(14.0, 14.5, dynamics=dynamics)
     proof = prove_schedule(family(dynamics), loop, 14.0, 14.5, moving=True)

@@ -226,12 +226,15 @@ class RegionLoop:
         )
 
     def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
-        """Return two polynomials in y that are positive where an input is not saturated.
+        """Return polynomials in y for the lower and the upper limit of an input, None without the
+        limit.
 
         - lower limit: 1 + command / room
         - upper limit: 1 - command / room
 
-        A polynomial is None if there is no such limit.
+        A polynomial is positive where the command does not reach the limit. The command is the
+        deviation of the input from the equilibrium, without saturation. The room is the distance of
+        the limit from the equilibrium.
         """
         index = list(self.statement.loop.inputs).index(name)
         low, high = self.equilibrium.room(name)

@@ -236,7 +236,12 @@ def _falls(
 
 
 def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
-    """Return the proof of the largest level of a candidate that passes the check, or None."""
+    """Return the proof of the highest level that was found to pass the check, or None if none was
+    found.
+
+    The levels are fractions of the candidate's level. The fractions `_SHARES` are tried in order
+    until one passes. `_STEPS` bisections toward the next larger fraction follow.
+    """
     n = len(candidate.T)
     degree = candidate.V.degree
     setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)

@@ -360,7 +360,13 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return evidence that a part has no point in the unit ball, or None if none is found."""
+    """Return evidence that no point of the unit ball fulfills a part's linear constraints, or None.
+
+    None does not imply that such a point exists.
+
+    ball: the loop on the unit ball
+    part: input -> FREE, LOWEST, HIGHEST or ANY
+    """
     constraints = [(BALL, _within(ball.n), (0, 0))]
     for name, polynomial in _linear_limits(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))

@@ -454,14 +454,16 @@ def gone_starts(
 def _first_lost(
     rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays that have an initial condition without convergence, and factors around it.
+    """Return the rays on which a factor fails to converge, the factors before, and the first such
+    factors.
 
-    The factors are the last factor with convergence and the first factor without.
+    The factor before is the one from the next lower shell, or from `low` for the first shell. A
+    factor times a ray is an initial condition.
 
     rays: (N, n)
-    low: (N,), factors with convergence
+    low: (N,), factors that converge
     shells: (k, N), increasing factors
-    gone: (k, N), mask of the factors without convergence
+    gone: (k, N), mask of the factors that fail to converge
     """
     hit = gone.any(axis=0)
     first = gone.argmax(axis=0)[hit]
