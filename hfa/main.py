@@ -143,8 +143,7 @@ def _run(words: list[str], find: Find) -> int:
             raise BadInputError(f"{error}; type {typed}") from error
         except SystemExit as error:
             raise BadInputError(
-                f"the equations of {request.model.name} end the program (sys.exit); raise a "
-                "ValueError instead"
+                f"the equations of {request.model.name} call sys.exit; raise a ValueError instead"
             ) from error
         except ModuleNotFoundError as error:
             if not command.install:
@@ -204,9 +203,7 @@ def _refuse_to_overwrite(request: Request) -> None:
     for path in paths:
         refuse_read(path)
     if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise BadInputError(
-            f"{paths[0]} is given for two outputs; give each output a different name"
-        )
+        raise BadInputError(f"{paths[0]} is given for two outputs; give each output its own name")
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:

@@ -75,7 +75,7 @@ class LinearizeRequest(OneTrimRequest):
     )
     bode: bool = option("add transmission zeros and transfer functions")
     draws: int | None = draws_option()
-    picture: Path | None = picture_option("Bode plots from the inputs to the outputs")
+    picture: Path | None = picture_option("Bode plots from each input to each output")
 
 
 @command(LinearizeRequest)
@@ -89,7 +89,7 @@ def linearize(request: LinearizeRequest) -> int:
     states = request.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(
-            f"{min(both)} is in --states and in --residualize; give it in one of them"
+            f"{min(both)} is in both --states and --residualize; leave out one of them"
         )
     full = _with_winds(aircraft, point, request.outputs or states, (*states, *follow))
     model = full.select(states, request.inputs, residualize=follow)

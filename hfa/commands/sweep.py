@@ -223,7 +223,7 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
         table_rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
-            f"{path} cannot be read ({error}); give a CSV file of conditions"
+            f"{path} cannot be read ({error}); give a readable CSV file of conditions"
         ) from error
     names = [name.strip() for name in table_rows[0]] if table_rows else []
     rows = table_rows[1:]

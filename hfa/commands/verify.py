@@ -61,7 +61,7 @@ def _critics(text: str) -> list[Path]:
     note_read(folder)
     if not paths:
         raise BadInputError(
-            f"{text}: the folder contains no critic ({' '.join(suffixes)}); name another folder"
+            f"{text}: the folder contains no critic ({' '.join(suffixes)}); choose another folder"
         )
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
@@ -102,7 +102,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         f"largest accepted relative error; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
-        "exit code 0 if the cost is at most this percentage above the optimum", "PERCENT", positive
+        "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
     )
     region: float | None = option(
         "add the region of attraction of the saturated loop, searched for S seconds",
@@ -131,7 +131,9 @@ def verify(request: VerifyRequest) -> int:
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     if request.draws is not None and len(paths) > 1:
-        raise BadInputError("--draws needs one critic; leave --draws out, or give one file")
+        raise BadInputError(
+            "--draws needs a single critic; leave out --draws, or give a single file with --weights"
+        )
     named = request.game(may_be_discrete=bool(paths))
     if named.discrete is not None:
         code: int = part(PARTS, "verify.steps", IN_STEPS)(request, named, paths)
@@ -244,11 +246,13 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
                     f"--set {name} applies only to a network; name its file with --weights"
                 )
     if (request.discount is None) != (request.dt is None):
-        raise BadInputError("give --discount and --dt together; neither has a default")
+        raise BadInputError("--discount and --dt need each other; give both")
     if request.discount is not None:
         request.refuse(("picture",), "cannot be used with --discount; leave it out")
         if len(paths) != 1:
-            raise BadInputError("--discount needs one critic; give one file by --weights")
+            raise BadInputError(
+                "--discount needs a single critic; give a single file with --weights"
+            )
         if "predefined_time" in request.set:
             raise BadInputError(
                 "--set predefined_time cannot be used with --discount; leave it out"

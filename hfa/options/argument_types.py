@@ -112,7 +112,7 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
         for name in names:
             refuse_unknown("names", name, known)
             if names.count(name) > 1:
-                raise BadInputError(f"names {name} twice; name it once")
+                raise BadInputError(f"names {name} twice; remove one of the two")
         return names
 
     return convert
@@ -131,7 +131,7 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
                 f"{text}: the suffix {path.suffix!r} is unknown; use {', '.join(suffixes)}"
             )
         if not path.is_file():
-            raise BadInputError(f"{text}: no such file; name an existing file")
+            raise BadInputError(f"{text}: no such file; give an existing file")
         note_read(path)
         return path
 
@@ -169,7 +169,7 @@ def output_file(
         store = path.is_dir() and path.suffix.lower() in stores
         if path.exists() and not path.is_file() and not store:
             kind = "a folder" if path.is_dir() else "not a regular file"
-            raise BadInputError(f"{where}: it is {kind}; name another file")
+            raise BadInputError(f"{where} is {kind}; choose another name")
         return path
 
     return convert

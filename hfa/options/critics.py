@@ -49,7 +49,7 @@ class ReadingOptions(Request):
         rare=True,
     )
     network: str = option(
-        "roles of network parts, for example V=critic,policy=actor; default: by number of outputs",
+        "roles of network parts, such as V=critic,policy=actor; default: by number of outputs",
         "[V=]NAME",
         default="",
         rare=True,

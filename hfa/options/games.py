@@ -256,7 +256,9 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
     def refuse_of_the_aircraft(self) -> None:
         """Raise BadInputError if an option of the aircraft or its trim is combined with --model."""
         if self.at is not None:
-            raise BadInputError("--dihedral and --model both name the plant; give only one option")
+            raise BadInputError(
+                "--dihedral and --model both define the plant; leave out one of these options"
+            )
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
         self.refuse(of_the_aircraft, "applies only to the aircraft; leave it out with --model")
 

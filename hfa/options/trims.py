@@ -385,12 +385,12 @@ class TrimOptions(HfaOptions):
         option_name = f"--{called_at(self.model)}"
         if variable in self.hold:
             raise BadInputError(
-                f"{variable} is given by both {option_name} and --hold; give it in one option"
+                f"{variable} is given by both {option_name} and --hold; leave out one option"
             )
         # A single value of a free variable is the initial guess of the search.
         if variable in self.free and not isinstance(self.at, float):
             raise BadInputError(
-                f"{variable} is given by both {option_name} and --free; give it in one option"
+                f"{variable} is given by both {option_name} and --free; leave out one option"
             )
 
     def is_constant(self, name: str) -> bool:

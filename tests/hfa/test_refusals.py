@@ -90,7 +90,7 @@ REFUSED = {
             "alpha",
         ),
         ("--dihedral 15 -o result.xyz", "'.xyz'"),
-        ("--dihedral 15 -o folder.json", "it is a folder"),
+        ("--dihedral 15 -o folder.json", "folder.json is a folder"),
     ],
     "sweep": [
         ("", "no variable is swept"),
@@ -143,7 +143,7 @@ REFUSED_BY_EXTENSIONS = (
         "--design servo --dihedral 11 --units si",
         "in the units of the declaration; leave it out",
     ),
-    ("hfa_servo", "design", "given.npz", "given.npz: this is not a controller file"),
+    ("hfa_servo", "design", "given.npz", "given.npz: the file is not a controller file"),
     (
         "hfa_servo",
         "design",

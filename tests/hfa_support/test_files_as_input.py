@@ -46,7 +46,7 @@ def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
     """A command refuses a FIFO as output file and leaves it in place."""
     fifo = folder / words.split()[-1]
     os.mkfifo(fifo)
-    assert_refused(hfa(*words.split()), 2, "it is not a regular file; name another")
+    assert_refused(hfa(*words.split()), 2, "is not a regular file; choose another")
     assert list(folder.iterdir()) == [fifo]
     assert fifo.is_fifo()
 

@@ -63,7 +63,7 @@ def read_model(text: str) -> Model:
         documents = [read_document(path) for path in paths]
     except OSError as error:
         raise BadInputError(
-            f"{error.filename} cannot be read ({error.strerror}); give files joined by +"
+            f"{error.filename} cannot be read ({error.strerror}); give readable files joined by +"
         ) from error
     digest = hashlib.sha256(b"".join(contents)).hexdigest()
     return _Files(documents).model((text, digest))
@@ -99,7 +99,8 @@ class _Files:
         if variable.name in self._outputs:
             other = self._outputs[variable.name][0].path
             raise document.error(
-                f"variable {variable.key}", f"is also an output of {other}; remove one of the two"
+                f"variable {variable.key}",
+                f"the variable is also an output of {other}; remove one of the two outputs",
             )
         self._outputs[variable.name] = (document, variable)
 

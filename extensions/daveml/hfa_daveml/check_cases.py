@@ -147,12 +147,15 @@ def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
     place = f"check case {case.name}"
     variable = document.by_name(signal.name)
     if variable is None:
-        raise document.error(place, f"{signal.name} is not defined; correct the name")
+        raise document.error(
+            place,
+            f"signal {signal.name} is not a variable of the file; correct the name of the signal",
+        )
     units = [spelled(each.units) for each in (signal, variable) if each.units]
     if len(set(units)) > 1:
         raise document.error(
             place,
-            f"{signal.name} is in {signal.units} here but in {variable.units} in its definition;"
-            " use the same unit",
+            f"{signal.name} is in {signal.units} in the check case but in {variable.units} in its"
+            " definition; use the same unit",
         )
     return variable

@@ -206,7 +206,10 @@ class _Reader:
                     raise document.error(place, f"variable {key} is not defined; define it")
             if document.variables[function.result].formula is not None:
                 place = f"variable {function.result}"
-                raise document.error(place, "has both a table and a formula; remove one")
+                raise document.error(
+                    place,
+                    "the variable has both a table and a formula; remove the table or the formula",
+                )
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
@@ -218,7 +221,7 @@ class _Reader:
         by_key: dict[str, _T] = {}
         for key, value in values:
             if key in by_key:
-                raise self._error(f"{kind} {key}", "is defined twice; remove one definition")
+                raise self._error(f"{kind} {key}", "there are two definitions; remove one of them")
             by_key[key] = value
         return by_key
 
@@ -227,7 +230,7 @@ class _Reader:
         place = f"variable {key}"
         for tag in _UNREAD:
             if element.find(tag) is not None:
-                raise self._error(place, f"<{tag}> is not supported; leave it out")
+                raise self._error(place, f"<{tag}> is not supported; remove the element")
         calculation = element.find("calculation")
         formula = None
         if calculation is not None:
@@ -253,7 +256,8 @@ class _Reader:
         if result is None:
             raise self._error(
                 f"function {element.get('name', '')}",
-                "has no <dependentVarRef>; add it to name the variable that it defines",
+                "<dependentVarRef> is missing; add it with the varID of the variable that the "
+                "function defines",
             )
         key = self._attribute(result, "varID")
         axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
@@ -266,7 +270,8 @@ class _Reader:
         if len(axes) != len(table.ends):
             raise self._error(
                 f"function for {key}",
-                f"has {len(axes)} arguments, but its table has {len(table.ends)} axes; correct one",
+                f"the function has {len(axes)} arguments, but its table has {len(table.ends)} "
+                "axes; correct the function or the table",
             )
         return Function(key, axes, table)
 
@@ -319,8 +324,8 @@ class _Reader:
         if {row.size for row in rows} not in ({2}, {3}):
             raise self._error(
                 place,
-                "the <dataPoint>s must have the same number of arguments, one or two, and a value;"
-                " correct the ungridded table",
+                "each <dataPoint> must contain one or two arguments, the same number for all,"
+                " and a value; correct the ungridded table",
             )
         table = np.array(rows)
         try:
@@ -343,7 +348,7 @@ class _Reader:
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
                     f"breakpoints {key}",
-                    "the values do not increase; give at least two increasing numbers",
+                    "the breakpoints are not two or more increasing numbers; correct them",
                 )
         values = self._numbers(element, "dataTable")
         shape = tuple(points.size for points in breakpoints)
@@ -351,7 +356,7 @@ class _Reader:
             raise self._error(
                 place,
                 f"the table has {values.size} values, but its breakpoints require"
-                f" {math.prod(shape)}; correct one",
+                f" {math.prod(shape)}; correct the table or the breakpoints",
             )
         return GriddedTable(breakpoints, values.reshape(shape))
 
@@ -366,14 +371,15 @@ class _Reader:
     def _signals(self, group: ElementTree.Element | None, case: str) -> Iterator[Signal]:
         if group is None:
             raise self._error(
-                f"check case {case}", "<checkInputs> or <checkOutputs> is missing; add it"
+                f"check case {case}",
+                "<checkInputs> or <checkOutputs> is missing; add the missing element",
             )
         for signal in group.iter("signal"):
             texts = {child.tag: (child.text or "").strip() for child in signal}
             name = texts.get("signalName") or texts.get("varID") or texts.get("signalID", "")
             place = f"check case {case}, {name}"
             if "signalValue" not in texts:
-                raise self._error(place, "has no <signalValue>; give one")
+                raise self._error(place, "<signalValue> is missing; add it")
             value = self._number(texts["signalValue"], place)
             tolerance = self._number_or(texts.get("tol"), place, 0.0)
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)

@@ -54,7 +54,8 @@ class Expressions:
         if key in self._asked:
             circle = ", ".join(self._asked[self._asked.index(key) :])
             raise self._document.error(
-                f"variable {key}", f"depends on itself ({circle}); break the loop"
+                f"variable {key}",
+                f"the variable depends on itself ({circle}); remove the circular definition",
             )
         self._asked.append(key)
         try:
@@ -78,7 +79,8 @@ class Expressions:
         if variable.initial is None:
             raise self._document.error(
                 f"variable {variable.key}",
-                "has no table, formula or initial value; add initialValue",
+                "the variable has no table, formula or initial value; add the attribute "
+                "initialValue",
             )
         return variable.initial
 

@@ -131,7 +131,8 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError(
-            "<piecewise> has no <otherwise>; add one with the value if no piece applies"
+            "<piecewise> must contain one <otherwise> with one value; add the value for all "
+            "other cases"
         )
     value = expression(otherwise[0], value_of)
     for piece in reversed(element.findall("piece")):

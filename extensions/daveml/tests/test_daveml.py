@@ -194,7 +194,7 @@ def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
     [
         (np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "all points lie on a line"),
         (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), "two points are equal"),
-        (np.eye(3), "same number of arguments, one or two"),
+        (np.eye(3), "one or two arguments, the same number for all"),
     ],
 )
 def test_a_bad_ungridded_table_is_named(points: np.ndarray, message: str, tmp_path: Path) -> None:
@@ -227,7 +227,11 @@ def test_a_formula_has_its_value(text: str, expected: float, tmp_path: Path) -> 
     [
         ("<calculation><math><apply><floof/><ci>x</ci></apply></math></calculation>", "", "floof"),
         ("<calculation><math><ci>z</ci></math></calculation>", "", "z is not defined"),
-        ("<calculation><math><ci>y</ci></math></calculation>", "", "depends on itself"),
+        (
+            "<calculation><math><ci>y</ci></math></calculation>",
+            "",
+            "the variable depends on itself",
+        ),
         ("", "", "no table, formula or initial value"),
         ("<uncertainty/>", "", "uncertainty"),
     ],
@@ -250,20 +254,20 @@ def checked_and_loaded(path: str) -> None:
     ("old", "new", "message"),
     [
         ('extrapolate="neither"', 'extrapolate="both"', "extrapolate"),
-        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10, 0", "do not increase"),
+        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10, 0", "two or more increasing numbers"),
         ("<bpVals>-10, 0, 10", "<bpVals>-10, 10", "its breakpoints require 2"),
         ('units="kgm2"', 'units="stone"', "stone"),
         ("<griddedTableDef", "<ungriddedTableDef", "is not XML"),
         ('varID="m" units="kg"', 'varID="m" units="ft_s"', "totalMass is in 'ft_s'"),
         ('initialValue="0.55"', 'initialValue="0"', "referenceWingArea is 0; give a positive"),
-        ('varID="b"', 'varID="S"', "variable S: is defined twice"),
+        ('varID="b"', 'varID="S"', "variable S: there are two definitions"),
         ("<DAVEfunc", "<!DOCTYPE a [<!ENTITY b 'c'>]><DAVEfunc", "entities"),
         (
             "</function>",
             '</function><function name="b"><independentVarRef varID="alpha"/>'
             '<dependentVarRef varID="CL"/><functionDefn><griddedTableRef gtID="wing"/>'
             "</functionDefn></function>",
-            "variable CL: has both a table and a formula",
+            "variable CL: the variable has both a table and a formula",
         ),
         ("<signalValue>35.0", "<signalUnits>ft_s</signalUnits><signalValue>35.0", "in ft_s"),
     ],

@@ -73,7 +73,9 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
         return _model(read_table(str(table)))
     if not isinstance(table, Mapping):
         kind = type(table).__name__
-        raise BadInputError(f"the table of derivatives is a {kind}; give a file or a dictionary")
+        raise BadInputError(
+            f"the table of derivatives is of type {kind}; give a file or a dictionary"
+        )
     return _model(table_of(table))
 
 

@@ -38,7 +38,9 @@ def changed_aircraft(path: str) -> Model | None:
         )
     values = _table(path, data, "parameters")
     if not all(map(is_finite, values.values())):
-        raise BadInputError(f"{path}: parameters are {shown(values)}; give numbers by name")
+        raise BadInputError(
+            f"{path}: parameters are {shown(values)}; give a finite number for each name"
+        )
     with said_of(path):
         model = load_model(other).with_parameters(**values)
     _check_bands(path, data, model)
@@ -62,7 +64,8 @@ def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
         low, high = band
         if not low <= high:
             raise BadInputError(
-                f"{path}: the band of {name} is {shown(band)}; give the low end first"
+                f"{path}: the band of {name} is {shown(band)}; the lower limit must not exceed "
+                "the upper limit"
             )
         if not (is_finite(values[name]) and low <= values[name] <= high):
             raise BadInputError(
@@ -78,7 +81,7 @@ def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
     """
     table = data.get(name, {})
     if not isinstance(table, dict):
-        raise BadInputError(f"{path}: {name} is {shown(table)}; give a table of entries")
+        raise BadInputError(f"{path}: {name} is {shown(table)}; make it a table [{name}]")
     return table
 
 

@@ -83,7 +83,8 @@ def completed(linear: LinearModel) -> dict[str, Any]:
     for name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
         if matrix.shape != shape or not matrix.size:
             raise BadInputError(
-                f"{name} is {shape_text(matrix.shape)}; it must be {shape_text(shape)}"
+                f"{name} is {shape_text(matrix.shape)}; it must be {shape_text(shape)}, with at "
+                "least one state and one input"
             )
     names = PlantNames(tuple(linear.states), tuple(linear.inputs)).completed(n, m)
     C = np.eye(n) if linear.C is None else checked_matrix("C", linear.C, LARGEST)

@@ -132,7 +132,9 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise BadInputError(f"{path} is not a CSV file ({error}); save it as UTF-8") from error
+        raise BadInputError(
+            f"{path} is not a CSV file in UTF-8 ({error}); save the file as CSV in UTF-8"
+        ) from error
     entries: dict[str, Entry] = {}
     for number, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]
@@ -214,12 +216,14 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
         unit = "lbf" if system == "english" else "N"
     if not name.isidentifier() or name in UNITS or len(entry.value) != 2:
         raise entry.error(
-            f"{shown(name)} is {shown(entry.value)}; only the limits of an input are two values, so"
-            " give one"
+            f"{shown(name)} is {shown(entry.value)}; give a single value, or the lower and upper"
+            " limit of an input"
         )
     low, high = (_number(name, Entry(value, entry.where), unit) for value in entry.value)
     if low >= high:
-        raise entry.error(f"{name}: the lower limit is not below the upper limit; exchange them")
+        raise entry.error(
+            f"{name}: the lower limit must be less than the upper limit; correct the limits"
+        )
     return low, high
 
 
@@ -274,7 +278,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
-        return entry.error(f"{name} needs two values: its lower and upper limit")
+        return entry.error(f"{name} has a single value; give its lower and upper limit")
     alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
     if near := advice(name, alike or known):
         return entry.error(f"unknown entry {shown(name)}{near}")
@@ -316,5 +320,5 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         raise entries["weight"].error("both mass and weight are given; leave one out")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
         raise entries["Ixz"].error(
-            "Ixx, Izz and Ixz do not satisfy Ixx Izz > Ixz^2, as for a rigid body; correct them"
+            "Ixx Izz must exceed Ixz^2 for a rigid body; correct Ixx, Izz or Ixz"
         )

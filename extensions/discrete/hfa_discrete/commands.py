@@ -116,7 +116,8 @@ def verify_discounted(
     assert request.discount is not None
     if critic.time is not None:
         raise BadInputError(
-            f"{path}: the file contains a history, but --discount needs one critic; give one row"
+            f"{path}: the file contains a history, but --discount needs one critic; give a file "
+            "with a single critic"
         )
     scope = replace(scope, progress=ProgressLine("prove"))
     return check_discounted(

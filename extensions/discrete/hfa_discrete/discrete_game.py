@@ -38,7 +38,7 @@ class DiscreteGame(Reported):
         """Check discount and N, and replace None by zeros. `Game` has checked the step."""
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
-                f"discount is {self.discount}; the factor of a step must be above 0 and at most 1"
+                f"discount is {self.discount}; the factor per step must be above 0 and at most 1"
             )
         shape = self.step.B.shape
         N = np.zeros(shape) if self.N is None else checked_matrix("N", self.N, LARGEST)

@@ -186,7 +186,10 @@ class _QLearner:
             )
         scales = np.sqrt(np.mean(together**2, axis=0))
         if not scales.all():
-            raise BadInputError("a state, input or disturbance is 0 in every step; excite it")
+            raise BadInputError(
+                "a state, input or disturbance is 0 in every step; excite every state, input and "
+                "disturbance"
+            )
         features = _products(together / scales)
         refuse_poor(rank(unit_rows(features)), features.shape[1], "the recorded steps")
         costs = np.einsum("ji,ik,jk->j", together, cost, together)
@@ -227,8 +230,8 @@ class _QLearner:
             raise NoSolutionError("Q-learning diverges: no policy stabilizes the plant")
         if not self.has_saddle(H):
             raise NoSolutionError(
-                f"at delta = {self.problem.step.delta:g} the disturbance gains more than it costs"
-                "; choose a larger delta (`hfa solve` names the smallest)"
+                f"at delta = {self.problem.step.delta:g}, the disturbance gains more than it "
+                "costs; choose a larger delta (`hfa solve` reports the smallest)"
             )
         return H
 

@@ -41,7 +41,9 @@ class ActuatorFault:
             if (value := getattr(self, name)) is not None:
                 refuse_unless_positive(f"the {name} after a fault", value)
         if not (math.isfinite(self.begin) and self.begin >= 0.0):
-            raise BadInputError(f"a fault begins at {self.begin:g} s; give a time of at least 0")
+            raise BadInputError(
+                f"a fault begins at {self.begin:g} s; give a start time of at least 0 s"
+            )
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,8 @@ class ActuatorBank:
         for name, lag in zip(self.inputs, self.lag, strict=True):
             if step > LONGEST_STEP * lag * (1 + 1e-9):
                 raise BadInputError(
-                    f"the lag of {name} is {lag:g} s; with a step of {step:g} s it must be at least"
-                    f" {step / LONGEST_STEP:g} s: make the lag longer or the step shorter"
+                    f"the lag of {name} is {lag:g} s, but a step of {step:g} s requires at least"
+                    f" {step / LONGEST_STEP:g} s; increase the lag or shorten the step"
                 )
 
     def refuse_trim(self, trim: np.ndarray) -> None:
@@ -123,7 +125,7 @@ class ActuatorBank:
             if not lowest <= value <= highest:
                 raise BadInputError(
                     f"{name} is {value:.6g} at trim, outside the limits of its actuator,"
-                    f" {lowest:.6g} to {highest:.6g}; widen them"
+                    f" {lowest:.6g} to {highest:.6g}; widen the limits"
                 )
 
     @property

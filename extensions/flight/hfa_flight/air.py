@@ -44,7 +44,7 @@ def gust_speed(point: OperatingPoint) -> float:
     model = point.model
     if "speed" not in (*model.states, *model.outputs):
         raise BadInputError(
-            f"{model.name} has no state or output named speed, which a gust requires; declare one"
+            f"{model.name} has no state or output named speed, which a gust requires; declare speed"
         )
     if "speed" in point.values:
         return point.values["speed"]

@@ -37,7 +37,7 @@ def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
     u = np.atleast_2d(np.asarray(inputs, dtype=float))
     if x.shape[1:] != (n,) or u.shape != (len(x), m):
         raise BadInputError(
-            f"states and inputs are {x.shape} and {u.shape}; they must be (N, {n}) and (N, {m})"
+            f"states and inputs have shapes {x.shape} and {u.shape}; give (N, {n}) and (N, {m})"
         )
     function = model.functions(()).map(len(x))
     f, _, A, B, *_ = function(x.T, u.T, np.tile(model.p[:, None], (1, len(x))))

@@ -157,7 +157,8 @@ class NonlinearPlant(Plant):
         _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), _values(winds, model))
         if ca.depends_on(angle, u):
             raise BadInputError(
-                f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output"
+                f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input, so it is not a flow "
+                "angle; rename the output"
             )
         return angle - getattr(self.point.states, ALPHA)
 
@@ -397,8 +398,8 @@ class ClosedLoop:
         )
         if parts.plant.size != self.state_sizes.plant:
             raise BadInputError(
-                f"the initial state has {parts.plant.size} numbers;"
-                f" give {self.state_sizes.plant}, one for each state"
+                f"the initial state has {parts.plant.size} elements; give"
+                f" {self.state_sizes.plant}, one for each state"
             )
         return np.concatenate(parts)
 

@@ -102,7 +102,9 @@ def flight_envelope(
         refuse_unknown("the envelope has no state", name, tuple(model.states))
         pairs[name] = pair_of(f"the envelope of {key}", pair)
         if not pairs[name][0] < pairs[name][1]:
-            raise BadInputError(f"the envelope of {key} is {pair}; give (lowest, highest)")
+            raise BadInputError(
+                f"the envelope of {key} is {pair}; the lowest value must be less than the highest"
+            )
     envelope = Limits.of(model, tuple(model.states), pairs)
     for name, value, within in zip(
         envelope.names, point.states, envelope.within(point.states), strict=True
@@ -110,8 +112,8 @@ def flight_envelope(
         if not within:
             lowest, highest = (model.describe(name, limit) for limit in pairs[name])
             raise BadInputError(
-                f"the trim has {name} {model.describe(name, value)}, outside the envelope,"
-                f" {lowest} to {highest}; widen the envelope or choose another trim"
+                f"{name} is {model.describe(name, value)} at trim, outside the envelope, {lowest}"
+                f" to {highest}; widen the envelope or choose another trim"
             )
     return envelope
 
@@ -167,8 +169,8 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
         limit = short_number(start.limit, start.unit)
         unit = "" if start.unit == "1" else f" {shown_unit(start.unit)}"
         raise BadInputError(
-            f"the initial {start.state} is {value}{unit}, beyond the limit of {limit}; begin inside"
-            " the envelope, or widen it"
+            f"the initial {start.state} is {value}{unit}, beyond the limit of {limit}; choose an"
+            " initial condition inside the envelope, or widen the envelope"
         )
 
 

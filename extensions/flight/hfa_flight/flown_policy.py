@@ -185,7 +185,7 @@ class PythonPolicy(Policy):
             for name in returned:
                 refuse_unknown(f"the policy {self.name} returns the unknown input", name, inputs)
             returned = [*{**inputs, **returned}.values()]
-        U = numbers_in(f"what the policy {self.name} returns", returned)
+        U = numbers_in(f"the result of the policy {self.name}", returned)
         if U.shape != (len(inputs),) or not np.isfinite(U).all():
             raise BadInputError(
                 f"the policy {self.name} returns {shown(returned)}; give {len(inputs)} finite "

@@ -51,7 +51,7 @@ class GainSchedule(Reported):
         n = len(self.model.linear)
         if np.shape(self.gains) not in ((count, m, n), (count, m, n + m)):
             raise BadInputError(
-                f"K is {np.shape(self.gains)}; with {count} breakpoints it must be"
+                f"K has shape {np.shape(self.gains)}; with {count} breakpoints it must be"
                 f" ({count}, {m}, {n})"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
@@ -139,7 +139,7 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
         units = words(stored, "state_units")[:n]
         if np.any(file_scales({"state_units": units}, plant) != 1.0):
             raise BadInputError(
-                f"K is for states in {', '.join(units)}; convert it to"
+                f"K applies to states in {', '.join(units)}; convert K to"
                 f" {', '.join(plant.state_units)}"
             )
         if model.schedule_unit == "deg":

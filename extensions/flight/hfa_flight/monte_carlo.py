@@ -102,7 +102,7 @@ class MonteCarlo(StatesAndInputs, Reported):
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(
-                    f"{name} is 0, so a relative error has no effect; remove its error"
+                    f"{name} is 0, so a relative error has no effect; remove the error of {name}"
                 )
         self.loop()  # refuses here what a worker could not simulate
 

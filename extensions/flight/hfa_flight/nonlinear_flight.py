@@ -148,7 +148,7 @@ def _happening(model: Model, given: Scenario, seconds: float | None, initial: An
     """
     if given.uncertainty != Uncertainty():
         raise BadInputError(
-            "the scenario has random quantities; draw them: scenario.drawn(seed, member, point)"
+            "the scenario has random quantities; draw them with scenario.drawn(seed, member, point)"
         )
     scenario = given if seconds is None else replace(given, duration=float(seconds))
     if isinstance(initial, Mapping):

@@ -150,7 +150,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         reads = {*READING_SETTINGS} & {*self.set}
         if reads and self.weights is None:
             raise BadInputError(
-                f"--set {min(reads)} applies only to a network; name its file with --weights"
+                f"--set {min(reads)} applies only to a network; give the file of a network with "
+                "--weights"
             )
         if self.law == DEFAULT_LAW and not instead:
             return
@@ -160,7 +161,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
                 nothing = f"with --{instead[0]} nothing is learned"
             self.refuse(("set",), f"applies only to a learning law; {nothing}")
         if self.members is None and self.turbulence is None:
-            nothing = "here nothing is random"
+            nothing = "nothing is random in this run"
             self.refuse(("seed",), f"applies only to a learning law or --turbulence; {nothing}")
 
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
@@ -386,20 +387,21 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     turbulence: Turbulence | None = turbulence_option()
     error: Mapping[str, float] = option(
-        "factor on a parameter of the simulated aircraft only; with --samples relative standard "
-        "deviation of the parameter",
+        "factor on a parameter of the simulated aircraft only; with --samples, relative "
+        "standard deviation of the parameter",
         "NAME=NUMBER",
         _number,
         named=True,
         rare=True,
     )
     noise: Mapping[str, float] = noise_option(
-        "error added to a measured state, degrees for angles; with --samples its standard deviation"
+        "error added to a measured state, degrees for angles; with --samples, standard deviation "
+        "of the error"
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
-        "limits of a state in place of its default envelope (alpha: through the air), degrees "
-        "for angles; repeatable",
+        "limits of a state that replace its default envelope, degrees for angles (alpha is "
+        "relative to the air); repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         named=True,
@@ -435,7 +437,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
             },
         )
         if self.gust is not None and self.turbulence is not None:
-            raise BadInputError("--gust and --turbulence exclude each other; give one of them")
+            raise BadInputError("--gust and --turbulence cannot be combined; leave out one of them")
         gust = self._gust(point, common)
         if self.members is not None:
             turbulence = at_held_altitude(self.turbulence, self.hold)
@@ -592,7 +594,7 @@ def actuators_of(
     """
     if typed is None:
         if fault is not None:
-            raise BadInputError("--fault requires --actuators; add it")
+            raise BadInputError("--fault requires actuators; add --actuators LAG:RATE")
         return None
     lag, degrees_per_second, order = typed
     if degrees_per_second <= 0:

@@ -35,8 +35,8 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
         raise BadInputError(f"unknown method {shortened(method)}; {choice_of(method, METHODS)}")
     if method != JSBSIM and step is not None:
         raise BadInputError(
-            f"--step (step= in Python) applies only to --method {JSBSIM}; leave it out, or use"
-            " that method"
+            f"--step (step= in Python) applies only to --method {JSBSIM}; leave out --step, or use"
+            " this method"
         )
     if method == JSBSIM and not hasattr(model.equations, "jsbsim_steps"):
         raise BadInputError(

@@ -130,7 +130,8 @@ class GainPolicy(Policy):
         gains = numbers_in("the gain", self.gains)
         if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
             raise BadInputError(
-                f"the gain has shape {np.shape(self.gains)}; give finite numbers, inputs by states"
+                f"the gain has shape {np.shape(self.gains)}; give a matrix of finite numbers, "
+                "inputs by states"
             )
         stack = gains.reshape(-1, *gains.shape[-2:])
         object.__setattr__(self, "gains", stack)

@@ -166,10 +166,10 @@ class Scenario(Reported):
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
         if not 0.0 <= self.delay < math.inf:
-            raise BadInputError(f"delay is {self.delay:g} s; give a time of at least 0")
+            raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
         if not math.isclose(self.delay, self.delayed_ticks * self.tick, rel_tol=1e-6):
             raise BadInputError(
-                f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s"
+                f"delay is {self.delay:g} s; give a multiple of the tick, {self.tick:g} s"
             )
         if not isinstance(self.gust, Gust | None):
             example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"

@@ -145,7 +145,8 @@ def scheduled_gains(
     for commanded in commands.names:
         if commanded != model.schedule:
             raise BadInputError(
-                f"a gain schedule follows only commands of {model.schedule}; leave {commanded} out"
+                f"a gain schedule follows only commands of {model.schedule}; leave out the "
+                f"command of {commanded}"
             )
     start = base.values[model.schedule]
     if not commands.names:

@@ -62,7 +62,9 @@ class Waveform(Result, Reported):
                     " lengths equal"
                 )
             if not np.all(np.isfinite(part)):
-                raise BadInputError("a waveform has an entry that is not finite; give numbers")
+                raise BadInputError(
+                    "a waveform has an entry that is not finite; give finite numbers"
+                )
 
     @property
     def size(self) -> int:
@@ -129,8 +131,8 @@ class CommandSteps(Reported):
             np.isfinite(self.values)
         ):
             raise BadInputError(
-                f"the commands have values of shape {np.shape(self.values)}; give {len(self.times)}"
-                f" finite rows of {len(self.names)}"
+                f"the commands have values of shape {np.shape(self.values)}; give"
+                f" {len(self.times)} rows of {len(self.names)} finite numbers"
             )
         for name in self.names:
             if self.names.count(name) > 1:

@@ -229,8 +229,8 @@ def _parts_of_a_step(loop: ClosedLoop) -> int:
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
     if parts > _MOST_PARTS:
         raise BadInputError(
-            f"the law has a mode of {loop.policy.fastest:.4g} 1/s; at a step of {step:g} s it must"
-            f" be below {LONGEST_STEP * _MOST_PARTS / step:.3g} 1/s: make the step shorter"
+            f"the policy has a mode of {loop.policy.fastest:.4g} 1/s, but a step of {step:g} s"
+            f" permits at most {LONGEST_STEP * _MOST_PARTS / step:.3g} 1/s; shorten the step"
         )
     return parts
 

@@ -102,7 +102,10 @@ def fly_steps(
     for k in range(count):
         states.append(loop @ states[-1])
         if not (np.abs(states[-1]) <= LARGEST**0.5).all():
-            raise NoSolutionError(f"the state grows without bound: beyond 1e50 at step {k + 1}")
+            raise NoSolutionError(
+                f"the state exceeds 1e50 at step {k + 1}; check that the policy stabilizes the "
+                "plant"
+            )
     before = np.array(states[:-1])
     inputs = -before @ K.T
     xu = np.hstack([before, inputs])

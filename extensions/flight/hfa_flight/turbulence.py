@@ -118,7 +118,8 @@ class Turbulence:
                 )
         if "scale" in numbers and self.altitude is not None:
             raise BadInputError(
-                "with your own intensity, turbulence does not depend on altitude; leave it out"
+                "with your own intensity, turbulence does not depend on altitude; leave out the "
+                "altitude"
             )
 
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
@@ -178,7 +179,9 @@ class Turbulence:
         model = point.model
         give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
         if "altitude" not in model.states:
-            raise BadInputError(f"{model.name} has no altitude for turbulence; {give}")
+            raise BadInputError(
+                f"{model.name} has no state altitude, which turbulence needs; {give}"
+            )
         altitude = float(point.values["altitude"])
         if altitude == model.trim.get("altitude"):
             unit = model.unit("altitude")
@@ -197,7 +200,8 @@ def _feet(model: Model) -> float:
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
-            f"{model.name} has no speed in ft/s or m/s, which turbulence needs; declare one"
+            f"{model.name} has no speed in ft/s or m/s, which turbulence needs; declare speed in "
+            "one of these units"
         )
     return units[model.unit("speed")]
 
@@ -228,7 +232,7 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     high_intensity = float(np.interp(max(altitude, _HIGH), _ALTITUDES, _INTENSITIES[level]))
     if high_intensity == 0.0:
         raise BadInputError(
-            f"MIL-F-8785C has no {level} turbulence at {altitude:g} ft; give another level or"
+            f"MIL-F-8785C defines no {level} turbulence at {altitude:g} ft; give another level or"
             " altitude"
         )
     if altitude >= _HIGH:

@@ -61,7 +61,7 @@ def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
     fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
     fast.refuse_step(0.00075)
     said = (
-        rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least"
+        rf"the lag of {INPUTS[1]} is 0\.0003 s, but a step of 0\.001 s requires at least"
         r" 0\.0004 s"
     )
     with pytest.raises(BadInputError, match=said):

@@ -148,7 +148,7 @@ def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
     for name in ("scheduled_dihedral", "scheduled_speed", "aileron_outer", "pitch_rate"):
         assert f'name="{name}"' in described
     assert_refused(
-        hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "dihedral has one value in the sweep"
+        hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "at least two values of dihedral"
     )
 
 

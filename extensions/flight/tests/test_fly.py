@@ -123,7 +123,7 @@ def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
     for words, named in (
         ("--weights K.json --law exact", "--law has no effect with --weights; leave it out"),
         ("--weights P.npz --delta 300", "--delta has no effect with --weights"),
-        ("--weights K.json --seed 3", "here nothing is random"),
+        ("--weights K.json --seed 3", "nothing is random in this run"),
         (
             "--weights small.npz",
             "small.npz: K is 2 x 2; for this plant it must be 5 x 6",

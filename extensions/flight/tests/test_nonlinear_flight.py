@@ -105,14 +105,18 @@ def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
     with pytest.raises(BadInputError, match="no state 'roll'"):
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
     with pytest.raises(
-        BadInputError, match="initial speed is -2 ft/s, beyond the limit of 34; begin inside"
+        BadInputError,
+        match="initial speed is -2 ft/s, beyond the limit of 34; choose an initial condition inside",
     ):
         flown(newton, Scenario(duration=0.1, initial=-70.0 * np.eye(7)[0]))
     with pytest.raises(
-        BadInputError, match=r"has dihedral 15 deg, outside the envelope, 0 deg to 5\.72958 deg"
+        BadInputError,
+        match=r"dihedral is 15 deg at trim, outside the envelope, 0 deg to 5\.72958 deg",
     ):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
-    with pytest.raises(BadInputError, match=r"dihedral is \(0.3, 0.2\); give \(lowest, highest\)"):
+    with pytest.raises(
+        BadInputError, match=r"dihedral is \(0.3, 0.2\); the lowest value must be less"
+    ):
         flight_envelope(p, point, {"dihedral": (0.3, 0.2)})
 
 

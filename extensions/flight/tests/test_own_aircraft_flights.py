@@ -173,8 +173,8 @@ def test_exports_have_its_names() -> None:
         ("fly --law none --delta 100", "applies only to a law"),
         ("fly --disturbance rain=1", "rain is unknown; choose from"),
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
-        ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope, "),
-        ("fly --delay 0.0105", "make it a whole number of ticks"),
+        ("fly --envelope speed=200:300", "speed is 176 ft/s at trim, outside the envelope, "),
+        ("fly --delay 0.0105", "give a multiple of the tick"),
     ],
 )
 def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:

@@ -14,19 +14,22 @@ from hfa.main import BAD_INPUT
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("fly --dihedral 15 --law exact --seed 3", "here nothing is random"),
-        ("fly --dihedral 15 --gust 400:10 --turbulence own:5:1750", "exclude each other"),
-        ("fly --dihedral 15 --fault 0.2:0.5", "--fault requires --actuators"),
+        ("fly --dihedral 15 --law exact --seed 3", "nothing is random in this run"),
+        ("fly --dihedral 15 --gust 400:10 --turbulence own:5:1750", "cannot be combined"),
+        ("fly --dihedral 15 --fault 0.2:0.5", "--fault requires actuators"),
         ("fly --dihedral 15 --command gamma=1:1", "a gain cannot follow a command of 'gamma'"),
         (
             "fly --dihedral 15 --duration 1e8",
             "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",
         ),
-        ("fly --dihedral 15 --delay 1e-9", "delay is 1e-09 s; make it a whole number of ticks"),
+        ("fly --dihedral 15 --delay 1e-9", "delay is 1e-09 s; give a multiple of the tick"),
         ("fly --dihedral 15 --resume", "--resume applies only to --samples"),
-        ("fly --dihedral 15 -o a.zarr", "a.zarr is a store for many flights; add --samples N"),
+        (
+            "fly --dihedral 15 -o a.zarr",
+            "a.zarr is a store for the flights of --samples or --draws; add --samples N",
+        ),
         ("fly --dihedral 15 --samples 2 --resume", "-o FILE.zarr"),
-        ("fly --dihedral 15 --samples 2 -o a.json", "members are written to a Zarr store"),
+        ("fly --dihedral 15 --samples 2 -o a.json", "are written to a Zarr store"),
         (
             "fly --dihedral 15 --samples 2 --picture a.png",
             "--picture needs a single flight or --draws",
@@ -51,5 +54,5 @@ def test_bad_requests(folder: Path, words: str, named: str) -> None:
 def test_no_export_takes_the_place_of_a_fifo(folder: Path) -> None:
     os.mkfifo("a.fmu")
     refused = hfa("export", "--dihedral", "15", "-o", "a.fmu")
-    assert_refused(refused, BAD_INPUT, "it is not a regular file; name another")
+    assert_refused(refused, BAD_INPUT, "is not a regular file; choose another")
     assert (folder / "a.fmu").is_fifo()

@@ -162,11 +162,11 @@ def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         (lambda: CommandSteps(("speed", "speed"), TIMES, np.zeros((2, 2))), "speed is given twice"),
         (
             lambda: CommandSteps(("speed",), TIMES, np.zeros((1, 1))),
-            r"shape \(1, 1\); give 2 finite rows of 1",
+            r"shape \(1, 1\); give 2 rows of 1 finite",
         ),
         (
             lambda: GainPolicy("bad", np.full((5, 6), np.nan)),
-            "the gain has shape .*; give finite numbers, inputs by states",
+            "the gain has shape .*; give a matrix of finite numbers, inputs by states",
         ),
         (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
     ],

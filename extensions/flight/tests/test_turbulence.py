@@ -269,7 +269,7 @@ def test_flight_meets_what_was_drawn() -> None:
         ("fly --turbulence own:3", "or own:SIGMA:SCALE[:SPAN]"),
         ("fly --turbulence light:-3", "is '-3'; give a finite number above 0"),
         ("fly --turbulence light:90000", "MIL-F-8785C defines it from 10 to 80000 ft"),
-        ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no altitude"),
+        ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no state altitude"),
         ("fly --aircraft examples/pendulum.py:PENDULUM --turbulence light:9", "has no speed"),
     ],
 )
@@ -293,7 +293,9 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
     found = AirFilter.of(air)
     spread = np.sqrt(np.diag(found.C @ found.covariance @ found.C.T))
     np.testing.assert_allclose(0.3048 * spread[:3], 2.0, rtol=1e-9)
-    with pytest.raises(BadInputError, match="turbulence does not depend on altitude; leave it out"):
+    with pytest.raises(
+        BadInputError, match="turbulence does not depend on altitude; leave out the altitude"
+    ):
         Turbulence((2.0, 300.0), 100.0)
 
 

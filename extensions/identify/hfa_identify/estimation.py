@@ -101,7 +101,7 @@ def identify(
     model, fixed = _with_given(model, given)
     listed = _listed(records)
     if not listed:
-        raise BadInputError("no records are given; give at least one")
+        raise BadInputError("no records are given; give at least one record")
     refuse_unknown("inputs are", inputs, INPUTS)
     logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
     if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
@@ -115,7 +115,7 @@ def identify(
     responses = Responses(model, names, measured)
     if turbulence:
         if plan:
-            raise BadInputError("plan does not support turbulence; leave out one of them")
+            raise BadInputError("plan and turbulence cannot be combined; leave out one of them")
         responses = Predictions(model, names, measured, Condition.of(model, read, measured, held))
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
@@ -164,7 +164,7 @@ def _with_given(
         return model, names
     for name, value in given.items():
         if not is_finite(value):
-            raise BadInputError(f"given: {name} is {shown(value)}; give a number")
+            raise BadInputError(f"given: {name} is {shown(value)}; give a finite number")
     return model.with_parameters(**given), names
 
 
@@ -217,7 +217,9 @@ def _free_names(
                 "Model(..., parameters={NAME: Signal(...)})"
             )
         possible = ", ".join(model.parameters)
-        raise BadInputError(f"free names no parameters; give a list of at least one of {possible}")
+        raise BadInputError(
+            f"free contains no list of parameters; give a list with at least one of {possible}"
+        )
     errors = sensor_errors(model, (*model.inputs, *measured))
     known = (*model.parameters, *errors)
     names: list[str] = []
@@ -225,12 +227,16 @@ def _free_names(
         if any(sign in name for sign in "*?["):
             fitting = [each for each in fnmatch.filter(model.parameters, name) if each not in given]
             if not fitting:
-                raise BadInputError(f"no parameter of {model.name} matches {name!r}; leave it out")
+                raise BadInputError(
+                    f"no free parameter of {model.name} matches {name!r}; leave out this pattern"
+                )
             names += fitting
             continue
         refuse_unknown(f"{model.name} has no parameter", name, known)
         if name in given:
-            raise BadInputError(f"{name} is both free and given; leave out one of them")
+            raise BadInputError(
+                f"{name} is both free and given; free or give the parameter, not both"
+            )
         names.append(name)
     return tuple(dict.fromkeys(names))
 

@@ -150,7 +150,9 @@ def record_of(
     inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
     _check_inputs(name, list(model.inputs), inputs)
     if not arrays:
-        raise BadInputError(f"{name} has no measured state or output; add one")
+        raise BadInputError(
+            f"{name} has no column of a measured state or output; add such a column"
+        )
     for each, values in arrays.items():
         others = [column for other, column in arrays.items() if other != each]
         _check_measured(name, each, values, [*inputs, *others])
@@ -277,7 +279,7 @@ def _cell(path: Path, number: int, name: str, cell: str) -> float:
         return float(cell)
     except ValueError:
         raise BadInputError(
-            f"{path}, row {number}: {name} is {shown(cell)}; give a number or leave it empty"
+            f"{path}, row {number}: {name} is {shown(cell)}; give a number or leave the cell empty"
         ) from None
 
 
@@ -334,8 +336,8 @@ def _check_measured(
     seen = values[np.isfinite(values)]
     if len(seen) < FEWEST:
         raise BadInputError(
-            f"{name}: {column} has {len(seen)} values; give at least {FEWEST}, "
-            "or leave the column out"
+            f"{name}: {column} has {len(seen)} finite values; give at least {FEWEST}, or leave "
+            "the column out"
         )
     if np.ptp(seen) == 0.0:
         raise BadInputError(

@@ -299,7 +299,7 @@ class Responses:
         if longest * fastest > _FAR_TOO_LONG:
             raise BadInputError(
                 f"{record.name}: samples are up to {longest:g} s apart, and the model's fastest"
-                f" mode has a time constant of {1.0 / fastest:.2g} s; give the time in s"
+                f" mode has a time constant of {1.0 / fastest:.2g} s; check that the time is in s"
             )
 
     def steps_between(

@@ -76,7 +76,9 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     series = {each.name: _series(path, log, each) for each in listed}
     measured = {name: each for name, each in series.items() if name not in model.inputs}
     if not measured:
-        raise BadInputError(f"{table} has no measured state or output; add one")
+        raise BadInputError(
+            f"{table} has no column of a measured state or output; add such a column"
+        )
     densest = max(measured, key=lambda name: len(measured[name][0]))
     time = _cut(table, data, series[densest][0], log.start_timestamp * _MICRO)
     columns = {"time": time - time[0]}
@@ -148,7 +150,8 @@ def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.
     fields = messages.get((column.message, column.instance))
     if fields is None:
         raise BadInputError(
-            f"{path}: {column.message} has no instance {column.instance}; leave instance out"
+            f"{path}: {column.message} has no instance {column.instance}; correct or leave out "
+            "the entry instance"
         )
     if column.field in ("roll", "pitch", "yaw") and column.field not in fields:
         values = _angle(path, column, fields)
@@ -186,7 +189,9 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
     for key, value in flight.items():
         refuse_unknown(f"{table}: [flight] has the unknown key", key, ("begin", "end"))
         if not is_finite(value):
-            raise BadInputError(f"{table}: {key} of [flight] is {shown(value)}; give a number, s")
+            raise BadInputError(
+                f"{table}: {key} of [flight] is {shown(value)}; give a number of seconds"
+            )
     since = time - begin
     inside = (since >= flight.get("begin", -np.inf)) & (since <= flight.get("end", np.inf))
     if not inside.any():

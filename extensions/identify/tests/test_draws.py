@@ -178,9 +178,12 @@ def test_the_parameters_of_the_hfa_are_drawn(capsys):
         ("", "has no [covariance], which --draws needs"),
         (
             "[covariance]\nnames = ['CL_alpha']\nrows = [[1.0, 2.0]]",
-            "must have parameter names and rows",
+            "must contain names of parameters and one row",
         ),
-        ("[covariance]\nnames = ['Cl']\nrows = [[1.0]]", "must have parameter names and rows"),
+        (
+            "[covariance]\nnames = ['Cl']\nrows = [[1.0]]",
+            "must contain names of parameters and one row",
+        ),
         ("[covariance]\nnames = ['CL_alpha']\nrows = [[-1.0]]", "is not a covariance"),
     ],
 )
@@ -195,13 +198,13 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
     [
         (
             "[bands]\nCm_q = [-30.0, -40.0]",
-            "band of Cm_q is [-30.0, -40.0]; give the low end first",
+            "band of Cm_q is [-30.0, -40.0]; the lower limit must not exceed the upper",
         ),
         ("[bands]\nCm_q = [-2.0, -1.0]", "outside its band [-2.0, -1.0]; correct the value or the"),
         ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
         ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
         ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),
-        ("bands = 3.0", "bands is 3.0; give a table of entries"),
+        ("bands = 3.0", "bands is 3.0; make it a table [bands]"),
         ("[sensors]\nbias_alpha = 2.0\n[bands]\nbias_alpha = [0.0, 1.0]", "bias_alpha is 2.0, out"),
     ],
 )
@@ -234,7 +237,7 @@ def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
     assert main(words) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert "--draws needs one critic" in printed.err
+    assert "--draws needs a single critic" in printed.err
 
 
 def test_drawn_aircraft_are_flown(folder, capsys):

@@ -121,5 +121,5 @@ def test_turbulence_is_estimated_with_the_parameters(lag):
 def test_what_turbulence_excludes_is_refused():
     with pytest.raises(hfa.BadInputError, match="delay_alpha cannot be free with turbulence"):
         identify(model(), record(), ["M_q", "delay_alpha"], turbulence=True)
-    with pytest.raises(hfa.BadInputError, match="leave out one of them"):
+    with pytest.raises(hfa.BadInputError, match="cannot be combined"):
         identify(model(), record(), ["M_q"], turbulence=True, plan=True)

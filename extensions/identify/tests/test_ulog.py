@@ -99,7 +99,7 @@ def test_a_part_of_a_log_is_cut_out(folder):
         ("[columns]\npitch = 'vehicle_attitude.p'", "no field 'p'"),
         ("[columns]\npitch = 3", "pitch is 3; write"),
         ("[columns]\npitch = { field = 'vehicle_attitude.pitch', scale = 'x' }", "scale of pitch"),
-        ("[columns]\nelevator = 'actuator_servos.control[1]'", "no measured state"),
+        ("[columns]\nelevator = 'actuator_servos.control[1]'", "no column of a measured state"),
         (TABLE + "[flight]\nbegin = 9.0", "contains no samples; the log covers 0.0 to 4.0 s"),
     ],
 )

@@ -95,7 +95,7 @@ def load_claims(path: Path) -> Claims:
         data = read_json(file)
     except OSError as error:
         raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give a file of {study}"
+            f"{file} cannot be read ({error.strerror}); give a file written by {study}"
         ) from error
     try:
         if data["schema"] != SCHEMA:

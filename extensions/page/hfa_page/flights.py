@@ -86,7 +86,7 @@ def load_flights(path: Path) -> StoredFlights:
         data = read_json(file)
     except OSError as error:
         raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give a file of {_STUDY}"
+            f"{file} cannot be read ({error.strerror}); give a file written by {_STUDY}"
         ) from error
     try:
         if data["schema"] != FlightsData.schema:

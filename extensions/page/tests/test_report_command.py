@@ -121,7 +121,7 @@ def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> Non
     """If numbers.json cannot be written, no picture is written."""
     (tmp_path / "numbers.json").mkdir()
     words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
-    assert_refused(hfa("report", *words), BAD_INPUT, "it is a folder")
+    assert_refused(hfa("report", *words), BAD_INPUT, "is a folder")
     assert [path.name for path in tmp_path.iterdir()] == ["numbers.json"]
 
 

@@ -66,7 +66,11 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
     [
         (Scenario(), 2, "has no noise, gust or turbulence"),
         (Scenario(uncertainty=NOISE), 0, "samples is 0"),
-        (Scenario(uncertainty=Uncertainty(turbulence=Turbulence("light"))), 2, "has no altitude"),
+        (
+            Scenario(uncertainty=Uncertainty(turbulence=Turbulence("light"))),
+            2,
+            "has no state altitude",
+        ),
         (Scenario(uncertainty=Uncertainty(noise={"q": 1.0})), 2, "unknown noise of state 'q'"),
     ],
 )

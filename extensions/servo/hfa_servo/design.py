@@ -398,8 +398,8 @@ def _shaping_of(
     for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
         if game_entry in entries:
             raise BadInputError(
-                f"{name}: the entry {game_entry} belongs to a game and excludes [shaping]; remove"
-                " one of them"
+                f"{name}: the entry {game_entry} applies to a game and cannot be combined with"
+                " [shaping]; remove one of the two"
             )
     table = dict(entries["shaping"])
     values = [float(value) for value in table.pop(breakpoints)]

@@ -91,7 +91,8 @@ class DesignModel(Reported):
         """
         if self.design.shaping is not None:
             raise BadInputError(
-                f"design {self.design.name} is a loop-shaping design without a game; use hfa design"
+                f"design {self.design.name} is a loop-shaping design without a game; use `hfa "
+                "design`"
             )
         self._check_integrals()
         Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])

@@ -266,7 +266,7 @@ class GeneralizedPlant(Reported):
         without = conditions(self, math.inf)
         if not without.exists:
             raise NoSolutionError(
-                "rounding hides the solution without disturbance:"
+                "rounding hides whether a solution without disturbance exists:"
                 f" {_barely_met(self) or without.reason}"
             )
         begin = max(1.0, 2.0 * self.floor)
@@ -310,7 +310,7 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
     empty = np.flatnonzero(sizes == 0.0)
     if empty.size:
         raise BadInputError(
-            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; add an entry"
+            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; add a nonzero entry"
         )
     rank = np.linalg.matrix_rank(matrix / sizes, rtol=RANK)
     if rank < matrix.shape[1]:

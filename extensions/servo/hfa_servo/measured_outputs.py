@@ -61,7 +61,7 @@ def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
         return ca.SX(0)
     if not moved.numel():
         raise BadInputError(
-            f"the controller measures actuator {what}, which this flight does not have;"
-            " give actuators that have them"
+            f"the controller measures actuator {what}, which this flight does not have; give"
+            " actuators with these states"
         )
     return ca.mtimes(ca.DM(matrix), moved)

@@ -154,7 +154,9 @@ class ScheduledController(ByValue, Reported):
         for name, shape in shapes.items():
             values = getattr(self, name)
             if np.shape(values) != shape:
-                raise BadInputError(f"{where} {name} is {np.shape(values)}; it must be {shape}")
+                raise BadInputError(
+                    f"{where} {name} has shape {np.shape(values)}; the shape must be {shape}"
+                )
             if not np.all(np.isfinite(values)):
                 raise BadInputError(f"{where} {name} has an entry that is not finite; correct it")
         positive = all(0.0 < number < np.inf for number in self.command_filter)
@@ -199,20 +201,21 @@ class ScheduledController(ByValue, Reported):
             if self.dynamics in model.extras.variants:
                 choose = f", or choose --dynamics {self.dynamics}"
             raise BadInputError(
-                f"controller {self.name} was designed for {self.called}, but the"
-                f" aircraft is {model.title}; design it for this aircraft{choose}"
+                f"controller {self.name} was designed for {self.called}, but the aircraft is"
+                f" {model.title}; design a controller for this aircraft{choose}"
             )
         if identity(model) != self.parameters:
             raise BadInputError(
                 f"controller {self.name} was designed for an aircraft with other parameters"
-                f" ({self.parameters}); design it for this aircraft"
+                f" ({self.parameters}); design a controller for this aircraft"
             )
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if min(lowest - first, last - highest) < -_AT_THE_END * max(1.0, abs(first), abs(last)):
             raise BadInputError(
-                f"controller {self.name} covers {model.schedule} {self._between(first, last)};"
-                f" {self._between(lowest, highest)} is requested; design it for these values"
+                f"controller {self.name} covers {model.schedule} {self._between(first, last)}, but"
+                f" {self._between(lowest, highest)} is requested; design a controller for these"
+                " values"
             )
 
     def _between(self, first: float, last: float) -> str:
@@ -369,7 +372,8 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise BadInputError(
-            f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of them"
+            f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of these "
+            "suffixes"
         )
     about = json.dumps(jsonable(controller.about))
     units: Literal["si"] | None = None if controller.model.extras.native is None else "si"
@@ -385,11 +389,13 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
     model.
     """
     if Path(path).suffix.lower() != ".npz":
-        raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
+        raise BadInputError(
+            f"{path}: a controller is read from a .npz file; save the controller as .npz"
+        )
     content = read_arrays(path)
     if not _is_controller(content):
         raise BadInputError(
-            f"{path}: this is not a controller file ({SCHEMA}); make one with hfa design -o"
+            f"{path}: the file is not a controller file ({SCHEMA}); create one with `hfa design -o`"
         )
     try:
         with said_of(path):
@@ -401,11 +407,11 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
         raise
     except KeyError as error:
         raise BadInputError(
-            f"{path}: {error.args[0]} is missing; create the file again with hfa design -o"
+            f"{path}: {error.args[0]} is missing; create the file again with `hfa design -o`"
         ) from error
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
-            f"{path}: its content is damaged ({error}); create the file again"
+            f"{path}: the content is damaged ({error}); create the file again with `hfa design -o`"
         ) from error
 
 
@@ -434,8 +440,8 @@ def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledControl
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.extras.variants):
         raise BadInputError(
-            f"the controller was made for {texts['dynamics']}, not for {model.title}; design it"
-            " again"
+            f"the controller was made for {texts['dynamics']}, not for {model.title}; design a"
+            " controller for this aircraft"
         )
     names: dict[str, Any] = {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
     arrays: dict[str, Any] = {}

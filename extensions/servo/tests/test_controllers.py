@@ -139,7 +139,7 @@ def test_matrices_are_linear_between_angles_and_constant_beyond(
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"A": np.zeros((3, 2, 2))}, r"A is \(3, 2, 2\); it must be \(3, 1, 1\)"),
+        ({"A": np.zeros((3, 2, 2))}, r"A has shape \(3, 2, 2\); the shape must be \(3, 1, 1\)"),
         ({"D": np.full((3, 1, 4), math.nan)}, "D has an entry that is not finite"),
         (
             {"breakpoints": np.array([0.2, 0.1, 0.3])},
@@ -165,7 +165,7 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
     controller = small_controller(published_aircraft)
     controller.refuse_other(published_aircraft, math.radians(5.0), math.radians(20.0))
     with pytest.raises(
-        BadInputError, match="covers dihedral 5 to 20 deg; 4 to 11 deg is requested"
+        BadInputError, match="covers dihedral 5 to 20 deg, but 4 to 11 deg is requested"
     ):
         controller.refuse_other(published_aircraft, math.radians(4.0), math.radians(11.0))
     with pytest.raises(
@@ -205,12 +205,12 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
             load_controller(tmp_path / name, hfa.aircraft())
 
     save_controller(tmp_path / "good.npz", small_controller(published_aircraft))
-    refused("plant.npz", "this is not a controller file", schema="hfa.plant/1")
+    refused("plant.npz", "the file is not a controller file", schema="hfa.plant/1")
     refused("short.npz", "W is missing", W=None)
-    refused("shape.npz", r"controller small: A is \(1, 1, 1\)", A=np.zeros((1, 1, 1)))
-    refused("text.npz", "its content is damaged", A=np.array(["x"]))
-    refused("about.npz", "its content is damaged", about="{")
-    refused("about.npz", "its content is damaged", about="5")
+    refused("shape.npz", r"controller small: A has shape \(1, 1, 1\)", A=np.zeros((1, 1, 1)))
+    refused("text.npz", "the content is damaged", A=np.array(["x"]))
+    refused("about.npz", "the content is damaged", about="{")
+    refused("about.npz", "the content is damaged", about="5")
     refused(
         "about.npz",
         r"its content: angles\[0\].checks is missing",

@@ -467,7 +467,7 @@ def test_command_solves_file_and_says_what_to_change(tmp_path: Any) -> None:
     assert stored_plant(tmp_path / "state.npz")[1] == 3.0
     for words, said, code in (
         (("--delta", "1"), "delta = 1 is below delta_min = 1.286", 1),
-        (("--Q", "1,1"), "--Q cannot change a generalized plant", 2),
+        (("--Q", "1,1"), "--Q does not apply to a generalized plant", 2),
         (("--design", "paper"), "--design applies only to the aircraft", 2),
     ):
         refused = hfa("solve", "--model", str(path), *words)

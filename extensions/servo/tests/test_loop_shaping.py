@@ -294,7 +294,7 @@ def test_names_and_filter_of_the_controller() -> None:
         ),
         (
             ("[shaping]\n", "[sensors]\npitch_rate = 1.0\n[shaping]\n"),
-            "the entry sensors belongs to a game and excludes [shaping]",
+            "the entry sensors applies to a game and cannot be combined with [shaping]",
         ),
         (("[actuators.throttle]", "[actuators.flap]"), "unknown actuator 'flap'"),
     ],
@@ -313,7 +313,7 @@ def test_a_design_that_cannot_be_shaped_is_refused(
 def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
     design: Design = load_design("servo", hfa.aircraft())
     with pytest.raises(
-        BadInputError, match="is a loop-shaping design without a game; use hfa design"
+        BadInputError, match="is a loop-shaping design without a game; use `hfa design`"
     ):
         design_model(published_aircraft, model_at(11.0), design).game()
 

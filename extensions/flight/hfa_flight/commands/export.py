@@ -121,8 +121,8 @@ def _write_function(request: ExportRequest) -> int:
     target = request.output
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
-            f"{target}: the name of the file is also that of the function; use only letters, digits"
-            " and _, as in hfa_models.m"
+            f"{target}: the file name is also the name of the function; use a letter, then"
+            " letters, digits and _, as in hfa_models.m"
         )
     write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
     print_report(_report([target]), request)

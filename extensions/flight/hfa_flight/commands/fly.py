@@ -51,8 +51,8 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight, or the flights of --draws")
     steps: Path | None = option(
-        "simulate your discrete-time plant from --initial for --duration steps, with the game's "
-        "policy or --weights",
+        "file of a discrete-time plant to simulate from --initial for --duration steps, with "
+        "the optimal policy of its game or with --weights",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",
@@ -95,7 +95,9 @@ def fly(request: FlyRequest) -> int:
 
     request.refuse(("workers", "resume"), "applies only to --samples or --draws; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
-        raise BadInputError(f"{request.output} is a store for many flights; add --samples N")
+        raise BadInputError(
+            f"{request.output} is a store for the flights of --samples or --draws; add --samples N"
+        )
     refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
     if request.at is None and request.model.extras.names_schedule:
@@ -191,7 +193,10 @@ def _fly_members(request: FlyRequest) -> int:
             ("picture",), "needs a single flight or --draws; leave it out with --samples"
         )
     if target is not None and target.suffix != ".zarr":
-        raise BadInputError(f"{target}: members are written to a Zarr store; use -o FILE.zarr")
+        raise BadInputError(
+            f"{target}: the flights of --samples and --draws are written to a Zarr store; use -o "
+            "FILE.zarr"
+        )
     if request.resume and target is None:
         raise BadInputError("--resume requires a store; add -o FILE.zarr")
     spread = None if request.draws is None else spread_of(request)

@@ -61,8 +61,8 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
     compiler = c_compiler()
     if compiler is None:
         raise NoSolutionError(
-            "an FMU needs a C compiler, but none was found; install gcc or clang, or name one in "
-            "the environment variable CC"
+            "an FMU needs a C compiler, but none was found; install gcc or clang, or set the "
+            "environment variable CC to a compiler"
         )
     sources = {
         SOURCE: _source(loop, origin),
@@ -217,8 +217,8 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
         if done.returncode:
             messages = done.stderr.strip().splitlines() or ["no message"]
             raise NoSolutionError(
-                f"{compiler} cannot compile the FMU ({messages[0]}); name another in the "
-                "environment variable CC"
+                f"{compiler} cannot compile the FMU ({messages[0]}); set the environment variable "
+                "CC to another compiler"
             )
         return (folder / "library").read_bytes()
 

@@ -52,12 +52,13 @@ class InterpolatedModel:
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:
                 raise BadInputError(
-                    f"{name} has one value in the sweep; an interpolation needs at least two"
+                    f"an interpolation needs a grid with at least two values of {name}; sweep "
+                    "such a grid"
                 )
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:
                 raise BadInputError(
-                    f"no trim at {self._describe(values)}, so there is nothing to interpolate: "
+                    f"no trim at {self._describe(values)}, so the sweep cannot be interpolated: "
                     f"{reason}"
                 )
 

@@ -52,7 +52,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
     """Arguments of `hfa identify`: flight records and the parameters to be identified."""
 
     records: tuple[Path, ...] = option(
-        "flight records with columns time, inputs, measured states and outputs",
+        "flight records with columns for time, inputs, measured states and outputs",
         "RECORD.csv",
         input_file(*RECORDS),
         names="records",
@@ -85,7 +85,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         default="linear",
     )
     validate: Path | None = option(
-        "record that is not fitted; its prediction is tested (Theil's coefficient)",
+        "record for validation, not fitted; the prediction is tested with Theil's coefficient",
         "RECORD.csv",
         input_file(*RECORDS),
     )

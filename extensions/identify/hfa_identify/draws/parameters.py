@@ -31,7 +31,10 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
     rows = table.get("rows", ()) if isinstance(table, Mapping) else ()
     known = isinstance(names, list) and all(name in model.parameters for name in names)
     if not names or not known or not _is_square(rows, len(names)):
-        raise BadInputError(f"{path}: [covariance] must have parameter names and rows; {_ADVICE}")
+        raise BadInputError(
+            f"{path}: [covariance] must contain names of parameters and one row for each name; "
+            f"{_ADVICE}"
+        )
     matrix = np.array(rows, dtype=float)
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
         raise BadInputError(f"{path}: [covariance] is not a covariance matrix; {_ADVICE}")
@@ -53,7 +56,10 @@ def spread_of(request: Any) -> ParameterSpread:
     else:
         known = request.parameter_set
         if not known.covariance.size:
-            raise BadInputError("--draws needs --parameters with a covariance")
+            raise BadInputError(
+                "--draws needs the covariance of the parameters; give --parameters FILE with a "
+                "[covariance]"
+            )
         spread = spread_of_set(known)
     if model.extras.native is not None:
         spread = _in_si(spread, native)

@@ -47,8 +47,8 @@ class ReportRequest(UnitsOption, TrimOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        "angles shown in detail: a number, a list a,b,c or a range start:stop:step; default: the "
-        "printed 5 and 15",
+        "dihedral angles shown in detail: a number, a list a,b,c or a range start:stop:step; "
+        "default: the printed 5 and 15",
     )
     sweep: Range = option(
         "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5",
@@ -57,17 +57,17 @@ class ReportRequest(UnitsOption, TrimOptions):
         default=tuple(SWEEP.tolist()),
     )
     outputs: tuple[str, ...] | None = option(
-        "add C and D for these outputs", "a,b,...", some_of(*STATES, *OUTPUTS)
+        "outputs for which C and D are also shown", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
-        "show the paper's claims: claims.json written by `python -m studies.section5`, or the "
-        "folder that contains it",
+        "claims.json written by `python -m studies.section5`, or the folder that contains the "
+        "file; adds the paper's claims to the page",
         "FILE",
         _claims,
     )
     flights: Any = option(
-        "show flights from the paper's x(0): best_flights.json written by `python -m "
-        "studies.best_flights`, or the folder that contains it",
+        "best_flights.json written by `python -m studies.best_flights`, or the folder that "
+        "contains the file; adds flights from the paper's x(0)",
         "FILE",
         _flights,
     )

@@ -118,7 +118,9 @@ def design(request: DesignRequest) -> int:
         design = load_design(str(stored), model)
     if design is None:
         assert stored is not None
-        request.refuse(("at", "output"), "applies only to --design; leave it out with a file")
+        request.refuse(
+            ("at", "output"), "applies only to a design; leave it out with a controller file"
+        )
         controller = load_controller(stored, model)
     else:
         controller = design_controller(

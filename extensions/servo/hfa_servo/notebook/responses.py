@@ -56,7 +56,8 @@ def simulated(
         rows = _values("input", named, model.inputs)
         if any(row.shape not in ((), time.shape) for row in rows):
             raise BadInputError(
-                f"an input has a wrong number of values; give {time.size} values, one for each time"
+                "the number of values of an input differs from the number of times; give "
+                f"{time.size} values"
             )
         u = np.reshape([np.broadcast_to(row, time.shape) for row in rows], (-1, time.size))
     values = np.array(u, dtype=float, ndmin=2)
@@ -73,7 +74,9 @@ def simulated(
         x = np.array(_values("state", x, model.states))
     start = numbers_in("initial", x)
     if start.shape != (len(model.states),):
-        raise BadInputError(f"initial has shape {start.shape}; give ({len(model.states)},)")
+        raise BadInputError(
+            f"initial has shape {start.shape}; give an array of shape ({len(model.states)},)"
+        )
     return control.forced_response(system, time, values, start, squeeze=False)
 
 
