@@ -121,7 +121,7 @@ def certified_solution(form: NormalForm) -> Certified:
 
     The form in the result may have other coordinates than the given form.
 
-    Raises NoSolutionError as `carefully_certified` does, or if entries of the game overflow.
+    Raises NoSolutionError as `carefully_certified` does.
     """
     stack = certified_stack(form[None])
     if stack.holds[0]:
@@ -185,8 +185,8 @@ def carefully_certified(form: NormalForm) -> Certified:
 
     The coordinates of `turned` are tried first, then the coordinates of `levelled`.
 
-    Raises NoSolutionError if the inputs do not reach an unstable mode, or if the tests fail in both
-    coordinates, with the reason of the last failure.
+    Raises NoSolutionError if the game's entries overflow, if the inputs do not reach a mode that
+    does not decay, or if the tests fail in all coordinates, with the reason of the last failure.
     """
     _refuse_overflow(form)
     reached = reach_checks(form)

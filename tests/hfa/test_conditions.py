@@ -30,7 +30,10 @@ def test_it_matters_which_variable_is_held() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "solve"])
 def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
-    """Every command that trims uses the condition, and refuses an infeasible or misspelled one."""
+    """Every command that trims uses the condition, and refuses a wrong condition.
+
+    Wrong conditions are infeasible or misspelled.
+    """
     words = (
         "--dihedral",
         "10",

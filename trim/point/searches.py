@@ -53,12 +53,15 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
 
 
 def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the initial point, unknowns) of trims of least effort, in this order:
+    """Yield (number, unknowns (k,)) at the end of each search for a trim of least effort, in this
+    order:
 
-    - from the guess
-    - from the least-squares solution within the limits, if it is a trim
-    - the least-squares solution itself
-    - from other initial points, with the numbers 1, 2, ...
+    - 0: from the guess
+    - 0: from the least-squares solution within the limits, if this solution is a trim
+    - 0: the least-squares solution itself
+    - 1, 2, ...: from other initial points
+
+    The unknowns need not be a trim.
     """
     problem.at(guess)  # where the equations have no value there, that is the answer
     yield 0, _least_effort(problem, guess)

@@ -186,7 +186,7 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
-    """Return the tests of a given P, (n, n): Bellman's equation, signs and closed loops."""
+    """Return the six checks of `_checks` for a given P, (n, n)."""
     form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
@@ -370,7 +370,7 @@ def _obstacle(form: StepForm, failure: str) -> str:
     """Return one line on why no solution exists even without disturbance.
 
     The line names the first mode that is uncontrollable, or undamped and without cost. Without such
-    a mode, it contains `failure`.
+    a mode, the line contains `failure`.
 
     failure: failed test of the certificate
     """

@@ -61,7 +61,7 @@ class Manoeuvre(Result):
 
 
 def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
-    """Return the best maneuvers, at most `_MOST`, the one with the narrowest `after` first.
+    """Return at most `_MOST` maneuvers, in the order of increasing `after`.
 
     The sensors and their noise are those of the records. The sampling interval is that of the first
     record. Initial states are unknown.

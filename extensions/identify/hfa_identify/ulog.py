@@ -46,6 +46,8 @@ class LoggedColumn:
     name: name of the column
     message: name of the message
     field: name of the field in the message
+    scale: factor on the field
+    offset: value added to the scaled field
     instance: number of the message's instance
     """
 
@@ -58,7 +60,7 @@ class LoggedColumn:
 
 
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
-    """Return column name -> (N,), read from a log.
+    """Return column name -> (N,), read from a log, and "time" -> (N,), s after the first sample.
 
     The times are those of the measured quantity with the most samples. Samples of other measured
     quantities are assigned to the nearest of these times. Inputs keep their last value.
@@ -142,7 +144,8 @@ def _log(path: Path) -> Any:
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
     """Return the times, s, and values of a column in a log.
 
-    Raises BadInputError if the log lacks the message, instance or field.
+    Raises BadInputError if the log lacks the message, the instance, the field, or the quaternion
+    for an angle.
     """
     messages = {(each.name, each.multi_id): each.data for each in log.data_list}
     names = sorted({name for name, _ in messages})
@@ -203,8 +206,9 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
 def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the last value at or before each time, NaN before the first sample, (N,).
 
-    time: (N,)
-    stamps, values: times and values of the samples
+    time: (N,), s
+    stamps: (k,), times of the samples, increasing, s
+    values: (k,), values of the samples
     """
     place = np.searchsorted(stamps, time, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)

@@ -29,7 +29,7 @@ class Aerodynamics:
     """Aerodynamic forces and moments, as sums of the functions in each <axis>.
 
     Force axes are DRAG, SIDE, LIFT, or AXIAL, SIDE, NORMAL, or X, Y, Z. Moment axes are ROLL, PITCH
-    and YAW. The first force axis and the first moment axis determine the frames.
+    and YAW. `_frames` determines the frames.
     """
 
     def __init__(

@@ -561,7 +561,7 @@ class Equations:
         If the time derivatives depend on the simulation time, but not in steady flight, a note is
         added.
 
-        Raises BadInputError if they depend on the simulation time in steady flight.
+        Raises BadInputError if the time derivatives depend on the simulation time in steady flight.
         """
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):

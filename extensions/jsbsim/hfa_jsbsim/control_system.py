@@ -360,7 +360,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 def _lead_lag(component: Element, properties: Properties) -> Any:
     """Return the output of (c1 s + c2) / (c3 s + c4).
 
-    In steady state it is c2 / c4 times the input.
+    Unless filters are states, the output is c2 / c4 times the input.
 
     Raises BadInputError if c4 is 0, or if c3 is 0 and filters are states.
     """
@@ -381,7 +381,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 def _second_order(component: Element, properties: Properties) -> Any:
     """Return the output of (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6).
 
-    In steady state it is c3 / c6 times the input.
+    Unless filters are states, the output is c3 / c6 times the input.
 
     Raises BadInputError if c6 is 0, or if c4 is 0 and filters are states.
     """

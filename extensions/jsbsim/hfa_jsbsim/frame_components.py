@@ -31,12 +31,12 @@ class _Past:
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:
-        """Return `begin` in the first frame, and `value` in all later ones."""
+        """Return `begin` in the first frame, and `value` in all later frames."""
         has_begun = self.of("begun", lambda: ca.SX(1.0))
         return ca.if_else(has_begun > 0.0, value, begin)
 
     def input_of_filter(self, component: Element) -> ca.SX:
-        """Return the input of a filter, 0 in the first frame, in which JSBSim does not read it."""
+        """Return the input of a filter, or 0 in the first frame, as in JSBSim."""
         return self.unless_first(input_of(component, self._properties), 0.0)
 
 

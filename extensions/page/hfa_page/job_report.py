@@ -121,7 +121,7 @@ def verdicts(job: MainJob) -> Table:
 
 
 def flown_angles(job: MainJob) -> Report | None:
-    """Return the section on the stored flights from the paper's x(0), or None if none are given."""
+    """Return the section on the stored flights from the paper's x(0), or None without flights."""
     if job.flights is None:
         return None
     linear = {
@@ -135,7 +135,10 @@ def flown_angles(job: MainJob) -> Report | None:
 def angle_report(job: MainJob, angle: Angle) -> Report:
     """Return the section on a requested angle: linear model, game solution and learned critic.
 
-    The data of the section also contain the trim, which the slider shows.
+    - Without a linear model, the section contains only the reason.
+    - A game solution or critic that was not computed is omitted.
+
+    With a linear model, the data of the section also contain the trim.
     """
     model = angle.model
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}

@@ -152,7 +152,7 @@ class AssessedPoint(Result):
 
     @property
     def radii(self) -> tuple[float, ...]:
-        """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples, or () without an
+        """Spectral radii of the sampled loop, delayed by 0, 1, 2, ... samples; () without an
         equilibrium.
         """
         return () if self.delays is None else self.delays.radii
@@ -327,7 +327,7 @@ class Assessor:
     def sampled_loops(self) -> list[SampledLoop]:
         """Return spectral radius and cost at each trim, without flights.
 
-        Raises the errors of `assessed`.
+        Raises BadInputError as `assessed` does.
         """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)

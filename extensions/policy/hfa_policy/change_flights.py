@@ -60,7 +60,7 @@ class Flown(NamedTuple):
         return self._replace(back=self.into_box)
 
     def times(self, other: Flown) -> float:
-        """Return the median of the costs divided by the costs with another change."""
+        """Return the median over the flights of cost / cost with another change."""
         return float(np.median(self.costs / other.costs))
 
 
@@ -80,7 +80,7 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """Return a simulation in which each row also contains P, c, gain and S of its change.
+        """Return a simulation in which each row also contains P, c, gain and S of a change.
 
         The observations are P o + c. The action is gain * S a, elementwise in gain.
 
@@ -153,9 +153,9 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """Return the gain K of the sampled optimum u = -K x at the first trim, or None.
+        """Return the gain K of the sampled optimum u = -K x at the first trim.
 
-        The result is None without an optimum. Weights of outputs are ignored.
+        The result is None if no optimum exists. Weights of outputs are ignored.
         """
         from scipy.linalg import LinAlgError, solve_discrete_are
 

@@ -286,7 +286,7 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Return the number of entries of a row for its ends.
+    """Return the number of entries of a row that determine the end of an episode.
 
     The entries are the lowest X, the highest X and the number of remaining samples.
     """

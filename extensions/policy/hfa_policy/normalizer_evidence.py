@@ -63,7 +63,7 @@ class _Training(Enum):
     """Evidence in a policy's file of a VecNormalize in the training.
 
     NONE: no VecNormalize normalized observations.
-    UNKNOWN: the file leaves this open.
+    UNKNOWN: the file does not show whether a VecNormalize was used.
     LIKELY: observations change more from sample to sample than those of an aircraft.
     NORMALIZED: a VecNormalize was used.
     """

@@ -358,6 +358,15 @@ class FlownRows:
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
         """Return a mask of the flights in a limit cycle.
 
+        The mask is False unless this window is the last of a block of `_BLOCK` windows. In such a
+        window, a flight is in a limit cycle if the least swings of a state in the last three blocks
+        fulfill these conditions:
+
+        - Each least swing is at least `_CYCLES`.
+        - The range of the three is at most `_SAME` times the smallest.
+        - The three neither increase nor decrease in order.
+
+        flying: indices of the flights
         swings: half ranges in this window, (N, k), as returned by `_in_balls`
         number: number of earlier windows
         """
@@ -444,8 +453,8 @@ class FlownRows:
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """Return the number of flights at other equilibria, and the first of these equilibria.
 
-        The equilibrium is given as linear state -> value. At most `_OTHERS` equilibria are
-        searched.
+        The equilibrium is given as linear state -> value, {} if none is found. At most `_OTHERS`
+        equilibria are searched.
 
         settled: indices of the flights that are almost steady
         """

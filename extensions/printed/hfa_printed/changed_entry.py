@@ -77,11 +77,11 @@ class _Edit(NamedTuple):
 
 
 def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list[ChangedEntry]:
-    """Return the intervals of values of one entry that make every printed digit right.
+    """Return changes of one entry that make every printed digit right.
 
-    Each interval contains a value that differs from the entry's text by one misprint. The entry is
-    one of A, B, E, N, Q, R or gamma. The result is empty if the search would take too long
-    (`not_searched`).
+    The result contains one change for each interval of values that make every printed digit right.
+    The new value differs from the typed text by one misprint. The entry is one of A, B, E, N, Q, R
+    or gamma. The result is [] if the search would take too long (`not_searched`).
 
     progress: called with the number of entries searched so far and the total number
     """
@@ -205,9 +205,10 @@ def _likeliest(
 
 
 def _edits(text: str) -> dict[str, str]:
-    """Return right text -> misprint that turns it into the typed text.
+    """Return right text -> misprint that turns the right text into the typed text.
 
-    If several misprints do so, the likeliest is returned.
+    For several such misprints, the likeliest is given. Texts with the value of the typed text are
+    omitted.
     """
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None

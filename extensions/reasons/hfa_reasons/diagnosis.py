@@ -324,7 +324,7 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """Return the sentence for a P that is right within the limit although its K is not."""
+    """Return the sentence for a P within the limit whose gain R⁻¹B'P is not."""
     return (
         f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
@@ -433,9 +433,14 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
-    """Return the views of P, if given, and of K, weighted by the half-widths of the box.
+    """Return pairs of a network's and the exact matrix: P, if the network has a P, and K.
+
+    P of a network of V has the weights of a quadratic form, the products of two half-widths of the
+    box. Each row of another matrix has the half-widths as weights, divided by the weighted norm of
+    the exact row.
 
     answer: P or None, and K, that represent the network
+    box: (n,), half-widths
     """
 
     def by_row(matrix: np.ndarray) -> np.ndarray:

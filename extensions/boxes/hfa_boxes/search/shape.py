@@ -458,9 +458,10 @@ class Growth:
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
-        """Return a V that also decreases at and near z (n,).
+        """Return a V that also decreases at and near z (n,), which replaces the present V, or None.
 
-        Return None if no such V is found or its set is smaller than `_KEPT` times the present one.
+        The result is None if no such V is found, or if the size of the new set is less than `_KEPT`
+        times the size of the present set.
         """
         self._add(place)
         found = self._good(1.0)

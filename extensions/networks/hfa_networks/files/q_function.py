@@ -74,7 +74,7 @@ def _degree(Q: ca.Function, states: int) -> float:
 
 
 def _degree_of(operation: int, degrees: list[float]) -> float:
-    """Return an upper bound on the degree of the result of an operation, or inf if there is none.
+    """Return an upper bound on the degree of the result of an operation, or inf if none is known.
 
     operation: a CasADi operation code
     degrees: degrees of the operands

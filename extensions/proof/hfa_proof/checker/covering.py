@@ -71,9 +71,10 @@ def _holds(box: Box, part: Box) -> bool:
 
 
 def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
-    """Return the part, divided in two at an end of a box.
+    """Return two parts of a box, which is cut at an endpoint of another box.
 
-    boxes: boxes that meet the part but do not contain it, so that an end lies inside the part
+    part: the box
+    boxes: boxes that meet `part` and do not contain `part`
     """
     cuts = []
     for i, (least, most) in enumerate(part):

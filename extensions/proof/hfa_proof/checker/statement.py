@@ -27,8 +27,8 @@ from hfa_support.reporting.results import Stack, Vector
 class Run(NamedTuple):
     """Bounds on the number of eigenvalues with positive real part, from `low` to `high`.
 
-    At every scheduling value in this interval there are at least `least` and at most `most`. If the
-    two are equal, no eigenvalue is on the imaginary axis.
+    At every scheduling value in this interval, at least `least` and at most `most` eigenvalues have
+    a positive real part. If `least` equals `most`, no eigenvalue is on the imaginary axis.
     """
 
     low: float

@@ -152,9 +152,9 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
 
 
 def test_how_many_modes_may_unstable_within_errors_said() -> None:
-    """With parameter errors, the data contains bounds on the number of unstable modes.
+    """With parameter errors, the data contain bounds on the number of unstable modes.
 
-    At 11.5 deg, A of `published` has none to two.
+    From 11.5 to 11.53125 deg, A of `published` has 0 to 2 unstable modes.
     """
     wide = replace(family(), spread=default_parameters().standard_errors)
     rows = prove_schedule(wide, exact_loop(11.5, 11.53125), 11.5, 11.53125).data["modes"]
@@ -201,7 +201,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
 
 
 def test_what_cannot_be_proved_of_is_refused() -> None:
-    """Gains that overflow, empty intervals, and intervals beyond the table are refused."""
+    """Gains that overflow, and intervals without low < high or beyond the table, are refused."""
     huge = np.full((2, 5, 6), 1e308)
     table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa.aircraft())
     with pytest.raises(BadInputError, match="the matrix of the loop overflows"):

@@ -170,11 +170,12 @@ class _Candidate:
 
 
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
-    """Yield descriptions and candidates for V.
+    """Yield descriptions and candidates for V, in this order:
 
-    The first is V of the loop without disturbance. The other V of its search follow, because the
-    one of a smaller set may prove more under a disturbance. Lyapunov functions of the linear loop
-    are last, scaled to similar sets.
+    - V of the loop without disturbance
+    - the other V of the search for that V, because a V with a smaller set may prove more under a
+      disturbance
+    - Lyapunov functions of the linear loop, scaled to similar sets
     """
     yield region.origin, region.V.scaled(1.0 / region.rho)
     for V in region.tried:
@@ -268,7 +269,7 @@ def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
 def _at(
     loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
 ) -> ProvedLevel | None:
-    """Return the proof of a share of a candidate's sampled level, or None if it is not proved."""
+    """Return the proof for `share` times the level of a candidate, or None if there is no proof."""
     rho = share * candidate.level
     held = holding_ball(candidate.V, rho, candidate.T)
     if held is None:

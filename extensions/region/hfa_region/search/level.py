@@ -112,7 +112,7 @@ class LevelSearch:
         self._decreases: dict[tuple[str, ...], Taylor] = {}
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-        """Return the parts on which V' < 0 is to be proved, and those to be proved empty."""
+        """Return the parts on which V' < 0 is to be proved, and the parts to be proved empty."""
         return split(self.ball)
 
     def target(self, part: Mapping[str, str]) -> Terms:
@@ -360,9 +360,9 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return evidence that no point of the unit ball fulfills a part's linear constraints, or None.
+    """Return evidence that a part's linear constraints exclude the unit ball, or None.
 
-    None does not imply that such a point exists.
+    None does not imply that a point of the ball fulfills the constraints.
 
     ball: the loop on the unit ball
     part: input -> FREE, LOWEST, HIGHEST or ANY
@@ -380,7 +380,7 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, or None if its margin is too small or it fails."""
+    """Return the Gram matrices of `positive`, or None without a sufficient margin."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None
