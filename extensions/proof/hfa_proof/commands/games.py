@@ -109,11 +109,12 @@ def solution(request: SolutionRequest) -> int:
 
 @command(CriticRequest)
 def critic(request: CriticRequest) -> int:
-    """Prove whether a critic's gain stabilizes, and how far W, P or K are from the exact solution.
+    """Prove whether a critic's gain stabilizes the plant, and bound the distances of W, P or K.
 
-    The proof uses ball arithmetic and gives lower and upper bounds of the distances. -o FILE.json
-    writes a certificate for hfa prove --check FILE. Exit code 0: the gain is proved to stabilize.
-    Exit code 1: this is refuted or remains open. The command needs `pip install .[proof]`."""
+    The proof uses ball arithmetic. The result contains lower and upper bounds on the distances
+    from the exact solution. -o FILE.json writes a certificate for hfa prove --check FILE.
+    Exit code 0: the gain is proved to stabilize the plant. Exit code 1: stability is refuted or
+    remains open. The command needs `pip install .[proof]`."""
     from controller.critic.critic_file import Reading, critic_in
     from hfa_proof.search.solution_proof import prove_critic
 
