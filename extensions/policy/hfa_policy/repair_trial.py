@@ -12,6 +12,7 @@ with many changes. A change is therefore reported only under these conditions:
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -186,14 +187,13 @@ class _Trial:
         if self._is_only_late():
             return
         repairs = self._left(repairs_of(self.deployed))
-        flown = self.flights.flown([*self.gains, *repairs], _WHOLE)
-        of_gains = flown[: len(self.gains)]
+        card, *flown = self.flights.flown([self.gains[0], *repairs], _WHOLE)
         found = []
-        for repair, of_repair in zip(repairs, flown[len(self.gains) :], strict=True):
-            if self._is_clear(repair, of_repair, of_gains):
+        for repair, of_repair in zip(repairs, flown, strict=True):
+            if self._is_clear(repair, of_repair, card):
                 found.append(_Found(of_repair, repair.kind, repair.text))
         if self.is_unstable:
-            found += self._faster(of_gains)
+            found += self._faster(card)
         found = self._near_optimal(found)
         found.sort(key=lambda each: float(np.log(each.flown.costs).sum()))
         best_of_kinds: dict[str, _Found] = {}
@@ -201,7 +201,12 @@ class _Trial:
             best_of_kinds.setdefault(each.kind, each)
         for each in list(best_of_kinds.values())[:_MOST_NAMED]:
             if each.flown.times(found[0].flown) < _AS_GOOD:
-                yield Mistake(each.kind, False, _said(each, of_gains[0]))
+                yield Mistake(each.kind, False, _said(each, card))
+
+    @cached_property
+    def _of_gains(self) -> list[Flown]:
+        """Results of the file as written, without control, and with the other gains."""
+        return self.flights.flown(self.gains, _WHOLE)
 
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
         """Return the changes whose flights cost about as much as the flights of the optimum.
@@ -241,7 +246,7 @@ class _Trial:
                 of_kind.append(repairs[number])
         return [repair for of_kind in left.values() for repair in of_kind]
 
-    def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
+    def _is_clear(self, repair: Repair, flown: Flown, card: Flown) -> bool:
         """Return whether a change is to be reported.
 
         - Most flights converge with the change, and it is clearly better than the file as written.
@@ -253,21 +258,23 @@ class _Trial:
         - A change of a map is clearly better than weaker actions.
 
         flown: results with the change
-        of_gains: results of the file as written, without control, and with other gains
+        card: results of the file as written
         """
         if repair.kind == "order":
-            if of_gains[0].times(flown) < _AS_IT_IS:
+            if card.times(flown) < _AS_IT_IS:
                 return False
             flown = flown.counted_in_box()
-            of_gains = [of_gain.counted_in_box() for of_gain in of_gains]
-        card, none, *others = of_gains
+            card = card.counted_in_box()
+        if not _brings_most_back(flown) or not _is_better(flown, card):
+            return False
         if repair.kind == "map" and self._is_weaker_action(repair, flown):
             return False
         nearer = self._nearer(repair)
-        if nearer <= -_NEARER or not _brings_most_back(flown) or not _is_better(flown, card):
-            return False
-        if nearer >= _NEARER:
-            return True
+        if abs(nearer) >= _NEARER:
+            return nearer > 0.0
+        _, none, *others = self._of_gains
+        if repair.kind == "order":
+            none, *others = (of_gain.counted_in_box() for of_gain in (none, *others))
         is_none = none.times(flown) < _NEEDED and (_weakens(repair) or not _harms(card))
         return not is_none and not _is_a_gain(flown, none, others)
 
@@ -284,27 +291,28 @@ class _Trial:
             for other in weaker
         )
 
-    def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
+    def _faster(self, card: Flown) -> list[_Found]:
         """Return a list with the longest shorter sample time at which the policy is clearly better.
 
         At this sample time, most flights converge, and their cost is at most a third. The list is
         empty if no sample time qualifies. A sample time does not qualify if a change of gain, at
         either sample time, has clearly lower cost, because the gain of the policy is then too high.
 
-        of_gains: results at the sample time of the file, the first of the file as written
+        card: results of the file as written
         """
-        card = of_gains[0]
         (short,) = self.flights.flown(self.gains[:1], _SHORT)
         for part in _RATES:
             dt = part * self.card.dt
             (short_faster,) = self.flights.flown(self.gains[:1], _SHORT, dt)
             if short.times(short_faster) < _CLEARLY:
                 continue
-            faster, *faster_gains = self.flights.flown(self.gains[:_AT_RATES], _WHOLE, dt)
+            (faster,) = self.flights.flown(self.gains[:1], _WHOLE, dt)
             is_third = _is_better(faster, card) and card.times(faster) >= _AS_IT_IS
-            gains = (*faster_gains, *of_gains)
-            is_too_strong = any(faster.times(gain) >= _CLEARLY for gain in gains)
-            if _brings_most_back(faster) and is_third and not is_too_strong:
+            if not _brings_most_back(faster) or not is_third:
+                continue
+            faster_gains = self.flights.flown(self.gains[1:_AT_RATES], _WHOLE, dt)
+            gains = (*faster_gains, *self._of_gains)
+            if not any(faster.times(gain) >= _CLEARLY for gain in gains):
                 why = f"the policy were sampled every {1e3 * dt:.4g} ms or faster"
                 return [_Found(faster, "sample time", why)]
         return []
@@ -318,7 +326,12 @@ class _Trial:
         """
         if observations_of_training(self.card) is None:
             return 0.0
-        return self._misfit(self.card) - self._misfit(repair.deployment)
+        return self._misfit_of_card - self._misfit(repair.deployment)
+
+    @cached_property
+    def _misfit_of_card(self) -> float:
+        """Misfit of the file as written."""
+        return self._misfit(self.card)
 
     def _misfit(self, deployment: Deployment) -> float:
         """Return the misfit Σ |log(size of the initial observations / size in training)|.
