@@ -38,6 +38,6 @@ def advised(
     if "alpha" in request.hold:
         advice = f"leave --hold alpha out and {advice}"
     return TrimError(
-        f"{error}; alpha is held at {held}; with alpha free the trim is at {trimmed}: {advice}",
+        f"{error}; with alpha free, not held at {held}, the trim is at {trimmed}: {advice}",
         error.attempt,
     )

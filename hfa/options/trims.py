@@ -291,7 +291,7 @@ def condition_help(model: Model | None) -> str:
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
-    return f"trim condition in place of the default: a file{names}"
+    return f"trim condition that replaces the default: a file{names}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

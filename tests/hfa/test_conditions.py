@@ -65,7 +65,7 @@ def test_a_held_alpha_in_the_way_is_named() -> None:
     refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith(
-        "alpha is held at 2.8 deg; with alpha free the trim is at 5.21893 deg: add --free alpha"
+        "with alpha free, not held at 2.8 deg, the trim is at 5.21893 deg: add --free alpha"
     )
     result = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
     assert result.err.rstrip().endswith("leave --hold alpha out and add --free alpha")

@@ -154,7 +154,7 @@ def reduction_note(
     eigenvalues = np.linalg.eigvals(whole.A)
     sizes = np.maximum(np.abs(eigenvalues), 1e-12)
     apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(model.A)]
-    advice = "" if residualized else " (--residualize names states that follow instead)"
+    advice = "" if residualized else " (--residualize STATES keeps the steady effect of states)"
     return (
         f"{'; '.join(clauses)}; the eigenvalues differ by up to {100 * float(max(apart)):.2g} %"
         f" from those with all {len(whole.states)} states{advice}"

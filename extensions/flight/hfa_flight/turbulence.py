@@ -349,7 +349,7 @@ class TurbulentAir(Gust):
         for name in ADDED:
             if name in self.taken:
                 continue
-            reason = "needs the wing span (the last number of --turbulence)"
+            reason = "the wing span is missing (the last number of --turbulence)"
             if missing_states(model, name):
                 reason = "the equations have no such motion"
             reasons.setdefault(reason, []).append(name)

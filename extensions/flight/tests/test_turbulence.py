@@ -251,7 +251,7 @@ def test_flight_meets_what_was_drawn() -> None:
     assert drawn.gust.intensities[2] * 0.3048 == pytest.approx(sigma)
     assert flight.largest_difference_from_linear["alpha"] < 0.1 * flight.largest_deviation["alpha"]
     assert "turbulence without v, p, r: the equations have no such motion" in flight.title()
-    assert "turbulence without q: needs the wing span" in flight.title()
+    assert "turbulence without q: the wing span is missing" in flight.title()
 
 
 @pytest.mark.parametrize(

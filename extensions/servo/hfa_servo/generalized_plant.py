@@ -297,7 +297,7 @@ def stored_plant(
         unused = sorted(
             set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"}
         )
-        notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
+        notes += [f"not used: {shortened(', '.join(unused), 200)}"] if unused else []
         plant = GeneralizedPlant(**{name: stored.get(name) for name in names})  # type: ignore[arg-type]
         delta = one_number("delta", stored["delta"]) if "delta" in stored else None
         if delta is not None and delta != math.inf:

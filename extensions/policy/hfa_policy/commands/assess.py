@@ -97,9 +97,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """Arguments of `hfa assess`."""
 
     cards: tuple[Path, ...] = option(
-        "deployment file (observations, actions and timing of a policy), or, with --sample-time, "
-        "file with a gain K; several files are compared in one table, from the same initial "
-        "conditions",
+        "deployment file (observations, actions and timing of a policy), or, with "
+        "--sample-time, file with a gain K; several files are compared",
         "DEPLOYMENT.toml",
         _card_path,
         names="cards",
@@ -138,7 +137,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     )
     need: Mapping[str, float] = option(
         "requirement: smallest tolerated delay (s), smallest disk margin, or largest linear cost "
-        "(percent above the optimum); exit code 1 if it is not satisfied; repeatable",
+        "(percent above the optimum); repeatable",
         "delay|margin|cost=X",
         _need,
         named=True,
