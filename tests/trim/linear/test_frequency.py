@@ -206,5 +206,7 @@ def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
     assert {"n/alpha", "CAP", "phugoid damping"} < {*data["handling_qualities"]}
     both = ("--states", "alpha", "--residualize", "alpha")
     assert_refused(
-        hfa("linearize", "--dihedral", "10", *both), 2, "alpha is in --states and in --residualize"
+        hfa("linearize", "--dihedral", "10", *both),
+        2,
+        "alpha is in both --states and --residualize",
     )
