@@ -23,7 +23,7 @@ def test_a_flight_costs_what_its_value_says():
     assert flight.decays
     worse = fly_steps(PROBLEM, 1.1 * solution.K, "other", start, 600)
     assert worse.costs.sum() > flight.costs.sum()
-    with pytest.raises(NoSolutionError, match="grows without bound"):
+    with pytest.raises(NoSolutionError, match="the state exceeds 1e50"):
         fly_steps(PROBLEM, -10.0 * solution.K, "wrong", start, 100_000)
 
 
