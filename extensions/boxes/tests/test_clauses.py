@@ -175,7 +175,7 @@ def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
     statement, witness = read_content(content, TANK, None)
     _decrease(statement, witness, Equilibrium(np.zeros(2), np.zeros(2))).check_limits()
     about = Equilibrium(np.zeros(2), np.array([0.001, 0.0]))
-    with pytest.raises(NoSolutionError, match="level may leave"):
+    with pytest.raises(NoSolutionError, match="level is not proved to stay"):
         _decrease(statement, witness, about).check_limits()
 
 
@@ -233,10 +233,16 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "output below its limit": (_put([-1.2, 3.0], "limits", "load"), "inequality"),
     "held above its limits": (_put({"slope": 1.5}, "held"), "the constant value of slope"),
     "held below its limits": (_put({"slope": -1.5}, "held"), "the constant value of slope"),
-    "state above its limit": (_put([-9.0, 0.9], "limits", "level"), "level may leave"),
-    "state below its limit": (_put([-0.9, 9.0], "limits", "level"), "level may leave"),
-    "extent as far as a limit": (_put([-9.0, 0.91], "limits", "level"), "level may leave"),
-    "extent as low as a limit": (_put([-0.91, 9.0], "limits", "level"), "level may leave"),
+    "state above its limit": (_put([-9.0, 0.9], "limits", "level"), "level is not proved to stay"),
+    "state below its limit": (_put([-0.9, 9.0], "limits", "level"), "level is not proved to stay"),
+    "extent as far as a limit": (
+        _put([-9.0, 0.91], "limits", "level"),
+        "level is not proved to stay",
+    ),
+    "extent as low as a limit": (
+        _put([-0.91, 9.0], "limits", "level"),
+        "level is not proved to stay",
+    ),
     "extent above": (_put([-0.91, 0.89], "extents", "level"), "inequality"),
     "extent below": (_put([-0.89, 0.91], "extents", "heat"), "inequality"),
     "extents that do not hold 0": (_put([0.1, 0.91], "extents", "level"), "extents"),
@@ -268,7 +274,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "limits exchanged": (_put([3.0, -3.0], "limits", "load"), "limits: load"),
     "terms of no input": (_put({"pump": [[1.0, [3, 0]]]}, "policy", "terms"), "unknown entry"),
     "extents of no state": (_put([-1.0, 1.0], "extents", "slope"), "unknown entry"),
-    "no policy": (_put("0" * 64, "policy"), "a policy in a file; give it"),
+    "no policy": (_put("0" * 64, "policy"), "a policy in a file; give this file"),
     "another model": (_put("van der Pol", "dynamics"), "from a file other than"),
     "another file": (_put("0" * 64, "source"), "from a file other than"),
     "states exchanged": (_put(["heat", "level"], "states"), "states"),

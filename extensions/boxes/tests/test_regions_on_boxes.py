@@ -168,7 +168,7 @@ def test_a_recurrent_network_is_refused_by_name(
 def test_a_network_too_large_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = imitation(tmp_path / "wide.npz", K, np.array([1.0, 4.0]), hidden=(120, 170))
     assert main(_words_of(path)) == 2
-    assert "operations; at most 40000 are supported" in capsys.readouterr().err
+    assert "operations, but at most 40000 are supported" in capsys.readouterr().err
 
 
 def _words_of(network: Path) -> list[str]:
@@ -271,7 +271,7 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
     if limit > 0.6:
         assert decrease.proved(1000) > 0
     else:
-        with pytest.raises(NoSolutionError, match="x may leave its limits"):
+        with pytest.raises(NoSolutionError, match="x is not proved to stay within its limits"):
             decrease.proved(1000)
 
 

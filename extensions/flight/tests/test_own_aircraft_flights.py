@@ -237,7 +237,7 @@ def test_a_controller_is_scheduled_over_the_users_speed() -> None:
         "--weights",
         "gtm.npz",
     )
-    assert_refused(hfa(*prove), 2, "a proof does not support a measurement of elevator_position")
+    assert_refused(hfa(*prove), 2, "a proof does not support the measurement elevator_position")
     assert_refused(
         hfa("design", "gtm.toml", *gtm), 2, "values of speed are missing; give --at RANGE"
     )

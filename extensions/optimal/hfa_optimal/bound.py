@@ -122,7 +122,10 @@ def lower_bound(
     statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
-        raise BadInputError(f"{path} bounds flights in which all inputs move; leave inputs out")
+        raise BadInputError(
+            f"the bound in {path} applies to flights in which all inputs move; "
+            "remove the argument inputs"
+        )
     given = given_of(problem, "this command", {})
     for name in ("Q", "R"):
         given[name] = Given(getattr(problem, name), weights_from or f"--{name}")

@@ -243,7 +243,9 @@ class FlightProblem:
         """
         z = self._deviations_of(start)
         if not z.any():
-            raise BadInputError("the initial condition is the final trim; give a different one")
+            raise BadInputError(
+                "the initial condition equals the final trim; give another initial condition"
+            )
         self.refuse_outside(z)
         return z
 
@@ -255,7 +257,7 @@ class FlightProblem:
             refuse_unknown("a flight has no initial deviation of", name, self.states)
             if not is_finite(value):
                 raise BadInputError(
-                    f"the initial deviation of {name} is {shown(value)}; give a number"
+                    f"the initial deviation of {name} is {shown(value)}; give a finite number"
                 )
             z[self.states.index(name)] = value
         return z
@@ -274,8 +276,8 @@ class FlightProblem:
                 and abs(off[place]) > _SAME * self.model.states[name].nominal
             ):
                 raise BadInputError(
-                    f"the two trims differ in {name}, which the linear model lacks; "
-                    "impose one value of it in both"
+                    f"the two trims differ in {name}, which is not a state of the linear model; "
+                    f"impose the same {name} in both trims"
                 )
         return off[self.places]
 
@@ -289,7 +291,7 @@ class FlightProblem:
         broken = self.envelope.broken(X)
         if broken:
             what = broken[0].replace("would have to be", "begins at", 1)
-            raise BadInputError(f"{what}; begin within the limits")
+            raise BadInputError(f"{what}; give an initial condition within the limits")
 
 
 class OfProblem:

@@ -48,7 +48,7 @@ _STEPS = 2000
 #: Durations of the guesses, relative to the horizon of the linear loop.
 _GUESSES = (0.3, 0.1)
 _NONE_WITHIN = (
-    "IPOPT finds none that satisfies the equations within the limits from any guess; one may exist"
+    "IPOPT finds no flight within the limits from any initial guess; such a flight may exist"
 )
 #: Duration of the linear policy after the arrival, relative to the duration of the flight.
 _HELD = 0.5

@@ -61,9 +61,8 @@ _FIRST_TAIL = 3e-4
 _LONGER = 1.6
 _EXTENSIONS = 5
 _NONE_WITHIN = (
-    "IPOPT finds none that satisfies the equations within the limits from any guess, which can"
-    " also "
-    "be due to tables or kinks; one may exist"
+    "IPOPT finds no flight within the limits from any initial guess, possibly because of "
+    "tables or kinks; such a flight may exist"
 )
 #: Duration of the linear policy after the horizon, relative to the horizon.
 AFTER = 0.25
@@ -158,8 +157,8 @@ class BestFlights:
                 return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
-                    f"the horizon of {seconds:g} s is too short: {unfinished}; give "
-                    f"{_LONGER * seconds:.3g} s or more, or leave seconds out"
+                    f"the horizon of {seconds:g} s is too short: {unfinished}; give a horizon of "
+                    f"at least {_LONGER * seconds:.3g} s, or omit the horizon"
                 )
             horizon *= _LONGER
         raise NoSolutionError(

@@ -86,14 +86,17 @@ def test_an_interruption_keeps_what_is_found() -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ([], "give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
+        ([], "give exactly one of --start NAME=VALUE,..., --starts N and --to NAME=VALUE"),
         (["--start", "height=3"], "height is unknown; choose from angle"),
         (["--start", "angle"], "'angle' is not NAME=VALUE"),
         (["--start", "angle=1,angle=2"], "angle is given twice (1 and 2)"),
-        (["--start", "angle=95", "--limit", "angle=-90:90"], "begin within the limits"),
+        (
+            ["--start", "angle=95", "--limit", "angle=-90:90"],
+            "give an initial condition within the limits",
+        ),
         (["--start", "angle=1", "--limit", "mass=0:1"], "mass"),
         (["--start", "angle=1", "--seconds", "0.05"], "s is too short"),
-        (["--starts", "2", "--picture", "a.png"], "applies only to one flight"),
+        (["--starts", "2", "--picture", "a.png"], "applies only to a single flight"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:

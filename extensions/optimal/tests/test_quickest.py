@@ -113,9 +113,12 @@ def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--to", "angle=10", "--start", "angle=1"], "give one of --start"),
+        (["--to", "angle=10", "--start", "angle=1"], "give exactly one of --start"),
         (["--to", "height=3"], "height"),
-        (["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"], "give a different one"),
+        (
+            ["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"],
+            "give another initial condition",
+        ),
         (["--to", "angle=10", "--minimize", "fuel"], "use one of cost, time"),
         (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
     ],

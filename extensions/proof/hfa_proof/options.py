@@ -37,7 +37,7 @@ def interval(text: str) -> tuple[float, ...]:
     """
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
-        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH with LOW < HIGH")
+        raise BadInputError(f"is {shortened(text)!r}; give one number, or LOW:HIGH with LOW < HIGH")
     return ends
 
 
@@ -48,7 +48,7 @@ def positive_interval(text: str) -> tuple[float, float]:
     """
     ends = interval(text)
     if not ends[0] > 0.0:
-        raise BadInputError(f"is {text}; both ends must be positive")
+        raise BadInputError(f"is {text}; give positive numbers")
     return ends[0], ends[-1]
 
 
@@ -92,7 +92,7 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
     if not request.own:
         standard_errors = standard_errors_of(request.dynamics, request.parameter_set)
     if errors and not standard_errors:
-        raise BadInputError("the parameters have no standard errors; leave --error out")
+        raise BadInputError("the parameters have no standard errors; remove --error")
     spread = {
         name: errors * error for name, error in standard_errors.items() if errors * error > 0.0
     }
@@ -102,7 +102,9 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
 def refuse_no_certificate(output: Path | None) -> None:
     """Raise BadInputError if the file of -o is not a .json file."""
     if output is not None and output.suffix.lower() != ".json":
-        raise BadInputError(f"{output}: a certificate must be a .json file; rename it")
+        raise BadInputError(
+            f"{output}: a certificate must be a .json file; give a path with the suffix .json"
+        )
 
 
 def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:

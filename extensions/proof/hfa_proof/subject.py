@@ -122,7 +122,7 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
         name = path.rpartition(".")[2]
         if path not in stated:
             raise BadInputError(
-                f"{own.option} gives {name}, which the certificate does not contain; leave it out"
+                f"{own.option} gives {name}, which the certificate does not contain; remove {name}"
             )
         if not own.same(stated[path], own.value):
             name = _first_other(name, stated[path], own)

@@ -165,7 +165,7 @@ def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
     weights = tmp_path / "weights.npz"
     np.savez(weights, W=np.array(made["statement"]["critic"]["W"])[:, 0])
     request = CheckRequest(model=hfa.aircraft(), weights=weights, typed=frozenset({"weights"}))
-    with pytest.raises(NoSolutionError, match="K is not the gain of its P or W"):
+    with pytest.raises(NoSolutionError, match="K is not the gain of the certificate's P or W"):
         given_for(statement, request)
     claimed = copy.deepcopy(made)
     claimed["statement"]["gain_of_value"] = True

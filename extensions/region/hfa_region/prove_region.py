@@ -44,7 +44,7 @@ def prove_region(
     gain = np.asarray(getattr(K, "K", K), dtype=float)
     wanted = (len(linear.inputs), len(linear.states))
     if gain.shape != wanted:
-        raise BadInputError(f"K has shape {gain.shape}; give {wanted}")
+        raise BadInputError(f"K has the shape {gain.shape}; give {wanted}, inputs x states")
     search = RegionSearch(
         saturated_loop(linear, gain), None, seconds=seconds, degree=degree, progress=progress
     )

@@ -208,12 +208,24 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         "may exceed the bounds on y",
     ),
     "ball too small": (_small_ball, "inside"),
-    "lower limit of a state": (_put([-1.0, 9.0], "statement", "limits", "x"), "x may leave"),
-    "upper limit of a state": (_put([-9.0, 1.0], "statement", "limits", "x"), "x may leave"),
+    "lower limit of a state": (
+        _put([-1.0, 9.0], "statement", "limits", "x"),
+        "x is not proved to stay",
+    ),
+    "upper limit of a state": (
+        _put([-9.0, 1.0], "statement", "limits", "x"),
+        "x is not proved to stay",
+    ),
     "held above its limits": (_put({"z": 1.5}, "statement", "held"), "the constant value of z"),
     "held below its limits": (_put({"z": -1.5}, "statement", "held"), "the constant value of z"),
-    "lower limit of an output": (_put([-1.0, 9.0], "statement", "limits", "sum"), "sum may"),
-    "upper limit of an output": (_put([-9.0, 1.0], "statement", "limits", "sum"), "sum may"),
+    "lower limit of an output": (
+        _put([-1.0, 9.0], "statement", "limits", "sum"),
+        "sum is not proved to stay",
+    ),
+    "upper limit of an output": (
+        _put([-9.0, 1.0], "statement", "limits", "sum"),
+        "sum is not proved to stay",
+    ),
     "a limit wider than the model's": (_put([-2.0, 1.0], "statement", "limits", "z"), "limits: z"),
     "another trim": (
         _put({"x": 1e-5, "y": 0.0}, "statement", "trim"),
@@ -346,7 +358,7 @@ def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None)
 def test_an_equilibrium_at_limit_of_input_is_refused() -> None:
     """An equilibrium with an input at its lower or upper limit is refused."""
     for u in (-1.0, 1.0):
-        with pytest.raises(Rejected, match="u may be at its limit"):
+        with pytest.raises(Rejected, match="u is not proved to be within its limits"):
             Equilibrium(_loop(u=u))
 
 
@@ -422,7 +434,7 @@ def test_output_is_within_limits_between_ends_of_disturbance() -> None:
     """An output that exceeds its limit only between the ends of the disturbance is refused."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     loop = RegionLoop(statement, np.array([[1.0]]), 3)
-    with pytest.raises(Rejected, match="bump may leave"):
+    with pytest.raises(Rejected, match="bump is not proved to stay"):
         loop.rates({"u": "free", "w": HIGHEST})
 
 
@@ -497,7 +509,7 @@ def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) 
     equilibrium = SimpleNamespace(x=[arb(0.35 * sign)])
     loop = SimpleNamespace(statement=claim, equilibrium=equilibrium, reach=lambda index: arb(0.5))
     if extent > 0.65:
-        with pytest.raises(Rejected, match="x may leave its limits"):
+        with pytest.raises(Rejected, match="x is not proved to stay within its limits"):
             _check_extents(loop, {}, {})
     else:
         _check_extents(loop, {}, {})

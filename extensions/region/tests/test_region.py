@@ -205,7 +205,7 @@ def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model
     """A set that exceeds a state limit is refused."""
     content = json.loads(certificate.read_text())
     content["statement"]["limits"]["angle"] = [-0.1, 0.1]
-    with pytest.raises(Rejected, match="angle may leave its limits"):
+    with pytest.raises(Rejected, match="angle is not proved to stay within its limits"):
         check_region(*read_content(content, model))
 
 
@@ -309,7 +309,7 @@ def test_region_in_verdict_needs_one_linear_policy_aircraft(
     gain.write_text('{"K": [[0.41421356237309503]]}')
     words = ["verify", "--model", str(plant), "--weights", str(gain), "--region", "1"]
     assert main(words) == 2
-    assert "--region needs the nonlinear equations" in capsys.readouterr().err
+    assert "--region requires the nonlinear equations" in capsys.readouterr().err
 
 
 # Other loops.

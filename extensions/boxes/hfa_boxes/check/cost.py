@@ -82,7 +82,7 @@ class CostInequality(OnPiece):
             names, limits, at[:, 0], radius[:, 0], strict=True
         ):
             if not (low <= value - off and value + off <= high):
-                raise Rejected(f"{name} at the equilibrium exceeds its limits")
+                raise Rejected(f"{name} is not proved to be within its limits at the equilibrium")
         slack = radius + 1e-15 * (np.abs(at) + np.where(np.isfinite(limits), np.abs(limits), 0.0))
         return np.asarray(limits - at + slack * np.array([-1.0, 1.0]))
 
@@ -243,7 +243,7 @@ class CostInequality(OnPiece):
         np.put_along_axis(points, nearest, ends, axis=1)
         in_set = points[self.within(points)]
         if len(in_set):
-            raise RefutedError("the set meets a face of the cube", in_set[0])
+            raise RefutedError("the set extends to a face of the cube", in_set[0])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Return Taylor models of the symbols on boxes, as coefficients and radii.
@@ -326,8 +326,8 @@ class CostInequality(OnPiece):
             if radii is not None and self._is_convex(box, radii):
                 return k
         raise Rejected(
-            "the inequality is not proved near the equilibrium: a kink is there, the cost of the "
-            "inputs is not convex, or W is too large"
+            "the inequality is not proved near the equilibrium: the rates have a kink, the cost "
+            "is not convex in the inputs, or W is too large"
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:

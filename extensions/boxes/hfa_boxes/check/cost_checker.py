@@ -80,9 +80,11 @@ def check_cost(
     trim = np.array([{**plant.trim, **plant.inputs}[name] for name in names])
     solved = tuple(names.index(name) for name in witness.solved)
     if len(set(solved)) != len(plant.states):
-        raise Rejected("the numbers of states and of unknowns at the equilibrium differ")
+        raise Rejected(
+            f"the equilibrium has {len(set(solved))} unknowns, but {len(plant.states)} states"
+        )
     equilibrium = equilibrium_of(plant, stated, solved)
-    check_near(equilibrium, stated, plant.nominal, "the stated one")
+    check_near(equilibrium, stated, plant.nominal, "the stated equilibrium")
     check_near(equilibrium, trim, plant.nominal, "the trim")
     counts = []
     for piece, most in zip(statement.pieces, witness.boxes, strict=True):

@@ -106,7 +106,7 @@ class Decrease(OnPiece):
             off = at.radius[i] + 1e-15 * abs(at.x[i])
             room = (max(-least, most) + off) * 1e-12 + off
             if not (low <= at.x[i] + least - room and at.x[i] + most + room <= high):
-                raise Rejected(f"{name} may leave its limits in the set")
+                raise Rejected(f"{name} is not proved to stay within its limits in the set")
 
     def edges(self, boxes: Boxes) -> np.ndarray:
         """Return for each box the index of the edge to halve, or -1 if the box is proved, (N,).
@@ -180,5 +180,5 @@ class Decrease(OnPiece):
                     return k
         raise Rejected(
             "V' < 0 is not proved near the equilibrium: V is not a Lyapunov function of the "
-            "linearization, or a kink is at the equilibrium"
+            "linearization, or the rates have a kink at the equilibrium"
         )

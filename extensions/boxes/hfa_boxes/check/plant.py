@@ -76,7 +76,10 @@ class Plant:
         for name, value in self.held.items():
             ((low, high),) = self.ends((name,))
             if not low <= value <= high:
-                raise Rejected(f"the constant value of {name} exceeds its limits")
+                raise Rejected(
+                    f"the constant value of {name}, {value:g}, is outside its limits, "
+                    f"{low:g} to {high:g}"
+                )
 
     def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:
         """Return the rates of the moving states and the limited outputs.

@@ -127,12 +127,13 @@ class BoxStatement:
             policy = stated.function(tuple(plant.inputs))
         elif policy is None:
             raise BadInputError(
-                "the certificate concerns a policy in a file; give it by --weights or --policy"
+                "the certificate concerns a policy in a file; give this file with --weights or "
+                "--policy"
             )
         elif stated != digest_of(policy):
             raise BadInputError(
-                "the certificate concerns another policy; give the file and the options with which "
-                "it was proved"
+                "the certificate concerns another policy; give the file and the options with "
+                "which the certificate was proved"
             )
         loop = Loop(**vars(plant), policy=policy)
         equilibrium = entries.all_numbers("equilibrium", states)
@@ -162,8 +163,8 @@ def digest_of(policy: ca.Function) -> str:
     function = policy.expand() if policy.is_a("MXFunction") else policy
     if function.n_instructions() > LARGEST:
         raise BadInputError(
-            f"the policy has {function.n_instructions()} operations; at most {LARGEST} are "
-            "supported"
+            f"the policy has {function.n_instructions()} operations, but at most {LARGEST} are "
+            "supported; give a smaller policy"
         )
     hashed = hashlib.sha256()
     for index in range(function.n_instructions()):

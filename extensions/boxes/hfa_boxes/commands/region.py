@@ -155,7 +155,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):
-        raise BadInputError(f"{path} is a certificate of another loop; choose another file")
+        raise BadInputError(f"{path} is a certificate of another loop; give another path with -o")
     return statement
 
 

@@ -100,7 +100,8 @@ class Program:
             function = function.expand()
         if function.n_instructions() > LARGEST:
             raise BadInputError(
-                f"{name}: {function.n_instructions()} operations; at most {LARGEST} are supported"
+                f"{name}: the function has {function.n_instructions()} operations, but at most "
+                f"{LARGEST} are supported; simplify the function"
             )
         self.inputs = function.numel_in(0)
         self.name = name
@@ -170,7 +171,7 @@ class _Reader:
 
     def _constant(self, value: float) -> Row:
         if not math.isfinite(value):
-            raise BadInputError(f"{self._name}: contains {value}; use finite numbers")
+            raise BadInputError(f"{self._name}: the function contains {value}; use finite numbers")
         return {0: Fraction(value)} if value else {}
 
     def _result(self, operation: int, first: Row, last: Row) -> Row:
@@ -183,10 +184,9 @@ class _Reader:
         if operation in _SPECIAL:
             return _SPECIAL[operation](self, first, last)
         raise BadInputError(
-            f"{self._name}: uses {operation_name(operation)}, which is not supported; proofs"
-            " on boxes support sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, "
-            "tan,"
-            " asin, atan, atan2, min, max and abs"
+            f"{self._name}: the function uses {operation_name(operation)}, which is not supported; "
+            "use only sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan, "
+            "asin, atan, atan2, min, max and abs"
         )
 
     def _maximum(self, first: Row, last: Row) -> Row:
@@ -246,7 +246,7 @@ class _Reader:
         """
         if not first:
             raise BadInputError(
-                f"{self._name}: atan2(0, x) is not supported; write the angle without it"
+                f"{self._name}: atan2(0, x) is not supported; write the angle without atan2"
             )
         squares = _plus(self._product(first, first), self._product(last, last))
         below = _plus(self._node("sqrt", squares), last)
@@ -288,7 +288,8 @@ class _Reader:
         if key not in self._known:
             if len(self.nodes) == MOST_NODES:
                 raise BadInputError(
-                    f"{self._name}: more than {MOST_NODES} nonlinear operations; simplify it"
+                    f"{self._name}: the function has more than {MOST_NODES} nonlinear operations; "
+                    "simplify the function"
                 )
             levels = [
                 self.nodes[variable - self._first].level

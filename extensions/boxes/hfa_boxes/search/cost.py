@@ -261,7 +261,7 @@ class CostSearch:
 
     def _tell(self, done: float, whole: float, text: str = "") -> None:
         if self._left() < self._least_left:
-            raise OutOfTimeError("half of the remaining time was used", text, done)
+            raise OutOfTimeError("the attempt used half of the remaining time", text, done)
         if self._progress is not None:
             self._progress(done, whole, text)
 
@@ -284,7 +284,7 @@ class CostSearch:
             else:
                 return _Proved(piece, boxes, (fitted - begin, time.process_time() - fitted))
             W = fit.fitted()
-        raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(fit.M)))
+        raise OpenBoxError(f"{_REFUTED} successive polynomials were refuted", np.zeros(len(fit.M)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
         """Return the fit of level c and its first polynomial.

@@ -134,7 +134,7 @@ class RegionSearch:
         if self._best is None:
             kink = kink_at(self.loop, self.loop.closed, self.equilibrium)
             why = f"{self._stopped}; {kink}" if kink else self._stopped
-            raise NoSolutionError(f"no region is proved in {self._seconds:g} s: {why}")
+            raise NoSolutionError(f"no region was proved: {why}")
         region, shape = self._best
         bound = shape.bound(self.samples, _HIGHEST)
         return replace(region, bound=bound, stopped=self._stopped)

@@ -43,7 +43,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=4,
     )
     margin: float = option(
-        "relative gap between W and the cost; a smaller gap needs more boxes; default 0.02",
+        "relative gap between W and the cost; a smaller gap requires more boxes; default 0.02",
         "PART",
         lambda text: _part(text),
         default=0.02,
@@ -55,13 +55,13 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=120.0,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, replacing those of the flight envelope; repeatable",
+        "limits of a state, instead of the limits of the flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
         named=True,
     )
-    resume: bool = option("continue the unfinished certificate given by -o", rare=True)
+    resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
     check: Path | None = option(
         "verify an existing certificate instead", "FILE", input_file(".json")
     )
@@ -73,7 +73,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         """
         from hfa_optimal.problem import flight_problem
 
-        self.refuse(("delta",), "applies only to a game; leave it out")
+        self.refuse(("delta",), "applies only to a game; remove this option")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         game = self.game_on(linearize(aircraft, point))
@@ -105,9 +105,14 @@ def cost(request: CostRequest) -> int:
     if request.check is not None:
         return check(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
-        raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
+        raise BadInputError(
+            f"{request.output}: a certificate must be a .json file; give a path "
+            "with the suffix .json"
+        )
     if request.resume and request.output is None:
-        raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
+        raise BadInputError(
+            "--resume requires the unfinished certificate; give its path with -o FILE.json"
+        )
     return _prove(request)
 
 
@@ -125,12 +130,12 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     from hfa_proof.commands.given import aircraft_option, names_aircraft
     from hfa_proof.subject import Given, compare
 
-    request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
         ("plant",),
         "is a linear plant, but the certificate is about a nonlinear aircraft; use --aircraft",
     )
-    request.refuse(("weights", "basis", "design"), "does not apply to a bound; leave it out")
+    request.refuse(("weights", "basis", "design"), "does not apply to a bound; remove this option")
     own = request.model if request.own else None
     typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}
     given = {name: Given(value, f"--{name}") for name, value in typed.items()}

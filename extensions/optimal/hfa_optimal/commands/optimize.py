@@ -59,7 +59,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         default="cost",
     )
     starts: int | None = option(
-        "print a table over N initial conditions drawn from the default box",
+        "number of random initial conditions in the default box, for a table of flights",
         "N",
         whole(1, _MOST_STARTS),
     )
@@ -67,7 +67,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
     )
     policy: Path | None = option(
-        "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
+        "deployment file whose policy is compared", "DEPLOYMENT.toml", input_file(".toml")
     )
     seconds: float | None = option(
         "horizon, s; default: long enough for a negligible remaining cost",
@@ -76,14 +76,14 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         rare=True,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, replacing those of the flight envelope; repeatable",
+        "limits of a state, instead of the limits of the flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; compare the best cost found with its lower bound",
+        "certificate of `hfa prove cost`; the best cost found is compared with its lower bound",
         "FILE",
         input_file(".json"),
     )
@@ -157,13 +157,16 @@ def optimize(request: OptimizeRequest) -> int:
     """
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
-        raise BadInputError("give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
+        raise BadInputError(
+            "give exactly one of --start NAME=VALUE,..., --starts N and --to NAME=VALUE"
+        )
     if request.minimize == "time":
-        request.refuse(_OF_COST, "applies only to --minimize cost; leave it out")
+        request.refuse(_OF_COST, "applies only to --minimize cost; remove this option")
         return _quickest(request)
     if request.starts is not None:
         request.refuse(
-            ("picture", "seconds"), "applies only to one flight; leave it out with --starts"
+            ("picture", "seconds"),
+            "applies only to a single flight; remove this option or --starts",
         )
     search, game = request.search()
     pilots = request.pilots(search, game)

@@ -35,9 +35,12 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     Raises BadInputError if there is no nonlinear aircraft, or not exactly one critic.
     """
     if named.linear is None:
-        raise BadInputError("--flights needs a nonlinear aircraft; add --aircraft")
+        raise BadInputError("--flights requires a nonlinear aircraft; add --aircraft")
     if len(verdicts) != 1:
-        raise BadInputError("--flights supports one critic only; leave out --flights")
+        raise BadInputError(
+            f"--flights supports only one critic, but {len(verdicts)} are given; "
+            "give one critic, or remove --flights"
+        )
     point = named.linear.point
     game = named.game
     problem = flight_problem(point.model, point, game.Q, game.R)

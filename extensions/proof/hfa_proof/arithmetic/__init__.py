@@ -18,7 +18,7 @@ def flint_or_refusal() -> Any:
         import flint
     except ImportError as error:
         raise BadInputError(
-            "proofs need python-flint; install it with `pip install .[proof]`"
+            'proofs require the package python-flint; type python -m pip install ".[proof]"'
         ) from error
     flint.ctx.prec = PRECISION
     return flint

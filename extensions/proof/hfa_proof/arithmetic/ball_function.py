@@ -52,13 +52,13 @@ class BallFunction:
         ValueError if an argument has the wrong number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
-            raise ValueError(f"{self._name} needs arguments of {self._inputs} entries")
+            raise ValueError(f"{self._name} requires arguments of {self._inputs} entries")
         try:
             return self._run(arguments)
         except (ValueError, ZeroDivisionError) as error:
             # A divisor or a root may be 0 on this box.
             raise Undecided(
-                f"{self._name} may not be defined on all of this box ({error})"
+                f"{self._name} is not proved to be defined on the whole box ({error})"
             ) from error
 
     def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
@@ -90,8 +90,8 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
     if code in _OPERATIONS:
         return _OPERATIONS[code]
     raise BadInputError(
-        f"{name}: its equations use {operation_name(code)}, which a proof does not support;"
-        " replace a table or a switch by a polynomial"
+        f"{name}: the equations use {operation_name(code)}, which a proof does not support; "
+        "replace tables and switches by polynomials"
     )
 
 
@@ -127,7 +127,7 @@ def _arctangent(y: Any, x: Any) -> Any:
     Raises Undecided unless x is proved positive.
     """
     if not constant_part(x) > 0:
-        raise Undecided("atan2 is undecided: its second argument is not proved positive")
+        raise Undecided("atan2(y, x) is undecided, because x is not proved positive")
     return (y / x).atan()
 
 
@@ -137,7 +137,7 @@ def _power(x: Any, y: Any) -> Any:
     Raises Undecided unless x is proved positive.
     """
     if not constant_part(x) > 0:
-        raise Undecided("a power is undecided: its base is not proved positive")
+        raise Undecided("x^y is undecided, because x is not proved positive")
     return (y * x.log()).exp()
 
 

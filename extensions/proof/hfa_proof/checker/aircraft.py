@@ -28,12 +28,13 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
         if (own.name, own.extras.source[1]) != (name, source):
             raise BadInputError(
                 f"the certificate concerns {shown(name)} from a file other than the given file of "
-                f"{own.name}; give the file with which it was proved"
+                f"{own.name}; give the aircraft file with which the certificate was proved"
             )
         return own
     flexible = None if source else aircraft_of(name)
     if flexible is None:
         raise BadInputError(
-            f"the certificate concerns {shown(name)}; name its file by --aircraft FILE.py:NAME"
+            f"the certificate concerns {shown(name)}; give the aircraft file with --aircraft "
+            "FILE.py:NAME"
         )
     return flexible

@@ -302,7 +302,8 @@ def check_models(
         for name, most in interpolation_errors(statement, linear, exact).items():
             if not most <= arb(statement.errors[name]):
                 raise Rejected(
-                    f"the interpolation error of {name} is not proved from {trim.low} on"
+                    f"the interpolation error of {name} is not proved between {trim.low} and "
+                    f"{trim.high}"
                 )
         linear_models.append(linear)
     check_branches(flight, linear_models)

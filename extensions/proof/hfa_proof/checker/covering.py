@@ -50,7 +50,8 @@ def _check_ends(what: str, box: Box, coordinates: int) -> None:
     ordered = all(math.isfinite(low) and math.isfinite(high) and low <= high for low, high in box)
     if not (ordered and len(box) == coordinates > 0):
         raise Rejected(
-            f"{what}: each coordinate needs one finite interval, low <= high; found {_said(box)}"
+            f"{what}: each coordinate requires one finite interval, low <= high, but {_said(box)} "
+            "is given"
         )
 
 

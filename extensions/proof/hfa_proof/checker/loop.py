@@ -67,7 +67,9 @@ def closed_loop(
         arriving = matrix(np.diag(actuators.effectiveness)) * apart.U
         return apart.base + matrix(np.diag(bandwidths)) * (apart.G * arriving + apart.lag)
     if any(name not in model.linear for name in controller.measurements):
-        raise Rejected("a controller without actuators may measure only states")
+        raise Rejected(
+            "a measurement of the controller is not a state, which is supported only with actuators"
+        )
     A, B, C, D = controller_on(controller, linear.trim.low, linear.trim.high)
     n = len(model.linear)
     k = controller.A.shape[1]

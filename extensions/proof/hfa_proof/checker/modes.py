@@ -61,7 +61,9 @@ def check_motion(
     turn = matrix(turn_of_box)
     for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
         if -1 in eigenvalue_signs(end, turn):
-            raise Rejected("the Lyapunov function of the motion is not positive")
+            raise Rejected(
+                "the Lyapunov function for the moving scheduling variable is not proved positive"
+            )
     half = -(P * loop)
     decrease = half + half.transpose()
     check_positive(decrease + growth, turn)
@@ -75,7 +77,7 @@ def check_positive(form: TaylorModel, turn: arb_mat) -> None:
     """
     turned = form.map(lambda part: turn.transpose() * part * turn)
     if not all(is_positive_definite(corner) for corner in turned.corners()):
-        raise Rejected("the matrix that proves the modes is not positive definite")
+        raise Rejected("the matrix that bounds the modes is not proved positive definite")
 
 
 def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
@@ -122,7 +124,7 @@ def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piec
     for piece in pieces:
         H = matrix(piece.H)
         if min(piece.X) < 0.0 or not is_positive_definite(H):
-            raise Rejected("a Lyapunov function or a multiplier is not positive")
+            raise Rejected("a Lyapunov function or a multiplier is not proved positive")
         X_1, X_2 = (matrix(np.diag(weights)) for weights in np.split(piece.X, 2))
         for bandwidth in map(arb, piece.bandwidth):
             rates = loop.base * zeta + (loop.lag * zeta + loop.G * v) * bandwidth

@@ -68,7 +68,8 @@ def solution_on(
     axes = matrix(np.linalg.eigh(doubles(P.parts[0]))[1])
     if min(eigenvalue_signs(P.range(), axes)) != lowest:
         raise Rejected(
-            "the sign of the lowest eigenvalue of the solution differs from the stated one"
+            "the sign of the lowest eigenvalue of the solution differs from the sign in the "
+            "certificate"
         )
     P = units.inv() * P * units.inv()
     return Solution(P, gain_matrix(weights, B) * P)
@@ -112,7 +113,7 @@ def check_axis(
     identity = acb_mat(matrix(np.eye(len(rows))))
     values = [(identity * acb(0, arb(frequency)) - H).det().real for frequency in frequencies]
     if not (any(value > 0 for value in values) and any(value < 0 for value in values)):
-        raise Rejected("no eigenvalue is proved to be on the imaginary axis")
+        raise Rejected("no eigenvalue of the Hamiltonian is proved to be on the imaginary axis")
 
 
 def hamiltonian_rows(A: arb_mat, S: arb_mat, Q: arb_mat) -> list[list[arb]]:

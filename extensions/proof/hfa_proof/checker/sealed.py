@@ -70,11 +70,13 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         ) from error
     if schema != SCHEMA:
         raise BadInputError(
-            f"{path} has the format {on_one_line(schema)} of another version; write it again"
+            f"{path} has the format {on_one_line(schema)} of another version; prove the statement "
+            "again with this version"
         )
     if edited:
         raise BadInputError(
-            f"{path}: the certificate was edited (its digest does not match); prove it again"
+            f"{path}: the certificate was edited (its digest does not match); prove the statement "
+            "again"
         )
     return content, written
 

@@ -117,7 +117,7 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
         if not _is_zero([*slopes, residual[row]]):
             moved.append(row)
     if len(moved) != len(radii):
-        raise Rejected("the numbers of equations and unknowns differ")
+        raise Rejected(f"the trim has {len(moved)} equations, but {len(radii)} unknowns")
     column = stacked([[residual[row]] for row in moved])
     derivative = stacked([linear.slopes[row] for row in moved])
     offsets: list[arb] = root_offsets(column.range(), derivative.range(), radii).entries()
@@ -136,7 +136,7 @@ def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
             continue
         value = TaylorModel.of(values[name]).range()
         if not (arb(least) <= value and value <= arb(most)):
-            raise Rejected(f"{name} may lie beyond its limits")
+            raise Rejected(f"{name} is not proved to be within its limits")
 
 
 def _is_zero(values: Iterable[Any]) -> bool:
@@ -166,7 +166,7 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):
         raise Rejected(
-            "boxes begin below the first stated trim, so that their branch is not stated"
+            "a box begins below the first stated trim, so its branch of trims is not stated"
         )
     for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
         own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]
@@ -192,8 +192,8 @@ def _check_branch(
         connected = [before for before in connected if before.trim.high >= box.trim.low]
         if not any(_is_same(box, before) for before in connected):
             raise Rejected(
-                f"the trims from {box.trim.low} on are not proved to be on the branch of the trim "
-                f"stated at {start}"
+                f"the trims from {box.trim.low} to {box.trim.high} are not proved to be on the "
+                f"branch of the trim stated at {start}"
             )
         if box.trim.high >= following:
             raise Rejected(

@@ -54,7 +54,8 @@ class SolutionRequest(PlantOptions, OutputOptions):
         request = self
         if typed is not None and len(typed) != 1:
             raise BadInputError(
-                f"a game is defined at one value; give --{called_at(self.model)} with one value"
+                f"a game is defined at one value of {self.model.schedule}; give "
+                f"--{called_at(self.model)} with one value"
             )
         if typed is not None:  # the other commands of one trim store the value in the model's unit
             in_degrees = self.model.schedule_unit == "deg"

@@ -80,7 +80,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
         return _given_plant(statement, request)
     if request.plant is not None:
         raise BadInputError(
-            "--model is a linear plant, but the certificate is about an aircraft; leave --model out"
+            "--model is a linear plant, but the certificate is about an aircraft; remove --model"
         )
     given = _given_flight(flight, request)
     given |= _given_weights(flight, request)
@@ -132,7 +132,7 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
     """Return the entries of the plant of --model, of its weights, and of the critic."""
     request.refuse(
         (*_OF_THE_AIRCRAFT, "at"),
-        "names an aircraft, but the certificate is about a plant; leave it out",
+        "names an aircraft, but the certificate is about a plant; remove this option",
     )
     given = {
         f"weights.{name}": Given(value, f"--{name}")
@@ -154,7 +154,8 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     of the critic's P or W.
     """
     request.refuse(
-        ("design",), "applies to a schedule, but the certificate is about a game; leave it out"
+        ("design",),
+        "applies to a schedule, but the certificate is about a game; remove this option",
     )
     if request.weights is None:
         request.refuse(("basis",), "applies only to W; add --weights FILE")
@@ -176,8 +177,8 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     if "K" not in parts:
         if not statement.gain_of_value:
             raise NoSolutionError(
-                f"{request.weights} has no K, and the certificate's K is not the gain of its P or "
-                "W; give a file with K"
+                f"{request.weights} contains no K, and the certificate's K is not the gain of the "
+                "certificate's P or W; give a file with K"
             )
         given["critic.K"] = Given(statement.critic["K"], option)
     return given
@@ -198,7 +199,7 @@ def _given_controller(
     if isinstance(statement, ModelsStatement):
         request.refuse(
             ("design",),
-            "applies to a controller, but the certificate is about models; leave it out",
+            "applies to a controller, but the certificate is about models; remove this option",
         )
         gains = load_gain_schedule(request.weights, model)
         return {
@@ -208,7 +209,8 @@ def _given_controller(
     loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
     if (loop.actuators is None) != (statement.actuators is None):
         raise BadInputError(
-            f"{option}: the actuators differ from those of the certificate; give --design"
+            f"{option}: only one of the controller and the certificate has actuators; add or "
+            "remove --design"
         )
     stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
     content: Mapping[str, Any] = content_of(stated)

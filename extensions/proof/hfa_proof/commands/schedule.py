@@ -34,7 +34,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     """Options of `hfa prove schedule`."""
 
     weights: Path | None = option(
-        "file of gains K over the scheduling variable; default: gains of the exact game",
+        "file with gains K at values of the scheduling variable; default: gains of the exact game",
         "FILE",
         input_file(*MATRIX_FILES),
     )
@@ -46,23 +46,27 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         rare=True,
     )
     error: float = option(
-        "cover all parameter values within N standard errors; default 0",
+        "number of standard errors of the parameters that the proof covers; default 0",
         "N",
         not_negative,
         default=0.0,
         rare=True,
     )
     bandwidth: tuple[float, float] | None = option(
-        "cover actuators of any bandwidth in the interval, rad/s", "LOW:HIGH", positive_interval
+        "interval of actuator bandwidths that the proof covers, rad/s",
+        "LOW:HIGH",
+        positive_interval,
     )
     effectiveness: tuple[float, float] | None = option(
-        "cover time-varying actuator effectiveness within LOW:HIGH; default 1; needs --bandwidth",
+        "interval of time-varying actuator effectiveness that the proof covers; default 1; "
+        "requires --bandwidth",
         "LOW:HIGH",
         positive_interval,
         rare=True,
     )
     delay: float | None = option(
-        "cover a time-varying delay of each command up to S seconds; default 0; needs --bandwidth",
+        "largest time-varying delay of each command that the proof covers, s; default 0; requires "
+        "--bandwidth",
         "S",
         not_negative,
         rare=True,
@@ -80,7 +84,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
             self.refuse(_INTERVALS, "applies only to actuators; add --bandwidth LOW:HIGH, rad/s")
             return None
         if self.rate:
-            raise BadInputError("give --rate or --bandwidth, not both")
+            raise BadInputError("--rate and --bandwidth cannot be combined; remove one of the two")
         effectiveness = self.effectiveness or (1.0, 1.0)
         return Intervals(self.bandwidth, effectiveness, self.delay or 0.0)
 
@@ -103,18 +107,20 @@ def schedule(request: ScheduleRequest) -> int:
     from hfa_proof.search.schedule_proof import prove_schedule
 
     if request.resume and request.output is None:
-        raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
+        raise BadInputError(
+            "--resume requires the unfinished certificate; give its path with -o FILE.json"
+        )
     intervals = request.intervals()
     family = family_of(request, request.error)
     low, high = request.ends(family)
     if request.weights is not None:
         request.refuse(
             ("delta", "Q", "R"),
-            "cannot be combined with --weights, which gives the gains; leave it out",
+            "cannot be combined with --weights, which gives the gains; remove this option",
         )
         loop = loop_of_file(request.weights, request.design, family.model, intervals)
     else:
-        request.refuse(("design",), "needs a controller; name its file by --weights FILE.npz")
+        request.refuse(("design",), "requires a controller; give its file with --weights FILE.npz")
         changes = request.changed_weights()
         loop = exact_gains(family, low, high, intervals, **changes)
     file = None

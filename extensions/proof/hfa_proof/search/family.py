@@ -146,7 +146,11 @@ class Family:
         for name, (least, most) in model.limits.items():
             lowest, highest = condition.limits_of(name)
             if lowest < least or highest > most:
-                raise BadInputError(f"the limits of {name} are wider than the model's; narrow them")
+                raise BadInputError(
+                    f"the limits of {name} are wider than the model's, "
+                    f"{model.describe(name, least)} to "
+                    f"{model.describe(name, most)}; narrow these limits"
+                )
             if np.isfinite((lowest, highest)).any() and name not in model.disturbances:
                 limits[name] = (max(lowest, -_FAR), min(highest, _FAR))
         parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -164,15 +168,15 @@ class Family:
         model = self.model
         if not model.schedule:
             raise BadInputError(
-                f"{model.title} has no scheduling variable, which a proof needs; set `schedule` in "
-                "the model"
+                f"{model.title} has no scheduling variable, which a proof requires; set `schedule` "
+                "in the model"
             )
         if self.flights is not None:
             for name, value in self.flights.imposed.items():
                 if isinstance(value, LinearTable):
                     raise BadInputError(
-                        f"{name} depends on the {model.schedule} in this flight condition; --hold "
-                        "it at one value"
+                        f"{name} depends on the {model.schedule} in this flight condition; give "
+                        f"one value with --hold {name}=VALUE"
                     )
         first = self.condition(low)
         self.condition(high)
@@ -182,8 +186,9 @@ class Family:
         steady = first.rates == dict.fromkeys(model.steady, 0.0)
         if not (steady and model.schedule not in first.free and len(first.free) == count):
             raise BadInputError(
-                f"a proof needs trims at a given {model.schedule} with all rates 0 and {count} "
-                f"free variables; free are {', '.join(first.free)}; change --hold and --free"
+                f"a proof requires trims at a given {model.schedule} with all rates 0 and {count} "
+                f"free variables, but the free variables are {', '.join(first.free)}; change "
+                "--hold and --free"
             )
 
 

@@ -65,15 +65,13 @@ class Loop:
         Raises BadInputError if the breakpoints do not cover the interval, or unless low < high.
         """
         if not low < high:
-            raise BadInputError(
-                f"the interval is {low:g} to {high:g}; its first end must be the lower one"
-            )
+            raise BadInputError(f"the interval is {low:g} to {high:g}; give the lower end first")
         breakpoints = self.controller.breakpoints.tolist()
         first = breakpoints[0]
         last = breakpoints[-1]
         if low < first or high > last:
             raise BadInputError(
-                f"the table covers {first:g} to {last:g}, not {low:g} to {high:g}; choose "
+                f"the table of gains covers {first:g} to {last:g}, not {low:g} to {high:g}; choose "
                 "an interval within the table"
             )
         cuts = [low, *(cut for cut in breakpoints if low < cut < high), high]
@@ -94,7 +92,10 @@ def loop_of_gains(
     Raises BadInputError if there are fewer than two breakpoints or K has another number of columns.
     """
     if len(breakpoints) < 2:
-        raise BadInputError("a table of gains needs at least two breakpoints, in increasing order")
+        raise BadInputError(
+            f"the table of gains has {len(breakpoints)} breakpoints; give at least "
+            "two, in increasing order"
+        )
     count, m, columns = K.shape
     n = len(model.linear)
     inputs = tuple(model.inputs)
@@ -145,10 +146,15 @@ def loop_of_servo(
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]
     if missing:
-        raise BadInputError(f"{where} {missing[0]} has no actuator; give a design that has one")
+        raise BadInputError(
+            f"{where} input {missing[0]} has no actuator; give a design with an "
+            f"actuator for {missing[0]}"
+        )
     for name in controller.measurements:
         if name not in measurable(model):
-            raise BadInputError(f"{where} a proof does not support a measurement of {name}")
+            raise BadInputError(
+                f"{where} a proof does not support the measurement {name}; remove this measurement"
+            )
     measured = len(controller.measurements)
     breakpoints = controller.breakpoints
     if model.schedule_unit == "deg":

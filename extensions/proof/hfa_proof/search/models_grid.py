@@ -104,9 +104,7 @@ def prove_models(
     BadInputError unless low < high.
     """
     if not low < high:
-        raise BadInputError(
-            f"the interval is {low:g} to {high:g}; its first end must be the lower one"
-        )
+        raise BadInputError(f"the interval is {low:g} to {high:g}; give the lower end first")
     grid = GridSearch(family, low, high, tolerance)
     count = max(1, round((high - low) / (_CELL * family.step)))
     edges = np.linspace(low, high, count + 1).tolist()
@@ -142,7 +140,8 @@ class GridSearch:
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
-                    f"no bounds of the models from {part.low:g} to {part.high:g} are proved"
+                    f"no bounds of the linear models from {part.low:g} to {part.high:g} "
+                    f"{self.family.model.schedule_unit} are proved"
                 )
             self.cells.append(cell)
 

@@ -71,11 +71,13 @@ def weights_of(game: Game) -> Weights:
     R = (game.R + game.R.T) / 2
     if lowest_sign(Q) < 0:
         raise NoSolutionError(
-            "Q has a negative eigenvalue in exact arithmetic; a proof needs Q >= 0, such as a "
-            "diagonal of weights"
+            "Q has a negative eigenvalue in exact arithmetic; a proof requires Q >= 0, such as a "
+            "diagonal matrix of weights"
         )
     if lowest_sign(R) <= 0:
-        raise NoSolutionError("R is not positive definite in exact arithmetic; a proof needs R > 0")
+        raise NoSolutionError(
+            "R is not positive definite in exact arithmetic; a proof requires R > 0"
+        )
     return Weights(Q, R, game.E, float(game.delta))
 
 
@@ -211,7 +213,10 @@ def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) 
     units = form.units
     start = by_schur(form)
     if not np.isfinite(start).all():
-        raise NoSolutionError("the Riccati equation has no finite solution to begin with")
+        raise NoSolutionError(
+            "no finite approximate solution of the Riccati equation was found, "
+            "from which the proof can begin"
+        )
     T = matrix(np.diag(units))
     A = T.inv() * A * T
     S = T.inv() * riccati_S(weights, B) * T.inv()
@@ -418,7 +423,9 @@ def prove_critic(
     True
     """
     if critic.network:
-        raise BadInputError("a network is not supported here; give W, P or K")
+        raise BadInputError(
+            "the critic is a network, which a proof of a game does not support; give W, P or K"
+        )
     exact = ExactGame.of(game, family, scheduling_value)
     box, solution = exact.solution()
     A, B = exact.doubles

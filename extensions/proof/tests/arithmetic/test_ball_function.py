@@ -115,7 +115,7 @@ def _off(operation: Callable[..., Any]) -> Callable[..., Any]:
 def test_an_unknown_operation_is_refused_by_name() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(
-        BadInputError, match="f: its equations use erf, which a proof does not support"
+        BadInputError, match="f: the equations use erf, which a proof does not support"
     ):
         BallFunction(ca.Function("f", [x], [ca.erf(x)]))
 

@@ -151,12 +151,12 @@ NAMED: dict[str, tuple[str, Change, str]] = {
     "a negative multiplier": (
         "actuators",
         put(lambda X: [-X[0], *X[1:]], *LOOP, "pieces", 0, "X"),
-        "a Lyapunov function or a multiplier is not positive",
+        "a Lyapunov function or a multiplier is not proved positive",
     ),
     "a Lyapunov function that is not positive": (
         "actuators",
         put(array(np.negative), *LOOP, "pieces", 0, "H"),
-        "a Lyapunov function or a multiplier is not positive",
+        "a Lyapunov function or a multiplier is not proved positive",
     ),
     "a piece left out": (
         "actuators",
@@ -176,12 +176,12 @@ NAMED: dict[str, tuple[str, Change, str]] = {
     "P of the motion not positive": (
         "rate",
         put(array(np.negative), "witness", "motion", "P"),
-        "the Lyapunov function of the motion is not positive",
+        "the Lyapunov function for the moving scheduling variable is not proved positive",
     ),
     "a rate of the statement": (
         "rate",
         put(lambda rate: 2.0 * rate, *CLAIM, "scheduled_rate"),
-        "not positive definite",
+        "not proved positive definite",
     ),
     "a trim moved": (
         "rate",

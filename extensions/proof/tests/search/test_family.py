@@ -104,7 +104,7 @@ def test_an_interval_without_a_trim_is_named() -> None:
         except NoSolutionError:
             without = middle
     search.linear_model(Box(last - 0.2, last - 0.1))
-    with pytest.raises(Rejected, match="elevator_center may lie beyond its limits"):
+    with pytest.raises(Rejected, match="elevator_center is not proved to be within its limits"):
         search.linear_model(Box(last - 0.1, last))
 
 
@@ -128,11 +128,12 @@ def test_trims_that_statement_is_not_about_are_refused() -> None:
     assert len(flights.condition(10.0).free) == 4
     table = LinearTable([0.0, np.radians(20.0)], [68.0, 60.0])
     with pytest.raises(
-        BadInputError, match="speed depends on the dihedral in this flight condition; --hold it"
+        BadInputError,
+        match="speed depends on the dihedral in this flight condition; give one value with --hold speed",
     ):
         replace(flights, flights=release(LEVEL_FLIGHT, hold={"speed": table})).check(0.0, 20.0)
     for free in ("alpha", "dihedral"):
-        with pytest.raises(BadInputError, match="a proof needs trims at a given dihedral"):
+        with pytest.raises(BadInputError, match="a proof requires trims at a given dihedral"):
             replace(flights, flights=release(LEVEL_FLIGHT, free=(free,))).check(0.0, 20.0)
 
 

@@ -129,7 +129,7 @@ def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: fl
     assert found.decay_rate == proof.data["decay_rate"]
     faster = content(proof)
     faster["statement"]["scheduled_rate"] *= 3.0
-    with pytest.raises(Rejected, match="not positive definite"):
+    with pytest.raises(Rejected, match="not proved positive definite"):
         check_certificate(forge(tmp_path / "certificate.json", faster))
 
 
@@ -228,7 +228,7 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
     data = checked_report(check_certificate(path, model=flights.model)).data
     assert (data["proved"], data["one_branch"]) == (True, True)
     assert (data["scheduled"], data["scheduled_rate"] > 0.0) == ({"speed": [160.0, 168.0]}, True)
-    with pytest.raises(BadInputError, match="name its file by --aircraft"):
+    with pytest.raises(BadInputError, match="give the aircraft file with --aircraft"):
         check_certificate(path)
     extras = replace(flights.model.extras, source=("other.py:NAVION", "0" * 64))
     other = replace(flights.model, extras=extras)
@@ -273,11 +273,11 @@ def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | No
     loop = loop_of_gains(model, [1.0, 2.0], np.array([[[1.5]], [[2.0]]]))
     if proved is None:
         with pytest.raises(
-            BadInputError, match="kinked: its equations use fabs, which a proof does not support"
+            BadInputError, match="kinked: the equations use fabs, which a proof does not support"
         ):
             flights.check(1.0, 2.0)
         with pytest.raises(
-            BadInputError, match=r"its equations use lt, .* replace a table or a switch"
+            BadInputError, match=r"the equations use lt, .* replace tables and switches"
         ):
             Family(load_model("examples/f16.py:F16")).check(400.0, 410.0)
         return

@@ -207,14 +207,14 @@ def test_what_cannot_be_proved_of_is_refused() -> None:
     with pytest.raises(BadInputError, match="the matrix of the loop overflows"):
         prove_schedule(family(), table, 14.5, 14.6)
     for low, high in ((15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))):
-        said = f"the interval is {low:g} to {high:g}; its first end must be the lower one"
+        said = f"the interval is {low:g} to {high:g}; give the lower end first"
         with pytest.raises(BadInputError, match=said):
             prove_schedule(family(), exact_loop(14.0, 15.0), low, high)
         with pytest.raises(BadInputError, match="the interval is"):
             prove_models(family(), low, high, 1e-3)
     loop = exact_loop(13.0, 14.0, 15.0)
     assert loop.segments(13.5, 15.0) == [(13.5, 14.0), (14.0, 15.0)]
-    with pytest.raises(BadInputError, match=r"the table covers 13 to 15, not 13 to 15.5"):
+    with pytest.raises(BadInputError, match=r"the table of gains covers 13 to 15, not 13 to 15.5"):
         loop.segments(13.0, 15.5)
 
 

@@ -138,7 +138,7 @@ def _check_extents(
         least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
         at = loop.equilibrium.x[index]
         if not (exact(least) <= at + low and at + high <= exact(most)):
-            raise Rejected(f"{name} may leave its limits in the set")
+            raise Rejected(f"{name} is not proved to stay within its limits in the set")
 
 
 def _check_deviation(

@@ -134,11 +134,15 @@ class Equilibrium:
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
             if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
-                raise Rejected(f"{name} at the equilibrium differs from the stated value")
+                raise Rejected(
+                    f"{name} at the equilibrium differs from the value in the certificate"
+                )
         for name in self.loop.inputs:
             for room in self.room(name):
                 if room is not None and not room > 0:
-                    raise Rejected(f"{name} may be at its limit at the equilibrium")
+                    raise Rejected(
+                        f"{name} is not proved to be within its limits at the equilibrium"
+                    )
 
 
 class RegionLoop:
@@ -159,7 +163,7 @@ class RegionLoop:
         self.n = len(T)
         self.T = matrix(T)
         if not _is_invertible(self.T):
-            raise Rejected("the coordinates are not proved invertible")
+            raise Rejected("the matrix T of the coordinates is not proved invertible")
         loop = statement.loop
         self._rates: dict[tuple[str, ...], list[Taylor]] = {}
         refuse_curved(loop)
@@ -308,7 +312,7 @@ class RegionLoop:
             low, high = self.statement.loop.limits[name]
             ball = value.range()
             if not ((low == -np.inf or ball >= exact(low)) and (high == np.inf or ball <= high)):
-                raise Rejected(f"{name} may leave its limits in the set")
+                raise Rejected(f"{name} is not proved to stay within its limits in the set")
 
     def _taylor(self, polynomial: Polynomial) -> Taylor:
         return Taylor(self.order, polynomial, arb(0))

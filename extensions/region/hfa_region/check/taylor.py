@@ -127,7 +127,7 @@ class Taylor:
         Raises ValueError for another degree.
         """
         if degree % 2 or degree > self.order + 1:
-            raise ValueError(f"{degree} is odd or above {self.order + 1}")
+            raise ValueError(f"the degree {degree} is odd or above {self.order + 1}")
         norms = self.polynomial.norms()
         rest = sum(norms[degree + 1 :], arb(0)) + self.remainder
         kept = Polynomial(self.polynomial.parts[: degree + 1])

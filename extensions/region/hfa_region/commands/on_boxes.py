@@ -59,7 +59,7 @@ def prove_gain_on_boxes(
     P: (n, n), matrix of the game or critic, or None
     reason: result of `better_on_boxes`
     """
-    request.refuse(_OF_SQUARES, "applies only to --prover squares; leave it out")
+    request.refuse(_OF_SQUARES, "applies only to --prover squares; remove this option")
     words = "gain of the game" if request.weights is None else str(request.weights)
     policy = ProvedPolicy.of_gain(gain, linear.inputs, words, P)
     settings = SearchSettings(request.seconds, request.degree, request.resume, reason)
@@ -73,9 +73,11 @@ def prove_on_boxes(request: RegionRequest) -> int:
     """
     from controller.riccati.gare import solve_game
 
-    request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; leave it out")
+    request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; remove this option")
     if request.prover == "squares":
-        raise BadInputError("--prover squares supports only gains and polynomials; use boxes")
+        raise BadInputError(
+            "--prover squares supports only gains and polynomials; use --prover boxes"
+        )
     linear, policy, game = _policy_of(request)
     known = [("P of the game", solve_game(game).P), *policy.known]
     tried = ProvedPolicy(policy.function, policy.words, known, policy.not_covered)
@@ -111,7 +113,7 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
     from controller.critic.critic_file import critic_in
 
     if request.policy is not None:
-        request.refuse(_OF_NETWORKS, "cannot be used with --policy; leave it out")
+        request.refuse(_OF_NETWORKS, "cannot be used with --policy; remove this option")
     named = request.game()
     assert named.linear is not None
     if request.policy is not None:
@@ -166,7 +168,8 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
     """
     if deployed.past:
         raise BadInputError(
-            "timing.history: a proof needs a policy of the present sample alone; leave it out"
+            "timing.history: a proof does not support a policy of several samples; give a policy "
+            "of the present sample alone"
         )
     entries = {
         "observation": (deployed.observe, 1, tuple(deployed.deployment.observation)),
@@ -177,5 +180,5 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
         for row in sorted(taken):
             raise BadInputError(
                 f"{deployed.deployment.origin}: {table}.{names[row]} depends on an input, which "
-                "the policy itself sets; a proof does not support this, use `hfa assess`"
+                "the policy itself sets and a proof does not support; use `hfa assess` instead"
             )

@@ -114,7 +114,7 @@ def loop_of(
     """
     if request.basis is not None and request.weights is None:
         raise BadInputError(
-            "--basis applies only to W in --weights; add --weights or leave --basis out"
+            "--basis applies only to W in --weights; add --weights, or remove --basis"
         )
     if not request.model.inputs:
         aircraft = request.flown_aircraft()
@@ -135,7 +135,7 @@ def loop_of(
         solution = solve_game(named.game)
     except NoSolutionError as error:
         raise NoSolutionError(
-            f"the game of the linear model has no solution ({error}), so there is no"
-            " policy; give a stabilizing one by --weights"
+            f"the game of the linear model has no solution ({error}), so there is no policy; give "
+            "a stabilizing policy with --weights"
         ) from error
     return named.linear, solution.K, solution.P, {}

@@ -55,7 +55,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         critic_path,
     )
     policy: Path | None = option(
-        "policy from a deployment file, in continuous time; proved on boxes",
+        "deployment file of a policy, which is evaluated in continuous time and proved on boxes",
         "DEPLOYMENT.toml",
         input_file(".toml"),
     )
@@ -117,14 +117,19 @@ def region(request: RegionRequest) -> int:
 
     flint_or_refusal()
     request.refuse(
-        ("plant",), "is a linear plant, whose region is unbounded; name an aircraft by --aircraft"
+        ("plant",), "is a linear plant, whose region is unbounded; give an aircraft with --aircraft"
     )
     if request.check is not None:
         return _checked(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
-        raise BadInputError(f"{request.output}: a certificate must be a .json file; rename it")
+        raise BadInputError(
+            f"{request.output}: a certificate must be a .json file; give a path "
+            "with the suffix .json"
+        )
     if request.resume and request.output is None:
-        raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
+        raise BadInputError(
+            "--resume requires the unfinished certificate; give its path with -o FILE.json"
+        )
     if request.policy is None and not _is_network(request):
         return _prove(request)
     from hfa_region.commands.on_boxes import prove_on_boxes
@@ -140,13 +145,15 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     from hfa_region.fields import FIELDS
     from hfa_region.report import checked_report
 
-    request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
         ("plant",),
-        "is a linear plant, but the certificate concerns an aircraft; name it by --aircraft",
+        "is a linear plant, but the certificate concerns an aircraft; give the aircraft with "
+        "--aircraft",
     )
     request.refuse(
-        ("design",), "applies to a schedule, but the certificate is about a region; leave it out"
+        ("design",),
+        "applies to a schedule, but the certificate is about a region; remove this option",
     )
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
@@ -168,7 +175,7 @@ def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> 
     """Verify a certificate of a region proved on boxes and return the exit code."""
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
-    request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     if isinstance(request, RegionRequest) and (request.policy or _is_network(request)):
         return checked_on_boxes(request, certificate)
     return checked_gain_on_boxes(request, certificate)
@@ -253,7 +260,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     statement = check_certificate(path, model=own).statement
     forget_read(path)
     if _subject(statement.loop) != _subject(loop):
-        raise BadInputError(f"{path} is a certificate of another loop; choose another file")
+        raise BadInputError(f"{path} is a certificate of another loop; give another path with -o")
     return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
 
 

@@ -43,10 +43,13 @@ def with_region(
     flint_or_refusal()
     if named.linear is None:
         raise BadInputError(
-            "--region needs the nonlinear equations of an aircraft; give an aircraft"
+            "--region requires the nonlinear equations of an aircraft; add --aircraft"
         )
     if len(verdicts) != 1:
-        raise BadInputError("--region supports only one critic; leave --region out")
+        raise BadInputError(
+            f"--region supports only one critic, but {len(verdicts)} are given; "
+            "give one critic, or remove --region"
+        )
     critic = verdicts[0].critic
     with said_of("--region"):
         policy = policy_terms(critic, named.linear.inputs)
