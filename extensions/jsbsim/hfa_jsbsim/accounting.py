@@ -119,14 +119,15 @@ def _reason(parent: Element, child: Element) -> str:
     known = _elements().get(parent.name)
     if known is None:
         raise child.error(
-            f"<{shortened(name)}> in <{shortened(parent.name)}> is not supported; remove it"
+            f"<{shortened(name)}> in <{shortened(parent.name)}> is not supported; remove this"
+            " element"
         )
     if name in known["idle"]:
         return _NO_FORCE
     if name in known["read"]:
         raise child.error(
             f"<{shortened(name)}> in <{parent.name}> affects the forces and is not supported;"
-            " remove it"
+            " remove this element"
         )
     return _NOT_READ
 
@@ -171,8 +172,8 @@ def _refuse_readers(equations: Equations) -> None:
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
-                f"{where}: {shortened(name)} is computed inside JSBSim and is not supported;"
-                " use another property"
+                f"{where}: {shortened(name)} is a property that JSBSim computes internally, which "
+                "is not supported; use another property"
             )
 
 

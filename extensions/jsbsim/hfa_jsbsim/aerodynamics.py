@@ -200,7 +200,9 @@ def _frames(element: Element | None) -> tuple[str, str]:
         if name in _FRAMES or name == "SIDE":
             frame = _FRAMES.get(name, "")
         elif frame not in ("BODY", "STABILITY", "WIND"):
-            raise axis.error(f"{shortened(frame)} is not a frame; use BODY, STABILITY or WIND")
+            raise axis.error(
+                f"the frame {shortened(frame)} of <axis> is unknown; use BODY, STABILITY or WIND"
+            )
         kind = "moment" if _COMPONENTS[name] > 2 else "force"
         chosen[kind] = chosen[kind] or frame
     return chosen["force"] or "WIND", chosen["moment"] or "BODY"
@@ -220,7 +222,9 @@ def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
     for axis in element.all("axis"):
         name = axis.attributes.get("name", "")
         if name not in _COMPONENTS:
-            raise axis.error(f"{shortened(name)} is not an axis; use {', '.join(_COMPONENTS)}")
+            raise axis.error(
+                f"the name {shortened(name)} of <axis> is unknown; use {', '.join(_COMPONENTS)}"
+            )
         component = _COMPONENTS[name]
         functions[component] = list(axis.all("function"))
         if component > 2:  # JSBSim ignores moments at the center of gravity

@@ -416,7 +416,7 @@ class Equations:
             first = self._functions.setdefault(full_name, element)
             if first is not element:
                 fault = f"{shortened(full_name)} is the name of another function ({first.where})"
-                raise element.error(f"{fault}; JSBSim refuses a second one: rename it")
+                raise element.error(f"{fault}; give this function another name")
             writer = Writer(compute, element.where, order, element=element)
             self.properties.compute(full_name, writer)
 
@@ -503,7 +503,8 @@ class Equations:
             name = state.symbol.name()
             if state.writer is None:
                 raise state.component.error(
-                    "the output of this filter cannot be computed; remove the filter"
+                    f"the output of <{state.component.name}> cannot be computed; remove this "
+                    "component"
                 )
             self.states[name] = state.symbol
             self.rates[name] = ca.SX(self.properties.value_of(state.writer, name, ""))
@@ -550,8 +551,8 @@ class Equations:
             if ca.depends_on(total, ca.vertcat(*self.states.values())):
                 where = writer.where if writer else self.parts.path
                 raise BadInputError(
-                    f"{where}: the wind depends on the states, which is not supported; set it"
-                    " to a number"
+                    f"{where}: the wind depends on the states, which is not supported; set the "
+                    "wind to a number"
                 )
             self._substitute(symbol, total)
 
@@ -571,8 +572,8 @@ class Equations:
         symbols += [*self.parameters.values(), *self.gusts.values()]
         if moves_with_time(rates, self._time, symbols):
             raise BadInputError(
-                f"{self.parts.path}: forces depend on simulation/sim-time-sec, which is not"
-                " supported; remove it"
+                f"{self.parts.path}: the rates depend on simulation/sim-time-sec, which is not "
+                "supported; remove this property"
             )
         statement = "simulation/sim-time-sec is always 0, but forces depend on it at some states"
         self.notes.append(Note(statement))

@@ -188,8 +188,8 @@ def _tank(element: Element) -> Tank:
     for amount, what in ((contents, "contents"), (unusable, "unusable contents")):
         if amount > capacity:
             raise element.error(
-                f"the {what}, {amount:g} lb, exceed the capacity, {capacity:g} lb; correct one"
-                " of them"
+                f"the {what} of the tank, {amount:g} lb, exceed the capacity, {capacity:g} lb; "
+                "correct one of the two values"
             )
     full = element.find("location")
     location = np.zeros(3) if full is None else full.vector("IN")
@@ -230,7 +230,10 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
     if kind == "ENDBURNING":
         bore = 0.0
     if length <= 0.0 or radius <= bore:
-        raise grain.error("the grain has no volume; give a length, a radius and a smaller bore")
+        raise grain.error(
+            "the grain has no volume; give a positive length, and a radius larger "
+            "than that of the bore"
+        )
     volume = math.pi * length * (radius**2 - bore**2)
 
     def inertia(contents: Any) -> list[Any]:
@@ -307,10 +310,13 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
     center = ca.DM(mass.center).full().ravel()
     inertia = ca.DM(mass.inertia).full()
     if not (math.isfinite(weight) and np.isfinite(inertia).all()):
-        raise element.error("the mass or inertia is not finite; correct the weights and locations")
+        raise element.error(
+            "the mass or inertia of the aircraft is not finite; correct the weights and locations"
+        )
     if np.linalg.eigvalsh(inertia)[0] <= 0.0:
         raise element.error(
-            "the inertia matrix is not positive definite; correct the moments of inertia"
+            "the inertia matrix of the aircraft is not positive definite; correct the moments of "
+            "inertia"
         )
     return Mass(weight, empty.weight, center, inertia)
 
@@ -354,7 +360,7 @@ def _point_mass(element: Element) -> PointMass:
         "ball": (radius**2 * 0.4, radius**2 * 0.4),
     }
     if shape not in shapes:
-        raise form.error(f"{shortened(shape)!r} is not a shape; use {', '.join(shapes)}")
+        raise form.error(f"the shape {shortened(shape)!r} is unknown; use {', '.join(shapes)}")
     along, across = shapes[shape]
     mass = weight / SLUG_TO_LB
     return PointMass(weight, location, mass * np.diag([along, across, across]), True)

@@ -73,7 +73,7 @@ def settling(component: Element, properties: Properties) -> Any:
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
         raise component.error(
-            f"<c1> is {float(rate):g}; the filter is not stable; give a positive value"
+            f"<c1> is {float(rate):g}, so the filter is not stable; give a positive value"
         )
     return rate
 
@@ -85,8 +85,14 @@ def detents(component: Element) -> tuple[float, float]:
     """
     settings = list(component.need("traverse").all("setting"))
     if len(settings) < 2:
-        raise component.error("<kinematic> has fewer than two settings; give at least two")
+        raise component.error(
+            "<traverse> of <kinematic> contains fewer than two <setting> "
+            "elements; give at least two"
+        )
     positions = [setting.need("position").number() for setting in settings]
     if any(later < earlier for earlier, later in pairwise(positions)):
-        raise component.error("the positions of <kinematic> do not increase; sort them")
+        raise component.error(
+            "a <position> of <kinematic> is less than the position before; give "
+            "positions in ascending order"
+        )
     return positions[0], positions[-1]

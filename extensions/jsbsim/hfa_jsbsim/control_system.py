@@ -80,7 +80,8 @@ def _add_component(
     for output in outputs:
         if output.text.startswith("-"):
             raise output.error(
-                f"<output> is {shortened(output.text)}, with a sign; remove the sign"
+                f"<output> {shortened(output.text)} begins with a sign, which is not supported; "
+                "remove the sign"
             )
     names += [output.text for output in outputs]
     for case in component.children if component.name == "distributor" else ():
@@ -115,12 +116,13 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
     name = channel.attributes["execute"]
     if not properties.is_known(name):
         raise channel.error(
-            f"execute refers to {shortened(name)}, which is never set; set it, or remove execute"
+            f"execute refers to {shortened(name)}, which is never set; set this property, or "
+            "remove execute"
         )
 
     def refuse() -> Any:
         fault = f"execute refers to {shortened(name)}, which is not constant"
-        raise channel.error(f"{fault}; set it to a number")
+        raise channel.error(f"{fault}; set this property to a number")
 
     try:
         runs = properties.read(name, channel.where)
@@ -186,7 +188,8 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
         value = _COMPONENTS[component.name](component, properties)
     else:
         fault = (
-            f"<{shortened(component.name)}> has no steady-state output, but a force depends on it"
+            f"<{shortened(component.name)}> has no steady-state output, but a force depends on "
+            "this output"
         )
         raise component.error(f"{fault}; remove this dependence")
     if component.name == "kinematic" and travels(component):
@@ -205,7 +208,7 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
     if limits.attributes.get("type") == "cyclic":
-        raise limits.error("a cyclic <clipto> has no steady-state value; remove it")
+        raise limits.error("a cyclic <clipto> has no steady-state value; remove this <clipto>")
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
     clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
     if is_constant(low) and is_constant(high):
@@ -314,7 +317,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
-            raise child.error(f"<{name}> of a sensor is not supported; remove it")
+            raise child.error(f"<{name}> of a sensor is not supported; remove this element")
     gain = component.value_of("gain", 0.0) or 1.0
     value = _lagged(component, "lag", input_of(component, properties), properties)
     return value * gain + component.value_of("bias", 0.0)
@@ -367,12 +370,17 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
-        raise component.error("<c4> is 0; the filter has no steady-state value; give another value")
+        raise component.error(
+            "<c4> is 0, so the filter has no steady-state value; give another value"
+        )
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are omitted")
         return value * c2 / c4
     if is_constant(c3) and float(c3) == 0.0:
-        raise component.error("<c3> is 0; the filter differentiates its input; give another value")
+        raise component.error(
+            "<c3> is 0, so the filter differentiates the input, which is not "
+            "supported; give another value"
+        )
     state = properties.add_state(component)
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
     return c1 / c3 * value + state
@@ -388,12 +396,14 @@ def _second_order(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
-        raise component.error("<c6> is 0; the filter has no steady-state value; give another value")
+        raise component.error(
+            "<c6> is 0, so the filter has no steady-state value; give another value"
+        )
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are omitted")
         return value * c3 / c6
     if is_constant(c4) and float(c4) == 0.0:
-        raise component.error("<c4> is 0; the filter is of first order; use a lead_lag_filter")
+        raise component.error("<c4> is 0, so the filter is of first order; use a lead_lag_filter")
     first = properties.add_state(component)
     second = properties.add_state(component)
     properties.set_rate(first, lambda: second)
@@ -411,11 +421,16 @@ def _switch(component: Element, properties: Properties) -> Any:
     value: Any = 0.0
     if default is not None:
         if not default.attributes.get("value"):
-            raise default.error("<default> has no value, so JSBSim ignores it; add a value")
+            raise default.error(
+                "<default> has no value, so JSBSim ignores this <default>; add the attribute value"
+            )
         value = properties.value(default.attributes["value"], default)
     for test in reversed(list(component.all("test"))):
         if not test.attributes.get("value"):
-            raise test.error("<test> has no value, so JSBSim ignores it; add a value or remove it")
+            raise test.error(
+                "<test> has no value, so JSBSim ignores this <test>; add the "
+                "attribute value, or remove the <test>"
+            )
         holds = _holds(test, properties)
         if is_constant(holds) and not bool(float(holds)):
             continue
@@ -444,24 +459,24 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
-            fault = "the condition contains a tab, so JSBSim ignores the <test>; replace the tab"
+            fault = "the condition contains a tab, so JSBSim ignores the <test>; write spaces"
             raise test.error_at(line, fault)
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
         if sign not in _COMPARISONS:
-            fault = f"{shortened(text)!r} is not a condition; write: property lt number"
+            fault = f"{shortened(text)!r} is not a condition; write PROPERTY lt NUMBER"
             raise test.error_at(line, fault)
         if number_of(words[0]) is not None:
-            fault = f"{shortened(text)!r} begins with a number; write: property lt number"
+            fault = f"{shortened(text)!r} begins with a number; write PROPERTY lt NUMBER"
             raise test.error_at(line, fault)
         one, other = (properties.value(word, test) for word in (words[0], words[2]))
         conditions.append(_COMPARISONS[sign](ca.SX(one), ca.SX(other)))
     conditions += [_holds(nested, properties) for nested in test.all("test")]
     if not conditions:
-        raise test.error("<test> has no condition; give one")
+        raise test.error("<test> has no condition; give a condition, such as PROPERTY lt NUMBER")
     logic = test.attributes.get("logic", "") or "AND"
     if logic not in ("AND", "OR"):
-        raise test.error(f"logic is {shortened(logic)!r}; write AND or OR")
+        raise test.error(f"the attribute logic of <test> is {shortened(logic)!r}; write AND or OR")
     either = logic == "OR"
     result = conditions[0]
     for condition in conditions[1:]:

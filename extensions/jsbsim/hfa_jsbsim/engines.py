@@ -489,7 +489,7 @@ def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0
         if function.attributes.get("name", "") in names:
             return function_value(function, around.properties, file.number)
     if name in ("IdleThrust", "MilThrust"):
-        raise file.engine.error(f"the turbine has no function {name}; add it")
+        raise file.engine.error(f"the turbine has no function {name}; add this function")
     return default
 
 
@@ -532,12 +532,12 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
     for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends the program
         if name not in tables:
-            raise engine.error(f"the turboprop has no table {name}; add it")
+            raise engine.error(f"the turboprop has no table {name}; add this table")
     power = internal_table(tables["EnginePowerRPM_N1"], around, [engine_rpm(file, around), speed])
     factor = _share(file, around, "EnginePowerVC", None)
     if factor is None:
         if "EnginePowerVC" not in tables:
-            raise engine.error("the turboprop has no table EnginePowerVC; add it")
+            raise engine.error("the turboprop has no table EnginePowerVC; add this table")
         factor = table_value(tables["EnginePowerVC"], around.properties, file.number)
     power = ca.fmin(power * factor, engine.need("maxpower").number())
     limiter = engine.find("ielumaxtorque")
@@ -633,7 +633,8 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
                 return ca.if_else(running(file, around), on, _windmilling(file, around, name))
             if name == "n1":
                 raise file.mount.error(
-                    "n1 is read, but it is not a state of the model; leave out engines=states"
+                    "n1 is read, but is not a state of the model; remove engines=states from the "
+                    "name of the aircraft"
                 )
             return state
 

@@ -130,8 +130,8 @@ class Frames:
         for name in self._states:
             if name not in self._equations.states:
                 raise BadInputError(
-                    f"the state {shortened(name)} belongs to a filter, which JSBSim's frames"
-                    " integrate; leave out ?filters=states"
+                    f"the filter state {shortened(name)} is integrated by JSBSim's frames; remove "
+                    "filters=states from the name of the aircraft"
                 )
         for name in self._inputs:
             refuse_surface(

@@ -178,7 +178,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
-            raise child.error(f"<{name}> of a sensor is not supported; remove it")
+            raise child.error(f"<{name}> of a sensor is not supported; remove this element")
     value = input_of(component, properties)
     lag = component.value_of("lag", 0.0)
     if lag:
@@ -190,7 +190,9 @@ def _refuse_delay(component: Element) -> None:
     """Raise BadInputError for a component with a delay."""
     delay = component.find("delay")
     if delay is not None:
-        raise delay.error(f"the <delay> of a <{component.name}> is not supported; remove it")
+        raise delay.error(
+            f"the <delay> of a <{component.name}> is not supported; remove the <delay>"
+        )
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:

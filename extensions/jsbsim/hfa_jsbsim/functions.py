@@ -188,7 +188,9 @@ def function_value(element: Element, properties: Properties, number: int | None 
     """
     arguments = [child.take() for child in element.children if child.name != "description"]
     if len(arguments) != 1:
-        raise element.error(f"<{element.name}> has {len(arguments)} elements; give one")
+        raise element.error(
+            f"the number of elements in <{element.name}> is {len(arguments)}; give one element"
+        )
     return _value(arguments[0], properties, number)
 
 
@@ -201,7 +203,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("property", "p"):
         if "apply" in element.attributes:
             raise element.error(
-                "template functions (apply) are not supported; write the function in full"
+                "template functions (attribute apply) are not supported; write the function in full"
             )
         return properties.read(numbered(element, element.text, number), element.where)
     if name in ("value", "v"):
@@ -211,7 +213,9 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("table", "t"):
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
-        raise element.error(f"<{shortened(name)}> is not a supported operation; replace it")
+        raise element.error(
+            f"the operation <{shortened(name)}> is not supported; use other operations"
+        )
     operation, fewest, most = _OPERATIONS[name]
     values = [
         _value(child.take(), properties, number)
@@ -220,9 +224,9 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     ]
     if not fewest <= len(values) <= most:
         wanted = str(fewest) if fewest == most else f"{fewest} or more"
-        raise element.error(f"<{name}> has {len(values)} values; give {wanted}")
+        raise element.error(f"the number of elements in <{name}> is {len(values)}; give {wanted}")
     if name == "atan2" and any(_is_minus_zero(value) for value in values):
-        raise element.error("<atan2> with a signed zero is not supported; write 0")
+        raise element.error("<atan2> with -0 is not supported; write 0")
     return operation(*(ca.SX(value) for value in values))
 
 
@@ -240,8 +244,8 @@ def numbered(element: Element, name: str, number: int | None) -> str:
         return name
     if number is None:
         raise element.error(
-            f"{shortened(name)} contains #, which stands for the number of an engine; write the "
-            "number"
+            f"{shortened(name)} contains #, which is replaced only in engine files; write the "
+            "number of the engine"
         )
     return name.replace("#", str(number))
 
@@ -289,16 +293,18 @@ def read_table(element: Element) -> Table:
     """
     nested = list(element.all("tableData"))
     if not nested and element.name != "tableData":
-        raise element.error("the table has no <tableData>; add it")
+        raise element.error("the table has no <tableData>; add <tableData>")
     if len(nested) > 1 or (element.name == "tableData" and nested):
         table = _stacked(nested)
     else:
         table = _rows(nested[0] if nested else element)
     for points in table.breakpoints:
         if len(points) < 2:
-            raise element.error("the table has one row or column only; give at least two")
+            raise element.error("an axis of the table has only one breakpoint; give at least two")
         if not np.all(np.diff(points) > 0.0):
-            raise element.error("the breakpoints of the table do not increase; sort them")
+            raise element.error(
+                "the breakpoints of the table do not increase; give breakpoints in increasing order"
+            )
     return table
 
 
@@ -318,7 +324,8 @@ def _stacked(nested: list[Element]) -> Table:
         )
     if any(table.dimensions != first.dimensions for table in tables):
         raise nested[0].error(
-            "the <tableData> elements have different numbers of axes; correct them"
+            "the <tableData> elements have different numbers of axes; give all <tableData> the "
+            "same axes"
         )
     alike = all(
         len(one) == len(other) and np.array_equal(one, other)
@@ -343,22 +350,30 @@ def _rows(data: Element) -> Table:
     rows = []
     for line, text in data.lines:
         if "_" in text:
-            raise data.error_at(line, f"{shortened(text)!r} is not a row of numbers; correct it")
+            raise data.error_at(
+                line,
+                f"{shortened(text)!r} is not a row of numbers; give numbers separated by spaces",
+            )
         try:
             rows.append([float(word) for word in text.split()])
         except ValueError as error:
             raise data.error_at(
-                line, f"{shortened(text)!r} is not a row of numbers; correct it"
+                line,
+                f"{shortened(text)!r} is not a row of numbers; give numbers separated by spaces",
             ) from error
         if not all(map(math.isfinite, rows[-1])):
             raise data.error_at(
-                line, f"{shortened(text)!r} contains a number that is not finite; correct it"
+                line,
+                f"{shortened(text)!r} contains a number that is not finite; give finite numbers",
             )
     if {len(row) for row in rows} == {2}:
         pairs = np.array(rows)
         return Table(pairs[:, 1], [pairs[:, 0]])
     if len(rows) < 2 or {len(row) for row in rows[1:]} != {len(rows[0]) + 1}:
-        raise data.error("the rows of the table differ in length; correct them")
+        raise data.error(
+            "the rows of the table differ in length; after the row of column values, "
+            "give each row one number more"
+        )
     body = np.array(rows[1:])
     columns = np.array(rows[0])
     if len(columns) == 1:  # the table does not depend on the second argument
@@ -379,7 +394,8 @@ def table_value(element: Element, properties: Properties, number: int | None = N
     """
     if "type" in element.attributes:
         raise element.error(
-            "a table with a type cannot contain independentVar here; remove the type"
+            "a table with the attribute type cannot contain <independentVar> in this place; "
+            "remove the attribute type"
         )
     table = read_table(element)
     arguments: dict[int, Any] = {}
@@ -387,13 +403,14 @@ def table_value(element: Element, properties: Properties, number: int | None = N
         axis = variable.attributes.get("lookup", "")
         if axis not in _AXES:
             raise variable.error(
-                f"{shortened(axis)} is not an axis of a table; use row, column, table"
+                f"the lookup {shortened(axis)} of <independentVar> is unknown; use row, column or "
+                "table"
             )
         name = numbered(variable, variable.text, number)
         arguments[_AXES[axis]] = properties.read(name, variable.where)
     if sorted(arguments) != list(range(table.dimensions)):
         fault = f"the table has {table.dimensions} axes and {len(arguments)} independentVar"
-        raise element.error(f"{fault}; give one for each axis")
+        raise element.error(f"{fault}; give one independentVar for each axis")
     return table.at(properties, [arguments[axis] for axis in range(table.dimensions)])
 
 

@@ -63,7 +63,7 @@ class Parts:
         root = folders.read(path)
         if root.name != "fdm_config":
             fault = f"<{shortened(root.name)}> is not an aircraft file of JSBSim"
-            raise root.error(f"{fault}; its files begin with <fdm_config>")
+            raise root.error(f"{fault}; give a file that begins with <fdm_config>")
         self.path = path
         self.folders = folders
         self.choices = choices
@@ -105,5 +105,5 @@ class Parts:
     def _needed(self, name: str) -> Element:
         section = self.section(name)
         if section is None:
-            raise BadInputError(f"{self.path}: the aircraft has no <{name}>; add it")
+            raise BadInputError(f"{self.path}: the aircraft has no <{name}>; add this element")
         return section

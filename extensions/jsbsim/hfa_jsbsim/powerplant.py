@@ -23,7 +23,7 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
             made.rates |= jets.lag_rates(file, around)
             return made
         except ArithmeticError as error:
-            fault = f"the engine's values cause an arithmetic error ({error}); correct them"
+            fault = f"the engine's values cause an arithmetic error ({error}); correct this engine"
             raise file.engine.error(fault) from error
 
     def effect() -> Effect:

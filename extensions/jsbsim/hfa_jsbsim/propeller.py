@@ -124,7 +124,7 @@ def _coefficient(
     prop = file.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:
-        raise prop.error(f"the propeller has no table {name}; add it")
+        raise prop.error(f"the propeller has no table {name}; add this table")
     fixed = prop.value_of("minpitch", 0.0) == prop.value_of("maxpitch", 0.0)
     value = internal_table(tables[name], around, arguments[:1] if fixed else arguments)
     factor, mach = ("ct_factor", "CT_MACH") if name == "C_THRUST" else ("cp_factor", "CP_MACH")

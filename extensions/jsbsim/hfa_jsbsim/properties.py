@@ -250,10 +250,12 @@ class Properties:
         """
         if name.startswith("-"):
             if name.startswith("--"):
-                raise BadInputError(f"{where}: {shortened(name)} has several signs; give one")
+                raise BadInputError(
+                    f"{where}: {shortened(name)} begins with several signs; give at most one sign"
+                )
             if name[1:2].isspace():
                 raise BadInputError(
-                    f"{where}: {shortened(name)} has a blank after its sign; remove it"
+                    f"{where}: {shortened(name)} contains a space after the sign; remove the space"
                 )
             return -self.read(name[1:], where)
         key = plain(name)
@@ -266,7 +268,9 @@ class Properties:
             if key not in self._initial:
                 if key.startswith(_OF_ALL_FORCES):
                     if not self.centered:
-                        raise LoopError(where, f"{shortened(key)} depends on all forces")
+                        raise LoopError(
+                            where, f"the property {shortened(key)} depends on all forces"
+                        )
                 elif not _ON_GROUND.fullmatch(key):
                     self.unset.setdefault(key, where)
             return self._initial.get(key, 0.0)
@@ -315,7 +319,7 @@ class Properties:
                 writer.value = writer.compute()
             except RecursionError as error:
                 raise BadInputError(
-                    f"{writer.where}: functions are nested too deeply; simplify them"
+                    f"{writer.where}: functions are nested too deeply; reduce the nesting"
                 ) from error
             finally:
                 self._running.pop()

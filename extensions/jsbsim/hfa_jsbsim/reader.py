@@ -121,7 +121,9 @@ def _choices(text: str, partial: bool) -> Choices:
         name, _, value = word.partition("=")
         if name not in _CHOICES or _CHOICES[name][0] != value:
             known = " and ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
-            raise BadInputError(f"{shortened(word)} is not an option of an aircraft; use {known}")
+            raise BadInputError(
+                f"{shortened(word)} is not an option of a JSBSim aircraft; use {known}"
+            )
         made[_CHOICES[name][1]] = True
     return Choices(**made)
 
@@ -176,7 +178,8 @@ def data_folder() -> Path | None:
     if root:
         if not (Path(root) / "aircraft").is_dir():
             raise BadInputError(
-                f"JSBSIM_ROOT is {shortened(root)}, which contains no folder aircraft; correct it"
+                f"JSBSIM_ROOT is {shortened(root)}, which contains no folder named aircraft; set "
+                "JSBSIM_ROOT to JSBSim's data folder"
             )
         return Path(root)
     package = importlib.util.find_spec("jsbsim")

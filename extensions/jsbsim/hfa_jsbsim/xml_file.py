@@ -102,7 +102,7 @@ class Element:
         """Return the first child of this name. Raises BadInputError without such a child."""
         child = self.find(name)
         if child is None:
-            raise self.error(f"<{self.name}> has no <{name}>; add it")
+            raise self.error(f"<{self.name}> has no <{name}>; add <{name}>")
         return child
 
     def number(self, unit: str = "") -> float:
@@ -130,7 +130,10 @@ class Element:
             return _FACTORS[own_unit, unit]
         if (unit, own_unit) in _FACTORS:
             return 1.0 / _FACTORS[unit, own_unit]
-        raise self.error(f'<{self.name}> has the unit "{shortened(own_unit)}"; give it in {unit}')
+        raise self.error(
+            f'<{self.name}> has the unit "{shortened(own_unit)}", which is not '
+            f"supported; give the value in {unit}"
+        )
 
     def as_number(self, text: str) -> float:
         """Return the number in a text. Raises BadInputError for other text and infinite numbers."""
@@ -224,7 +227,8 @@ def parsed(text: bytes, file: str) -> Element:
         open_elements.append(element)
         if len(open_elements) > _DEEPEST:
             raise element.error(
-                f"more than {_DEEPEST} levels of nested elements; this is not an aircraft file"
+                f"more than {_DEEPEST} levels of nested elements, the maximum; give an aircraft "
+                "file of JSBSim"
             )
 
     def end(_: str) -> None:
@@ -237,7 +241,7 @@ def parsed(text: bytes, file: str) -> Element:
         line = parser.CurrentLineNumber
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
             fault = f"the entity {shortened(name)} refers to a file, is too long or contains others"
-            raise BadInputError(f"{file}:{line}: {fault}; replace it by its text")
+            raise BadInputError(f"{file}:{line}: {fault}; replace the entity by its text")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -248,13 +252,13 @@ def parsed(text: bytes, file: str) -> Element:
     except xml.parsers.expat.ExpatError as error:
         what = xml.parsers.expat.errors.messages.get(error.code, "")
         raise BadInputError(
-            f"{file}:{error.lineno}: this is not XML ({what}); correct it"
+            f"{file}:{error.lineno}: the file is not valid XML ({what}); correct the file"
         ) from error
     except BadInputError:
         raise
     except (LookupError, ValueError) as error:  # an encoding that Python or expat does not support
         raise BadInputError(
-            f"{file}: its encoding is not supported ({error}); use UTF-8"
+            f"{file}: the encoding of the file is not supported ({error}); use UTF-8"
         ) from error
     _strip(roots[0])
     return roots[0]
@@ -309,7 +313,7 @@ class Folders:
                 text = regular_file(path).read_bytes()
             except OSError as error:
                 raise BadInputError(
-                    f"{path}: the file cannot be read ({error.strerror}); make it readable"
+                    f"{path}: the file cannot be read ({error.strerror}); make the file readable"
                 ) from error
             digest = hashlib.sha256(text).hexdigest()
             self._files[path] = (parsed(text, self._shown(path)), digest)
@@ -366,10 +370,12 @@ class Folders:
             path = (folder / relative).resolve()
             if not path.is_relative_to(folder.resolve()):
                 raise element.error(
-                    f"the file {shortened(name)} is outside the aircraft's folders; move it there"
+                    f"the file {shortened(name)} is outside the aircraft's folders; move the file "
+                    "into one of these folders"
                 )
             if path.is_file():
                 return path
         raise element.error(
-            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; add it there"
+            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; add the file to "
+            "one of these folders"
         )

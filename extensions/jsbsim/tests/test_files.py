@@ -43,14 +43,14 @@ def test_provenance_changes_with_every_file(tmp_path):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("no xml", r"glider.xml:1: this is not XML \(syntax error\)"),
+        ("no xml", r"glider.xml:1: the file is not valid XML \(syntax error\)"),
         (
             "<fdm_config><metrics></fdm_config>",
-            r"glider.xml:1: this is not XML \(mismatched tag\)",
+            r"glider.xml:1: the file is not valid XML \(mismatched tag\)",
         ),
         (
             '<!DOCTYPE a [\n<!ENTITY b SYSTEM "file:///etc/passwd">]><fdm_config>&b;</fdm_config>',
-            r"glider.xml:2: the entity b refers to a file, is too long or contains others; replace it by its text",
+            r"glider.xml:2: the entity b refers to a file, is too long or contains others; replace the entity by its text",
         ),
         (
             '<!DOCTYPE a [<!ENTITY b "lol">\n<!ENTITY c "&b;&b;">]><fdm_config>&c;</fdm_config>',
@@ -59,11 +59,11 @@ def test_provenance_changes_with_every_file(tmp_path):
         (
             "<FDM_CONFIG NAME='old'/>",
             (
-                r"glider.xml:1: <FDM_CONFIG> is not an aircraft file of JSBSim; its files begin with"
+                r"glider.xml:1: <FDM_CONFIG> is not an aircraft file of JSBSim; give a file that begins with"
                 r" <fdm_config>"
             ),
         ),
-        ("<fdm_config/>", r"glider.xml: the aircraft has no <metrics>; add it"),
+        ("<fdm_config/>", r"glider.xml: the aircraft has no <metrics>; add this element"),
         (
             glider(more='<buoyant_forces/><system file="/etc/passwd"/>'),
             r"glider.xml:\d+: the file /etc/passwd is outside the aircraft's folders",
@@ -79,15 +79,15 @@ def test_provenance_changes_with_every_file(tmp_path):
         (glider(more="<buoyant_forces/>"), r"glider.xml:\d+: <buoyant_forces> is not supported"),
         (
             glider(LIFT.replace("LIFT", "SPIN")),
-            r"glider.xml:\d+: SPIN is not an axis; use DRAG, AXIAL, X, SIDE",
+            r"glider.xml:\d+: the name SPIN of <axis> is unknown; use DRAG, AXIAL, X, SIDE",
         ),
         (
             glider(force("LIFT", TABLE.format("\n1 2\n"))),
-            r"glider.xml:\d+: the table has one row or column only; give at least two",
+            r"glider.xml:\d+: an axis of the table has only one breakpoint; give at least two",
         ),
         (
             glider(force("LIFT", TABLE.format("\n1 2\n1 3\n"))),
-            r"glider.xml:\d+: the breakpoints of the table do not increase; sort them",
+            r"glider.xml:\d+: the breakpoints of the table do not increase; give breakpoints",
         ),
         (
             glider(force("LIFT", TABLE.format("\n1 2\nx 3\n"))),
@@ -95,15 +95,15 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(force("LIFT", "<random/>")),
-            r"glider.xml:\d+: <random> is not a supported operation",
+            r"glider.xml:\d+: the operation <random> is not supported",
         ),
         (
             glider(force("LIFT", "<quotient> <v>1</v> </quotient>")),
-            r"glider.xml:\d+: <quotient> has 1 values; give 2",
+            r"glider.xml:\d+: the number of elements in <quotient> is 1; give 2",
         ),
         (
             glider(LIFT + REST + force("SIDE", "<p>- aero/beta-rad</p>")),
-            r"glider.xml:\d+: - aero/beta-rad has a blank after its sign",
+            r"glider.xml:\d+: - aero/beta-rad contains a space after the sign",
         ),
         (
             glider(
@@ -117,11 +117,11 @@ def test_provenance_changes_with_every_file(tmp_path):
             glider(force("LIFT", "<v>1</v>") + force("DRAG", "<v>2</v>")).replace(
                 "<function>", '<function name="aero/a">'
             ),
-            r"glider.xml:\d+: aero/a is the name of another function \(.*glider.xml:\d+\); JSBSim",
+            r"glider.xml:\d+: aero/a is the name of another function \(.*glider.xml:\d+\); give this",
         ),
         (
             glider().replace('<wingarea unit="FT2"> 150', '<wingarea unit="ACRE"> 150'),
-            r'glider.xml:4: <wingarea> has the unit "ACRE"; give it in FT2',
+            r'glider.xml:4: <wingarea> has the unit "ACRE", which is not supported; give the value in FT2',
         ),
         (
             glider().replace(" 1500 ", " heavy "),
@@ -129,7 +129,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(more="<propulsion> <engine> <brushless_dc_motor/> </engine> </propulsion>"),
-            r"glider.xml:\d+: <engine> has no <thruster>; add it",
+            r"glider.xml:\d+: <engine> has no <thruster>; add <thruster>",
         ),
         (
             glider(

@@ -171,7 +171,7 @@ def test_a_washout_is_state_where_that_is_asked(tmp_path):
 
 def test_a_choice_that_there_is_not_is_refused(tmp_path):
     with pytest.raises(
-        BadInputError, match="lags=on is not an option of an aircraft; use filters="
+        BadInputError, match="lags=on is not an option of a JSBSim aircraft; use filters="
     ):
         load_model(f"{written(tmp_path, glider())}?lags=on")
 

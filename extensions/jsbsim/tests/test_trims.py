@@ -157,7 +157,7 @@ def test_a_model_without_reasons_keeps_its_message(tmp_path):
 
 def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
-    with pytest.raises(BadInputError, match="which contains no folder aircraft"):
+    with pytest.raises(BadInputError, match="which contains no folder named aircraft"):
         load_model("jsbsim:737")
     written(tmp_path, glider())
     with pytest.raises(BadInputError, match="JSBSim has no aircraft '737'; choose from glider"):
