@@ -47,7 +47,9 @@ class Game(ByValue, Reported):
     [[0.75]]
     """
 
-    how_to_make: ClassVar[str] = "hfa.game(linear, Q, R) or, of a file, hfa.load_game(FILE)"
+    how_to_make: ClassVar[str] = (
+        "hfa.game(linear, Q, R), hfa.Game(A, B, Q=Q, R=R) or hfa.load_game(FILE)"
+    )
 
     A: np.ndarray
     B: np.ndarray

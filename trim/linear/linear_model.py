@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w; x = X - X0, u = U - U0 (Eq. 9).

@@ -168,6 +168,8 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
         value = short_number(start.value, start.unit)
         limit = short_number(start.limit, start.unit)
         unit = "" if start.unit == "1" else f" {shown_unit(start.unit)}"
+        if start.unit == "rad" and abs(start.value) > 2.0 * np.pi:
+            unit += f" ({start.value:g} rad)"
         raise BadInputError(
             f"the initial {start.state} is {value}{unit}, beyond the limit of {limit}; choose an"
             " initial condition inside the envelope, or widen the envelope"

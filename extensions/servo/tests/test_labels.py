@@ -49,6 +49,9 @@ def test_gains_are_aligned_by_name(form: Callable[..., Any]) -> None:
     assert hfa.verify(game, K=gain).ok
     assert np.array_equal(hfa.from_gain(game, gain).K, _solution().K)
     assert not hfa.verify(game, gain.to_numpy()).ok
+    linear = _point().linearize()
+    assert linear.margins(gain) == linear.margins(_solution().K)
+    assert np.array_equal(linear.closed_loop(gain).A, linear.closed_loop(_solution().K).A)
     flights = [
         hfa.fly(_point(), each, initial={"alpha": 0.01}, duration=0.5, predict=False)
         for each in (gain, _solution().K)
@@ -82,6 +85,9 @@ def test_labels_of_a_plant_name_its_states() -> None:
     assert np.array_equal(game.B, linear.B)
     assert game.names.states == linear.states
     assert hfa.verify(game, _gain()).ok
+    for made in (hfa.LinearModel(A, B), hfa.LinearModel(A, B, states=linear.states)):
+        assert np.array_equal(made.A, linear.A)
+        assert made.states == linear.states
     Q, R = pandas.DataFrame(weights.Q, A.index, A.index), weights.R
     assert np.array_equal(hfa.lqr(A, B, Q.iloc[::-1], R).K, hfa.lqr(linear, weights.Q, R).K)
 

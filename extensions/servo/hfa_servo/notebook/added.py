@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic import Critic
+from controller.critic.critic import Critic, from_gain
+from controller.game.linear_game import game
 from controller.game.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
@@ -158,7 +159,7 @@ def _root_locus(value: Any) -> Callable[[], Any] | None:
 def _game_of(linear: LinearModel) -> Game:
     """Return a game with the matrices of a linear model and arbitrary weights."""
     n, m = linear.B.shape
-    return Game(linear.A, linear.B, np.eye(n), np.eye(n), np.eye(m), np.inf)
+    return game(linear, np.eye(n), np.eye(m), E=np.eye(n))
 
 
 def _policy_values(value: Any) -> Callable[[Any], np.ndarray] | None:
@@ -190,7 +191,7 @@ def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
         return None
 
     def closed_loop(K: Any) -> control.StateSpace:
-        gain = _game_of(value).checked_gain(getattr(K, "K", K))
+        gain = from_gain(_game_of(value), getattr(K, "K", K)).K
         changes = {"A": value.A - value.B @ gain, "C": value.C - value.D @ gain}
         return replace(value, **changes).to_control()
 
@@ -211,8 +212,8 @@ def _margins(value: Any) -> Callable[..., Any] | None:
         gain = getattr(given, "K", given)
         if gain is None or np.ndim(gain) != 2:
             return of_control(value, "margin")(*arguments, **named)
-        game = _game_of(value)
-        return named_margins(value.inputs, loop_margins(game, game.checked_gain(gain)))
+        plant = _game_of(value)
+        return named_margins(value.inputs, loop_margins(plant, from_gain(plant, gain).K))
 
     return margins
 

@@ -19,8 +19,9 @@ from trim.point.operating_point import OperatingPoint
 
 #: Arguments of a function: positional arguments and keywords.
 _Arguments = tuple[tuple[Any, ...], dict[str, Any]]
-#: Function that accepts only arrays, never values by name.
+#: Constructors that accept arrays, and the names of their rows and columns.
 _GAME = inspect.unwrap(Game.__init__)
+_LINEAR_MODEL = inspect.unwrap(LinearModel.__init__)
 
 
 def has_labels(value: Any) -> bool:
@@ -47,7 +48,13 @@ def aligned(
     given = [*arguments, *named.values()]
     if not any(map(has_labels, given)) or "records" in inspect.signature(function).parameters:
         return None
-    orders = [order for value in given for order in _orders(value) if order] or _own_orders(given)
+    orders = [order for value in given for order in _orders(value) if order]
+    states, inputs = (*(orders or _own_orders(given)), (), ())[:2]
+    if function is _LINEAR_MODEL:
+        states, inputs = (
+            tuple(named.get(word, own)) for word, own in (("states", states), ("inputs", inputs))
+        )
+    orders = orders or [order for order in (states, inputs) if order]
     by_name = _accepts_names(function)
 
     def converted(what: str, value: Any) -> Any:
@@ -55,10 +62,10 @@ def aligned(
 
     places = tuple(converted(type(value).__name__, value) for value in arguments)
     words = {word: converted(word, value) for word, value in named.items()}
-    is_named = "names" in named or len(arguments) > 7
-    if function is _GAME and orders and not is_named:
-        states, inputs = (*orders, ())[:2]
-        words["names"] = PlantNames(states, inputs)
+    if function is _GAME:
+        words = {"names": PlantNames(states, inputs)} | words
+    if function is _LINEAR_MODEL:
+        words = {"states": states, "inputs": inputs} | words
     return places, words
 
 
