@@ -130,9 +130,7 @@ class Model(Reported):
                         f"{self.name}: {shown(name)} in {kind} is not an identifier; rename it"
                     )
                 if name in seen:
-                    raise BadInputError(
-                        f"{self.name}: {name} is declared twice; rename one of them"
-                    )
+                    raise BadInputError(f"{self.name}: {name} is declared twice; rename one signal")
                 seen.add(name)
                 _check_signal(f"{self.name}: {name}", signal)
 

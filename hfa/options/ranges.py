@@ -39,7 +39,7 @@ def value_range(model: Model, name: str, text: str) -> Range:
     if intervals >= MOST_POINTS:
         points = f"{np.floor(intervals) + 1.0:,.15g}"
         raise BadInputError(
-            f"is a range of {points} points; at most {MOST_POINTS:,} are allowed; choose a "
+            f"is a range of {points} points, but at most {MOST_POINTS:,} are allowed; choose a "
             "larger step"
         )
     unit = quantity(model, name, "1")
@@ -62,6 +62,6 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
     """
     if len(values) > most:
         raise BadInputError(
-            f"{name} has {len(values):,} points; at most {most:,} are allowed; give fewer"
+            f"{name} has {len(values):,} points, but at most {most:,} are allowed; give fewer"
         )
     return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)

@@ -40,7 +40,7 @@ class TrimProblem:
     ) -> None:
         if condition.model.variables != model.variables:
             raise BadInputError(
-                f"the condition is for {condition.model.name}; give one for {model.name}"
+                f"the condition is for {condition.model.name}; give a condition for {model.name}"
             )
         asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):

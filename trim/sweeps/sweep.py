@@ -578,7 +578,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     """
     if plan.count > MOST_POINTS:
         raise BadInputError(
-            f"the sweep has {plan.count:,} points; at most {MOST_POINTS:,} fit in memory; use"
+            f"the sweep has {plan.count:,} points, but at most {MOST_POINTS:,} fit in memory; use"
             " larger steps"
         )
     model = plan.model

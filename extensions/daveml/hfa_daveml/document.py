@@ -203,7 +203,9 @@ class _Reader:
             for key in (function.result, *(axis.key for axis in function.axes)):
                 if key not in document.variables:
                     place = f"function for {function.result}"
-                    raise document.error(place, f"variable {key} is not defined; define it")
+                    raise document.error(
+                        place, f"variable {key} is not defined; add a <variableDef>"
+                    )
             if document.variables[function.result].formula is not None:
                 place = f"variable {function.result}"
                 raise document.error(
@@ -264,7 +266,11 @@ class _Reader:
         definition = element.find("functionDefn")
         found = None if definition is None else self._table_of(definition)
         if found is None:
-            raise self._error(f"function for {key}", "the table is not defined; define it")
+            raise self._error(
+                f"function for {key}",
+                "the table of the function is missing; add <griddedTableDef> or "
+                "<ungriddedTableDef>",
+            )
         table = self._ungridded(found, key) if found.find("dataPoint") is not None else None
         table = table or self._gridded(found, key)
         if len(axes) != len(table.ends):
@@ -338,7 +344,7 @@ class _Reader:
         keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
         missing = [key for key in keys if key not in self._breakpoints]
         if not keys:
-            raise self._error(place, "the table has no <bpRef>; add one for each argument")
+            raise self._error(place, "the table has no <bpRef>; add a <bpRef> for each argument")
         if missing:
             raise self._error(
                 place, f"breakpoints {', '.join(missing)} are not defined; define them"
@@ -365,7 +371,9 @@ class _Reader:
         inputs = tuple(self._signals(element.find("checkInputs"), name))
         outputs = tuple(self._signals(element.find("checkOutputs"), name))
         if not outputs:
-            raise self._error(f"check case {name}", "<checkOutputs> has no <signal>; add one")
+            raise self._error(
+                f"check case {name}", "<checkOutputs> has no <signal>; add the outputs to check"
+            )
         return CheckCase(name, inputs, outputs)
 
     def _signals(self, group: ElementTree.Element | None, case: str) -> Iterator[Signal]:
@@ -405,11 +413,12 @@ class _Reader:
             values = np.array([float(word) for word in words])
         except ValueError as error:
             raise self._error(
-                place, f"<{child.tag}> contains a word that is not a number ({error}); correct it"
+                place,
+                f"<{child.tag}> contains a word that is not a number ({error}); correct the word",
             ) from error
         if not np.isfinite(values).all():
             raise self._error(
-                place, f"<{child.tag}> contains a number that is not finite; correct it"
+                place, f"<{child.tag}> contains a number that is not finite; correct the number"
             )
         return values
 
@@ -420,9 +429,11 @@ class _Reader:
         try:
             value = float(text)
         except ValueError as error:
-            raise self._error(place, f"{shortened(text)!r} is not a number; correct it") from error
+            raise self._error(
+                place, f"{shortened(text)!r} is not a number; give a number"
+            ) from error
         if not math.isfinite(value):
-            raise self._error(place, f"{text} is not finite; correct it")
+            raise self._error(place, f"{text} is not finite; give a finite number")
         return value
 
     def _attribute(self, element: ElementTree.Element, name: str) -> str:

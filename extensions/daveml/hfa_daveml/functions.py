@@ -49,7 +49,7 @@ class Expressions:
         asked = self._asked[-1] if self._asked else key
         if variable is None:
             raise self._document.error(
-                f"variable {asked}", f"variable {key} is not defined; define it"
+                f"variable {asked}", f"variable {key} is not defined; add a <variableDef>"
             )
         if key in self._asked:
             circle = ", ".join(self._asked[self._asked.index(key) :])

@@ -119,7 +119,7 @@ def _number(element: ElementTree.Element) -> float:
         return float((element.text or "").strip())
     except (ValueError, IndexError) as error:
         raise BadInputError(
-            f"<cn> contains {shortened(element.text or '')!r}, which is not a number; correct it"
+            f"<cn> contains {shortened(element.text or '')!r}, which is not a number; give a number"
         ) from error
 
 
@@ -137,7 +137,9 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     value = expression(otherwise[0], value_of)
     for piece in reversed(element.findall("piece")):
         if len(piece) != 2:
-            raise BadInputError("<piece> must contain a value and a condition; correct it")
+            raise BadInputError(
+                "<piece> must contain a value and a condition; add the missing element"
+            )
         chosen, condition = (expression(each, value_of) for each in piece)
         value = ca.if_else(condition, chosen, value)
     return value

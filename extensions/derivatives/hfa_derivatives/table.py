@@ -317,7 +317,7 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
     if {"mass", "weight"} <= set(values):
-        raise entries["weight"].error("both mass and weight are given; leave one out")
+        raise entries["weight"].error("both mass and weight are given; leave out mass or weight")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
         raise entries["Ixz"].error(
             "Ixx Izz must exceed Ixz^2 for a rigid body; correct Ixx, Izz or Ixz"

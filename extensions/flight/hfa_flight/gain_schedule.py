@@ -56,7 +56,7 @@ class GainSchedule(Reported):
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
             raise BadInputError(
-                "K or its breakpoints contain a number that is not finite; correct it"
+                "K or its breakpoints contain a number that is not finite; give finite numbers"
             )
         if np.ndim(self.breakpoints) != 1 or count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
@@ -118,8 +118,8 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
         if K.ndim != 3:
             if K.shape != (m, n):
                 raise BadInputError(
-                    f"the file contains neither a K of {m} x {n} nor {key} with a K for each value;"
-                    " add one of them"
+                    f"the file contains neither a K of {m} x {n} nor {key} with a K for each"
+                    " value; add one of these entries"
                 )
             gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
             return GainSchedule(np.zeros(1), gain[None], model)

@@ -223,7 +223,8 @@ class Scenario(Reported):
         for name in gusts:
             if name not in in_gusts(model).disturbances:
                 raise BadInputError(
-                    f"{model.name} declares no disturbance {name}, which a gust needs; declare it"
+                    f"{model.name} declares no disturbance {name}, which a gust needs; declare "
+                    "this disturbance"
                 )
         n = len(model.states)
         no_signal = zero(len(model.linear))

@@ -71,5 +71,5 @@ def test_one_model_is_that_of_python_control() -> None:
     x[0] = 0.0
     with pytest.raises(BadInputError, match="state 0 of the flight: F-16: "):
         models_along(model, x, u)
-    with pytest.raises(BadInputError, match=r"must be \(N, 13\) and \(N, 4\)"):
+    with pytest.raises(BadInputError, match=r"give \(N, 13\) and \(N, 4\)"):
         models_along(model, x, u[:3])

@@ -133,7 +133,7 @@ def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
 @pytest.mark.parametrize(
     ("changes", "command", "said"),
     [
-        ({}, "speed", "follows only commands of dihedral; leave speed out"),
+        ({}, "speed", "follows only commands of dihedral; leave out the command of speed"),
         ({"gains": np.zeros((2, 5, 11))}, "dihedral", "K has 11 columns"),
         ({"breakpoints": np.radians([5.0, 8.0])}, "dihedral", "cover 5 deg to 8 deg, not 5 deg to"),
     ],

@@ -243,7 +243,8 @@ def test_disturbances_are_those_of_the_model() -> None:
         stepped(model, Scenario(air={"snow": rain}))
     gust = OneMinusCosine(10.0, 1.0, 10.0)
     with pytest.raises(
-        BadInputError, match="tank declares no disturbance updraft, which a gust needs; declare it"
+        BadInputError,
+        match="tank declares no disturbance updraft, which a gust needs; declare this disturbance",
     ):
         stepped(model, Scenario(gust=gust))
 

@@ -131,7 +131,7 @@ def record_of(
         known = ("time", *model.inputs, *model.states, *model.outputs)
         refuse_unknown(f"{name}: unknown column", column, known)
     if "time" not in columns:
-        raise BadInputError(f"{name} has no column time; add it, in s")
+        raise BadInputError(f"{name} has no column time; add the time of each sample, in s")
     arrays = {column: _numbers(name, column, values) for column, values in columns.items()}
     time = arrays.pop("time")
     _check_time(name, time)
@@ -144,7 +144,7 @@ def record_of(
     missing = [each for each in model.inputs if each not in arrays and each not in held]
     if missing:
         raise BadInputError(
-            f"{name} has no column {missing[0]}; add it, or give a constant (--hold"
+            f"{name} has no column {missing[0]}; add the column, or give a constant (--hold"
             f" {missing[0]}=VALUE)"
         )
     inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
@@ -212,7 +212,9 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     names = [name for name, _ in heads]
     if len(set(names)) < len(names):
         repeated = next(name for name in names if names.count(name) > 1)
-        raise BadInputError(f"{path}: two columns are named {repeated}; leave one out")
+        raise BadInputError(
+            f"{path}: two columns are named {repeated}; rename or remove one column"
+        )
     table = np.empty((len(rows) - 1, len(names)))
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):

@@ -71,7 +71,9 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     missing.
     """
     if table is None:
-        raise BadInputError(f"{path}: a log needs a table of its columns; add --columns FILE.toml")
+        raise BadInputError(
+            f"{path}: a log needs a file that defines the columns; add --columns FILE.toml"
+        )
     data = read_toml(table)
     listed = _listed(table, data, model)
     log = _log(path)

@@ -588,7 +588,7 @@ def test_drawn_aircraft_trim():
         ({"alpha": lambda a: np.where(np.arange(len(a)) // 6 == 9, a[54], a)}, "value 6 times"),
         ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha contains infinite values"),
         ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples, but time has 200"),
-        ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 values"),
+        ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 finite values"),
         ({"elevator": None}, "has no column elevator; add it, or give a constant"),
         ({"time": None}, "has no column time"),
     ],

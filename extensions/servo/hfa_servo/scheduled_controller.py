@@ -158,7 +158,9 @@ class ScheduledController(ByValue, Reported):
                     f"{where} {name} has shape {np.shape(values)}; the shape must be {shape}"
                 )
             if not np.all(np.isfinite(values)):
-                raise BadInputError(f"{where} {name} has an entry that is not finite; correct it")
+                raise BadInputError(
+                    f"{where} {name} has an entry that is not finite; give finite numbers"
+                )
         positive = all(0.0 < number < np.inf for number in self.command_filter)
         if len(self.command_filter) not in (0, 2) or not positive:
             raise BadInputError(

@@ -73,7 +73,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     np.testing.assert_allclose(np.sort(solution.poles().real), np.sort(flown.real), rtol=1e-9)
     z = np.arange(1.0, 7.0)
     assert solution.cost(z) == pytest.approx(z @ P @ z)
-    with pytest.raises(BadInputError, match=r"give \(6,\)"):
+    with pytest.raises(BadInputError, match=r"give an array of shape \(6,\)"):
         solution.cost(z[:2])
     assert solution.worst_case_eigenvalues.real.max() < 0.0
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))

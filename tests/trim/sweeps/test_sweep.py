@@ -474,7 +474,7 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
         SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, choice.aircraft(parameters=parameters))
-    with pytest.raises(BadInputError, match="has 1,234,570,000 points; at most 1,000,000,000"):
+    with pytest.raises(BadInputError, match="has 1,234,570,000 points, but at most 1,000,000,000"):
         SweepPlan(
             {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
             choice.aircraft(parameters=parameters),

@@ -186,7 +186,10 @@ def _fly_members(request: FlyRequest) -> int:
     members = request.members
     assert members is not None
     if request.draws is not None:
-        request.refuse(("samples",), "and --draws both set the number of flights; leave one out")
+        request.refuse(
+            ("samples",),
+            "and --draws both set the number of flights; leave out one of these options",
+        )
     target = request.output
     if request.draws is None:
         request.refuse(
