@@ -52,7 +52,7 @@ def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
     """Wrong numbers and unknown options are refused in one line."""
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
-    assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is unknown")
+    assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is not supported")
     assert_refused(
         hfa("printed", str(file), "--dihedral", "5"),
         BAD_INPUT,
