@@ -40,14 +40,13 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
     learner: any object with the four members below
     progress: called with (fraction done, 1, text)
 
-    ticks: number of ticks start(): returns the memory before the first tick, any object
-        advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
+    ticks: number of ticks
+    start(): returns the memory before the first tick, any object
+    advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
         side effects
-    observe(tick, memory): returns the row of the history after `tick` ticks (0 .. ticks): "time",
-    s,
-        and further values, with the same names in each row. "law_residual_norm", the residual that
-          the
-        learner minimizes, is printed as progress.
+    observe(tick, memory): returns the row of the history after `tick` ticks (0 .. ticks), with the
+        entries "time", s, and further values, with the same names in each row. The entry
+        "law_residual_norm", the residual that the learner minimizes, is printed as progress.
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
