@@ -223,7 +223,7 @@ def scheduled(
     def convert(model: Model, text: str) -> Any:
         if not model.schedule:
             raise BadInputError(
-                f"needs a scheduling variable, but {model.name} declares none; leave it out"
+                f"needs a scheduling variable, but {model.name} declares none; omit this option"
             )
         return kind(model, text)
 
@@ -414,10 +414,10 @@ class TrimOptions(HfaOptions):
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
-        """Trim the aircraft under the condition of the options and return the operating point.
+        """Trim the aircraft at the condition set by the options and return the operating point.
 
-        The search begins at the point of --start. Raises TrimError with an explanation if no trim
-        is found.
+        If --start gives a point, the search begins there. Raises TrimError with an explanation if
+        no trim is found.
         """
         condition = self.trim_condition
         by = self.model.schedule

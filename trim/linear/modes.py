@@ -59,11 +59,13 @@ def modes_of(
     0.1
     """
     A = np.asarray(A, dtype=float)
-    if A.shape != (len(states), len(states)) or not np.isfinite(A).all():
+    n = len(states)
+    if A.shape != (n, n):
         raise BadInputError(
-            f"A has shape {A.shape} for {len(states)} states; give a square matrix of finite "
-            "numbers, one row for each state"
+            f"A has shape {A.shape}; the shape must be {(n, n)}, one row for each state"
         )
+    if not np.isfinite(A).all():
+        raise BadInputError("A has an entry that is not finite; give finite numbers")
     eigenvalues, _, right, left = spectrum(A)
     weights = np.abs(right * left.T)
     shares = weights / weights.sum(axis=0)

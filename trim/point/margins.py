@@ -113,7 +113,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
 
 
 def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
-    """Return variable -> role in the trim: "held", "free" or "left"."""
+    """Return the role of each variable in the trim: "held", "free" or "left"."""
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
     if set(condition.free) <= set(point.model.inputs):

@@ -1,4 +1,4 @@
-"""Results about lower bounds of the cost, as written in JSON."""
+"""Results of lower-bound proofs for the cost, in the form written to JSON."""
 
 from __future__ import annotations
 

@@ -45,7 +45,9 @@ class GainSchedule(Reported):
     model: Model
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if shapes, order or numbers are wrong."""
+        """Raise BadInputError unless K has a valid shape, all numbers are finite and the
+        breakpoints increase.
+        """
         count = np.size(self.breakpoints)
         m = len(self.model.inputs)
         n = len(self.model.linear)

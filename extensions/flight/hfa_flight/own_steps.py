@@ -26,10 +26,9 @@ _WHOLE = 1e-6
 
 
 def refuse_method(model: Model, method: str, step: float | None) -> None:
-    """Raise BadInputError if the method is unknown, does not support the aircraft, or has no step
-    option.
+    """Raise BadInputError if the method is unknown, or does not support the aircraft or the step.
 
-    step: value of --step, or None
+    step: value of --step, or None; only the method "jsbsim" accepts a step
     """
     if method not in METHODS:
         raise BadInputError(f"unknown method {shortened(method)}; {choice_of(method, METHODS)}")

@@ -123,6 +123,6 @@ def test_inputs_of_other_widths_are_refused() -> None:
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
     message = refusal(path, inputs=5)
     assert (
-        "input 'u' of the graph has 4 entries; give a Q function of 6 states and then 5 plant inputs"
-        in message
+        "input 'u' of the graph has 4 entries instead of 5; give a Q function with two inputs: "
+        "the state (6 entries), then the plant input (5 entries)" in message
     )

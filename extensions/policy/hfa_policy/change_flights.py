@@ -183,11 +183,11 @@ class ChangeFlights:
         dt: float | None = None,
         delay: float | None = None,
     ) -> list[Flown]:
-        """Return one result for each change.
+        """Simulate flights with each change and return their costs and counts.
 
         repairs: the changes
-        sample: number of initial conditions for each change, and duration
-        dt, delay: sample time and delay, s, by default those of the deployment
+        sample: number of initial conditions for each change, and duration of a flight
+        dt, delay: sample time and delay, s; default: those of the deployment file
         """
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)

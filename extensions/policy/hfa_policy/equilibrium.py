@@ -300,9 +300,9 @@ class EquilibriumSearch:
         return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
-        """Return the notes on entries of A and B in rows of linear states.
+        """Return the notes that concern entries of A or B in the rows of linear states.
 
-        Columns of A count for linear states, and columns of B for commanded inputs.
+        Only columns of A for linear states and columns of B for commanded inputs are considered.
         """
         linear = self.model.linear
         columns = [("A", name) for name in linear]

@@ -156,9 +156,10 @@ def _turbulence_text(turbulence: Turbulence | None) -> str:
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
     """Return the table of root mean square deviations, with two rows for each trim.
 
-    The first row is for the flights with noise or in moving air, and counts those inside the
-    envelope. The second row is for the flight in calm air.
+    The first row contains the values of the flights with noise or in moving air, and the number of
+    flights inside the envelope. The second row contains the values of the flight in calm air.
 
+    found: results at each trim
     trims: description of each trim
     units: unit of each entry of `rms`
     """

@@ -1,4 +1,4 @@
-"""Assessment of a deployed policy on changed aircraft, with changed parameters or inputs."""
+"""Assessment of a deployed policy on aircraft with one changed parameter or input."""
 
 from __future__ import annotations
 

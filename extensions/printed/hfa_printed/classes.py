@@ -287,10 +287,10 @@ def _is_cut_off(comparison: Comparison) -> bool:
 
 
 def _asymmetric_block(file: PrintedFile) -> str:
-    """Return "P" or "H" if its mirrored entries differ beyond their digits, otherwise "".
+    """Return the name of the first asymmetric block, "P" or "H", or "" if none is asymmetric.
 
-    At least two pairs must differ. P of a learned answer is not checked, because it may be slightly
-    asymmetric.
+    A block is asymmetric if at least two mirrored pairs differ by more than the rounding of their
+    printed digits. P of a learned answer is not checked, because it may be slightly asymmetric.
     """
     names = ("H",) if file.learned else ("P", "H")
     for name in names:

@@ -263,7 +263,7 @@ def test_one_number_is_not_taken_for_another_game() -> None:
 
 
 def test_three_numbers_enough_tell_another_game_two_not() -> None:
-    """Another delta is recognized from the three numbers of P, and not from the two of K."""
+    """The solution for another delta is identified from three entries of P, not from two of K."""
     candidate = SMALL.with_delta(4.0)
     assert "this is the solution of another game, at delta = 4" in named(
         SMALL, from_value(SMALL, value(candidate))

@@ -90,8 +90,8 @@ def design_controller(
     if by not in model.linear:
         choices = f"one of {', '.join(model.linear)}"
         raise BadInputError(
-            f"{model.name} is not scheduled over a state of its linear model; declare"
-            f" schedule=NAME, {choices}"
+            f"the scheduling variable of {model.name} must be a state of its linear model; declare"
+            f" schedule=NAME, where NAME is {choices}"
         )
     design = design.of(model)
     controllers: list[LinearController] = []

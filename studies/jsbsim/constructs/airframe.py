@@ -1,4 +1,4 @@
-"""Constructs of dimensions, mass, tanks and engines, and of other sections of a JSBSim file."""
+"""Constructs for the dimensions, mass, tanks, engines and other sections of a JSBSim file."""
 
 from __future__ import annotations
 

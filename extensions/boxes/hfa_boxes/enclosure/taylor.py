@@ -261,7 +261,7 @@ class TaylorProgram:
         """Return models of the rows of an argument.
 
         known: models of the earlier groups
-        sizes: for each group, (variables, boxes), sums of all |c| and the radius
+        sizes: for each group, the sum of all |c| plus the radius, (variables, boxes)
         """
         c: np.ndarray | float = 0.0
         radius: np.ndarray | float = 0.0

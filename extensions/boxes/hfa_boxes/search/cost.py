@@ -239,7 +239,11 @@ class CostSearch:
         return 1.0 - _GOOD * self._problem.margin
 
     def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
-        """Return the proved bounds (N,) at the initial conditions of the flights, or 0."""
+        """Return the proved lower bounds of the cost at the initial conditions of the flights,
+        (N,).
+
+        The bounds are 0 if no piece is proved.
+        """
         z, _ = self._flights
         if not proved:
             return np.zeros(len(z))

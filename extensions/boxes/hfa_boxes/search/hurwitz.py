@@ -15,6 +15,6 @@ def refuse_unstable(J: np.ndarray) -> None:
     modes = np.linalg.eigvals(J)
     if not np.all(modes.real < 0.0):
         raise NoSolutionError(
-            "the loop's linearization is not Hurwitz (an eigenvalue with real part "
-            f"{modes.real.max():.3g}); such equilibria are not supported"
+            "the loop's linearization is not Hurwitz (largest real part of an eigenvalue: "
+            f"{modes.real.max():.3g}); only equilibria with a stable linearization are supported"
         )

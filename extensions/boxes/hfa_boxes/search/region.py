@@ -335,7 +335,10 @@ class RegionSearch:
         return sorted(firsts, key=lambda each: -each[1].size())
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
-        """Return V scaled to the largest set that samples allow.
+        """Return V scaled so that {V <= 1} is the largest level set in which the samples find no
+        obstacle.
+
+        The set is not enlarged.
 
         quick: whether to use fewer samples
         """

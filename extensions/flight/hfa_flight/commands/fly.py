@@ -51,8 +51,8 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight, or the flights of --draws")
     steps: Path | None = option(
-        "file of a discrete-time plant to simulate from --initial for --duration steps, with "
-        "the optimal policy of its game or with --weights",
+        "simulate the discrete-time plant in FILE from --initial for --duration steps; policy: "
+        "the optimum of its game, or --weights",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",

@@ -469,8 +469,9 @@ def _inputs_of(
             check_width(columns, states, inputs)
         elif columns != width:
             raise BadInputError(
-                f"input {shortened(name)!r} of the graph has {columns} entries; give a Q function "
-                f"of {states} states and then {inputs} plant inputs"
+                f"input {shortened(name)!r} of the graph has {columns} entries instead of "
+                f"{width}; give a Q function with two inputs: the state ({states} entries), then "
+                f"the plant input ({inputs} entries)"
             )
         rows[name] = (1, columns)[-len(sizes) :]
     return rows

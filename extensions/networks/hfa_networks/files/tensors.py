@@ -237,7 +237,7 @@ def refuse_shared(stored: Any) -> None:
 
 
 def _inside(value: Any) -> list[Any]:
-    """Return the objects inside an object of a pickle: items, dictionary keys or attributes.
+    """Return the objects that an unpickled object contains: items, keys and values, or attributes.
 
     The result is [] for an array and for a class.
     """

@@ -67,7 +67,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
     )
     policy: Path | None = option(
-        "deployment file whose policy is compared", "DEPLOYMENT.toml", input_file(".toml")
+        "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
     )
     seconds: float | None = option(
         "horizon, s; default: long enough for a negligible remaining cost",

@@ -28,8 +28,8 @@ class PrintedRequest(OutputOptions):
         required=True,
     )
     limit_cost: float | None = option(
-        "largest cost of the printed answer, percent above the optimum, for exit code 0; default: "
-        "every digit must be right",
+        "with learned = true, exit with code 0 if the cost of the printed solution is at most this "
+        "many percent above the optimum; default: every printed digit must be correct",
         "PERCENT",
         positive,
     )

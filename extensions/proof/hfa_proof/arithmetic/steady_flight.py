@@ -84,7 +84,7 @@ class SteadyFlight:
         return LinearParts(*parts)
 
     def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
-        """Return v and p as lists of values."""
+        """Return two lists: the values of the variables and those of the parameters."""
         return [[values[name] for name in names] for names in (self.variables, self.parameters)]
 
 

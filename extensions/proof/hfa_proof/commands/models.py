@@ -16,7 +16,10 @@ class ModelsRequest(RangeOptions):
     """Options of `hfa prove models`."""
 
     limit_error: float = option(
-        "largest relative error of the interpolation; default 1e-3", "X", positive, default=1e-3
+        "largest allowed relative error of the interpolation; default 1e-3",
+        "X",
+        positive,
+        default=1e-3,
     )
 
 

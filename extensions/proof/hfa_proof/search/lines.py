@@ -36,7 +36,7 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """Return the nearest line found on each side of the imaginary axis, with none or one a side."""
+    """Return the nearest line found on each side of the imaginary axis, at most one per side."""
     abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
     lines = []
     for side in (-1.0, 1.0):

@@ -146,7 +146,9 @@ def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -
     for key, _, coefficient in missing.terms():
         if key not in places:
             if not coefficient.is_zero():
-                raise Rejected(f"{what}: a term of the polynomial is missing in the sum of squares")
+                raise Rejected(
+                    f"{what}: a term of the polynomial is missing from the sum of squares"
+                )
             continue
         shares = places[key]
         count = sum(1 if i == j else 2 for i, j in shares)

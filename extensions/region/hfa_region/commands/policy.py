@@ -39,7 +39,9 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
     if critic.linear:
         return {}
     if critic.wide or not critic.policy.is_a("SXFunction"):
-        raise BadInputError("the policy is a network; give K, P, or weights W of polynomials")
+        raise BadInputError(
+            "the policy is a network; give K, P, or the weights W of a polynomial critic"
+        )
     z = critic.symbols
     u = critic.policy(z)
     policy = {}
@@ -93,7 +95,7 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
     if not np.all(np.abs(total - wanted) <= _SAME * sizes):
         raise BadInputError(
             f"the policy is not a polynomial of degree {HIGHEST_POLICY} or less; give K, P, or"
-            " weights W of polynomials"
+            " the weights W of a polynomial critic"
         )
     if any(not any(powers) for _, powers in terms):
         raise BadInputError("the policy is not 0 at the trim; remove the linear terms of V")
