@@ -28,6 +28,7 @@ from hfa_region.search.region import (
     bounds_of,
     lyapunov_matrices,
     measured,
+    origin_of,
     settings_of,
 )
 from hfa_region.search.squares import ONE, Terms
@@ -179,7 +180,7 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
     """
     yield region.origin, region.V.scaled(1.0 / region.rho)
     for V in region.tried:
-        yield f"a polynomial of degree {V.degree} from the search", V
+        yield origin_of(V), V
     points = edge_points(region.V, region.T, region.rho) @ region.T.T
     for P in lyapunov_matrices(region.plant, _CANDIDATES):
         V = PolynomialFunction.quadratic(P)

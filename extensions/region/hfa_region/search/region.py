@@ -283,7 +283,7 @@ class RegionSearch:
                 turn = after
                 if grown < _GAIN:
                     break
-        origin = f"a polynomial of degree {turn.V.degree} from the search"
+        origin = origin_of(turn.V)
         highest = self._highest(turn.V)
         if highest > 1.0 or not self._kept(accepted(turn.search), turn.V, origin):
             self._prove(turn.V, highest, origin, setting)
@@ -345,7 +345,7 @@ class RegionSearch:
             self.plant,
             T,
             self._stopped,
-            self._turns,
+            tuple(self._turns),
         )
 
 
@@ -363,6 +363,11 @@ class _Turn:
     search: LevelSearch
     size: float
     seconds: float
+
+
+def origin_of(V: PolynomialFunction) -> str:
+    """Return the description of a V that the search optimized."""
+    return f"a polynomial of degree {V.degree} from the search"
 
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:

@@ -236,5 +236,5 @@ ADDED: dict[str, Callable[[Any], Any]] = {
     "to_scipy": _to_scipy,
     "to_series": _to_series,
     "u": _policy_values,
-    "verdict": lambda value: str(value.grade_text()) if isinstance(value, Verdict) else None,
+    "verdict": lambda value: value.grade_text() if isinstance(value, Verdict) else None,
 }
