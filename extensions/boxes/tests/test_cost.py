@@ -563,7 +563,7 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
     assert not _on_a_line(uneven, 0.3)._is_convex(box, np.zeros(1))
 
 
-def test_the_edge_by_which_g_varies_most_is_halved() -> None:
+def test_the_edge_with_largest_variation_is_halved() -> None:
     """The edge along which g varies most is halved. At a face, W decides instead of g.
 
     Here g = 1.5 y_1 u + y_1² + a y_2² + u², and W = 0.75 y_1² + 0.0625 y_2².

@@ -139,7 +139,7 @@ def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
     assert bound <= found <= bound + 1e-3 * traced.outputs.radius[0, 0]
 
 
-def test_the_edge_that_crosses_a_kink_lowers_a_bound() -> None:
+def test_an_edge_across_a_kink_lowers_bounds() -> None:
     """The reduction of the bound is attributed to the edge y_0, across which |y_0| has its kink.
 
     The slope along y_1 does not matter.

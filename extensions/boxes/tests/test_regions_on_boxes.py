@@ -468,7 +468,7 @@ def test_a_set_grows_alike_from_any_v(weight: float) -> None:
 
 
 @pytest.mark.parametrize("degree", [2, 4])
-def test_a_grown_v_is_proved_in_its_own_coordinates(degree: int) -> None:
+def test_each_v_is_proved_in_own_coordinates(degree: int) -> None:
     """`diagonal` keeps V and makes it |y|² and V' a sum of squares, both to second order."""
     generator = np.random.default_rng(0)
     J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
@@ -484,13 +484,13 @@ def test_a_grown_v_is_proved_in_its_own_coordinates(degree: int) -> None:
     assert decay == pytest.approx(np.diag(np.diag(decay)), abs=1e-9 * decay.max())
 
 
-def test_a_v_that_is_not_positive_keeps_its_coordinates() -> None:
+def test_an_indefinite_v_keeps_the_coordinates() -> None:
     shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
     saddle = replace(shape, coefficients=shape.basis.quadratic(np.diag([1.0, -1.0])))
     assert saddle.diagonal(-np.eye(2)) is saddle
 
 
-def test_a_place_beyond_the_crest_of_v_bounds_the_level_by_it() -> None:
+def test_a_maximum_of_v_bounds_the_level() -> None:
     """The crest of V between the origin and an obstacle bounds the level.
 
     V = x² - 0.3 x⁴ has the crest 0.83 and is negative at the obstacle, the limit 2 of x.

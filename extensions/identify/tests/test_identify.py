@@ -343,7 +343,7 @@ def test_a_planted_fault_is_named(column, fault, named):
     assert named in result.first_line
 
 
-def test_bias_of_an_input_is_named_where_trim_is_given():
+def test_an_input_bias_is_named_with_trim():
     """A bias of the elevator and another value of Cm_0 are reported as equally good explanations."""
     wrong = record(seed=11)
     wrong["elevator"] = wrong["elevator"] + math.radians(1.0)

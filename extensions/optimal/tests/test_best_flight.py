@@ -160,7 +160,7 @@ def test_no_flight_at_the_lowest_speed_falling() -> None:
         hfa.best_flight(model, point, start)
 
 
-def test_the_initial_condition_has_two_names_for_one_version() -> None:
+def test_initial_and_its_earlier_name_are_equal() -> None:
     """`initial=` and its earlier name `start=` have the same effect. Both and neither are refused."""
     model = cart()
     point = hfa.find_operating_point(model)

@@ -321,7 +321,7 @@ def test_what_an_environment_leaves_out_is_a_warning() -> None:
         )
 
 
-def test_weights_of_the_cost_are_those_of_a_game() -> None:
+def test_cost_weights_equal_those_of_a_game() -> None:
     """Q and R give the reward of a deployment with this cost.
 
     The weights are given as matrices, diagonals or by name. A matrix that is not diagonal is

@@ -419,7 +419,7 @@ def test_a_disturbance_has_a_positive_size(size: float) -> None:
         RegionStatement.read(stated | {"disturbances": {"w": size}}, DRIVEN)
 
 
-def test_a_disturbance_is_at_an_end_on_each_part() -> None:
+def test_disturbances_are_at_vertices_in_each_part() -> None:
     """A part is accepted if its disturbance is at an end, and refused if it is free."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}

@@ -253,7 +253,7 @@ def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 @pytest.mark.slow
-def test_an_interrupted_command_ends_as_when_time_is_over(tmp_path: Path) -> None:
+def test_an_interruption_ends_like_a_timeout(tmp_path: Path) -> None:
     """An interrupted command ends with exit code 0. Its certificate is valid and can be resumed."""
     words = ["prove", "region", "--aircraft", PENDULUM, "--prover", "squares"]
     words += ["--seconds", "600", "-o", "region.json"]

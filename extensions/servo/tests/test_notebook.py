@@ -179,7 +179,7 @@ def test_keywords_of_python_control_are_accepted() -> None:
         linear.step(time=3.0, T=3.0)
 
 
-def test_functions_of_hfa_are_methods_of_their_first_argument() -> None:
+def test_functions_are_methods_of_their_first_argument() -> None:
     point = MODEL.find_operating_point(dihedral=0.2)
     assert point == find_operating_point(MODEL, dihedral=0.2)
     linear = MODEL.linearize(point)
@@ -228,7 +228,7 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
     assert not any(word in names for word, names in ARGUMENTS.items())
 
 
-def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
+def test_a_missing_argument_is_computed() -> None:
     """Functions accept an earlier member of the chain Model -> OperatingPoint -> LinearModel ->
     Game.
 
@@ -254,7 +254,7 @@ def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
         hfa.Game(MODEL.fly(K, seconds=0.1), **weights)
 
 
-def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> None:
+def test_a_gain_file_is_converted_to_aircraft_units(folder: Path) -> None:
     """fly(model, FILE) converts a gain from the units in the file to those of the model."""
     point = find_operating_point(MODEL)
     run = hfa.learn(hfa.paper.published_game(point.linearize()), seed=0)
@@ -273,7 +273,7 @@ def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> 
         hfa.fly(point, "weights.npz", 0.1)
 
 
-def test_a_gain_closes_the_loop_of_a_linear_model() -> None:
+def test_a_gain_closes_a_linear_loop() -> None:
     """linear.closed_loop(K) is z' = (A - B K) z + B v. linear.margins(K) are the solution's
     margins.
     """
@@ -482,7 +482,7 @@ def test_keywords_change_a_game() -> None:
         hfa.solve_game(game, gama=400.0)
 
 
-def test_keys_of_files_and_angles_in_degrees_are_attributes() -> None:
+def test_file_keys_and_degrees_are_attributes() -> None:
     linear = _linear()
     assert linear.operating_point is linear.point
     assert linear.point.alpha_deg == pytest.approx(np.degrees(linear.point.alpha))

@@ -53,7 +53,7 @@ def test_the_seed_decides_every_bit() -> None:
     assert first.weights.tobytes() != second.weights.tobytes()
 
 
-def test_a_run_has_the_critic_of_its_last_weights() -> None:
+def test_a_run_returns_the_last_critic() -> None:
     """The critic of a run has the value P and the gain K of its last weights."""
     result = short_run()
     critic = result.critic(published("published-5")[0])

@@ -44,7 +44,7 @@ def test_flights_are_above_a_true_bound() -> None:
     assert flown.least == pytest.approx(1.0 / 0.999, abs=0.01)
 
 
-def test_a_bound_too_large_by_one_percent_is_found() -> None:
+def test_a_bound_one_percent_high_is_found() -> None:
     """Flights that cost less than a bound of 1.01 times the least cost are counted."""
     assert flown_over(1.01).below > 100
 
@@ -54,7 +54,7 @@ def test_the_navion_is_that_of_the_tutorial() -> None:
     assert navion_of_the_tutorial().linear == ("speed", "alpha", "pitch", "pitch_rate")
 
 
-def test_the_flexible_aircraft_is_the_paper_s_at_one_altitude() -> None:
+def test_the_flexible_aircraft_equals_the_paper() -> None:
     """A and B of the aircraft with constant altitude equal those of the paper's aircraft."""
     dihedral = {"dihedral": float(np.radians(10.0))}
     paper = hfa.find_operating_point(hfa.aircraft("published"), hold=dihedral)
