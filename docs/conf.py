@@ -69,7 +69,8 @@ def commands_page() -> str:
 
 
 def generate() -> None:
-    """Delete the folder of generated pages and write all of them again."""
+    """Write all generated pages into their folder. The previous content of the folder is deleted.
+    """
     shutil.rmtree(GENERATED, ignore_errors=True)
     GENERATED.mkdir()
     pages = {
@@ -90,7 +91,9 @@ generate()
 
 
 def setup(app: Any) -> None:
-    """Connect the functions that convert docstrings and remove links without a target."""
+    """Register the conversions of docstrings and pages with Sphinx, and remove dead links at the
+    end.
+    """
     app.connect("autodoc-process-docstring", docstrings.read)
     app.connect("source-read", _without_links_to_the_repository)
     app.connect("build-finished", _without_dead_links_back)

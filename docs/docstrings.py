@@ -64,10 +64,10 @@ def describe_attributes(owner: type) -> None:
 
 
 def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
-    """Yield (names, lines) for each part of a docstring.
+    """Yield the parts of a docstring as pairs (names, lines).
 
-    A part is an entry "name, name: text" or prose, for which `names` is empty. The continuation
-    lines of an entry begin with a space.
+    A part is either an entry "name, name: text" or prose. The list of names is empty for prose.
+    Further lines of an entry begin with a space.
     """
     names: list[str] = []
     lines: list[str] = []
@@ -98,7 +98,10 @@ def _members(owner: type) -> set[str]:
 
 
 def _parameters(routine: Any) -> dict[str, list[str]]:
-    """Return parameter name -> [""], without `self` and `cls`."""
+    """Return a dictionary with a blank description [""] for each parameter of a routine.
+
+    The parameters `self` and `cls` are omitted.
+    """
     names = [name for name in inspect.signature(routine).parameters if name not in ("self", "cls")]
     return {name: [""] for name in names}
 

@@ -27,7 +27,11 @@ in a column of units. The first row of its last column, `about`, names the sourc
 
 
 def formats_page() -> str:
-    """Return a Markdown page with a table of keys for each output and each shared type."""
+    """Return the Markdown page on file formats.
+
+    The page contains a table of keys for each output of a command and for each type that outputs
+    share.
+    """
     definitions = formats()["$defs"]
     outputs = [entry["$ref"].rpartition("/")[2] for entry in formats()["oneOf"]]
     parts = [_HEAD]

@@ -34,7 +34,7 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """Return the public names in the stub of a package, ordered by decreasing `users`."""
+    """Return the public names in the stub of a package, those with most `users` first."""
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]
@@ -43,7 +43,7 @@ def names_of(package: str) -> list[str]:
 
 
 def imports_of(package: str) -> list[ast.ImportFrom]:
-    """Return the statements "from MODULE import NAME" in the stub of a package."""
+    """Return the import statements "from MODULE import NAME" in the stub of a package."""
     folder = Path(inspect.getfile(importlib.import_module(package))).parent
     stub = ast.parse((folder / "__init__.pyi").read_text("utf-8"))
     return [entry for entry in stub.body if isinstance(entry, ast.ImportFrom) and entry.module]
@@ -51,7 +51,7 @@ def imports_of(package: str) -> list[ast.ImportFrom]:
 
 @cache
 def users() -> Counter[str]:
-    """Return name -> number of documents and examples with a call of this name in their code."""
+    """Return for each name the number of documents and examples whose code calls the name."""
     code = [path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py")]
     for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         blocks = re.findall(r"^```python\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)

@@ -50,9 +50,10 @@ def parts_page() -> str:
 
 
 def functions() -> dict[str, Callable[..., Any]]:
-    """Return name -> function of every installed part, including the checks for nonlinear critics.
+    """Return the functions of all installed parts by name, including the checks of nonlinear
+    critics.
 
-    Each function that `MODULES` lists for a part that is a module is named "part.function".
+    If a part is a module, its functions listed in `MODULES` are named "part.function".
     """
     parts = {name: loaded(offer) for name, offer in offered(PARTS).items()}
     judges = {name: loaded(offered(CRITICS)[name]) for name in ("nonlinear", "nonlinear.steps")}
@@ -76,7 +77,7 @@ def signature_of(function: Callable[..., Any]) -> str:
 
 
 class _Written(str):
-    """Annotation text whose representation has no quotes."""
+    """Text of an annotation, which is printed without quotes."""
 
     def __repr__(self) -> str:
         return str(self)

@@ -187,7 +187,7 @@ TABLES = """
 
 
 def read_tables(text):
-    """Return the tables in a text, which are separated by blank lines, as a list of matrices."""
+    """Return the tables in a text as a list of matrices. Blank lines separate the tables."""
     return [
         np.array([row.split() for row in table.split("\n")], dtype=float)
         for table in text.strip().split("\n\n")
@@ -195,9 +195,9 @@ def read_tables(text):
 
 
 def odd_in_sideslip(half):
-    """Return the table for sideslip from -30 to 30 deg, extended as an odd function.
+    """Return a table for sideslip from -30 to 30 deg, given one half of an odd function.
 
-    half: table for sideslip from 0 to 30 deg, in columns
+    half: table with columns for sideslip from 0 to 30 deg
     """
     return np.hstack([-half[:, :0:-1], half])
 

@@ -72,7 +72,7 @@ def polynomial(terms, values):
 
 
 def variables(x, u):
-    """Return symbol in the polynomials -> state or input."""
+    """Return the value of each symbol in the polynomials, such as V for the speed."""
     return {
         "V": x.speed,
         "a": x.alpha,
@@ -132,10 +132,11 @@ FACTORS = {
 
 
 def factor(rate, powers, p):
-    """Return the uncertain factor on one term of a state equation, or 1 if none applies.
+    """Return the uncertain factor on a term of a state equation, or 1 if the term is certain.
 
     rate: name of the state
-    powers: variables of the term with their powers
+    powers: pairs (variable, power) of the term
+    p: parameters, which include the factors
     """
     present = {name for name, _ in powers}
     for name, (changed, has, lacks) in FACTORS.items():
@@ -145,7 +146,9 @@ def factor(rate, powers, p):
 
 
 def uncertain_equations(x, u, p, w):
-    """Return the state derivatives, with uncertain factors on some of their terms, and the outputs."""
+    """Return the state derivatives and the outputs. Some terms of the derivatives have uncertain
+    factors.
+    """
     values = variables(x, u)
     rates = {}
     for rate, listed in RATES.items():

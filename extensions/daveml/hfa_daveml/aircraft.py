@@ -125,9 +125,10 @@ class _Files:
     def model(self, source: tuple[str, str]) -> Model:
         """Return the aircraft as a `Model`.
 
-        source: paths joined by +, and hash of the contents
+        source: (paths joined by +, hash of the contents of the files)
 
-        Raises BadInputError if a unit is wrong, a size is not positive, or there is no lift.
+        Raises BadInputError if a unit is wrong, if a mass, moment of inertia or reference length is
+        not positive, or if the aerodynamic force at alpha = 5 deg is not upward.
         """
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
@@ -165,12 +166,12 @@ class _Files:
                 )
 
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
-        """Return the speed, ft/s, at which the lift at sea level equals the weight.
-
-        The angle of attack is `_ALPHA`. Raises BadInputError if the aerodynamic force is not upward
-        there.
+        """Return the speed at which lift equals weight at sea level and angle of attack `_ALPHA`,
+        ft/s.
 
         constants: name of an output -> its value in the motion of `_standing`
+
+        Raises BadInputError if the aerodynamic force at this angle of attack is not upward.
         """
         upward = -_number(self._coefficients(constants, _ALPHA)[2])
         if not upward > 0.0:
@@ -184,7 +185,13 @@ class _Files:
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """Return the range of a variable, rad, common to all tables over it and to ± widest."""
+        """Return the lower and upper limit of an angle in the model, rad.
+
+        The angle is within ± widest and within the range of every table that depends on it.
+
+        name: standard name of the angle
+        widest: rad
+        """
         low = -widest
         high = widest
         for document in self._documents:
@@ -197,11 +204,12 @@ class _Files:
         return low, high
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Return the signal of a variable, in the units of the model.
+        """Return the unit, nominal value, limits and initial value of a variable in the model's
+        units.
 
-        The limits are the narrower of the variable's limits and the ranges of the tables over it.
-        The nominal value is 0.1 for an angle or a number without unit, and max(|initial value|, 1)
-        otherwise.
+        The limits are the narrower of the variable's own limits and the ranges of the tables that
+        depend on the variable. The nominal value is 0.1 for an angle or a number without unit, and
+        max(|initial value|, 1) otherwise.
         """
         unit, factor = _unit(document, variable)
         least, most = document.range_of_tables(variable)
@@ -212,7 +220,8 @@ class _Files:
         return Signal(unit, nominal, low, high, start)
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the rates by state and the outputs by name."""
+        """Return the time derivatives of the states and the outputs, each as a dictionary by name.
+        """
         motion = Motion(x, _GRAVITY, "english")
         density = motion.air.density
         given = {name: getattr(x, name) for name in STATES} | {
@@ -249,13 +258,20 @@ class _Files:
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Return the values of three outputs, (3,), with 0 for an output that no file defines."""
+        """Return the values of three outputs as a vector, (3,). An output that no file defines is
+        0.
+
+        value: function from the name of an output to its value
+        three: names of the outputs
+        """
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return the function from the name of an output to its value, in the units of the model.
+        """Return a function from the name of an output to its value in the units of the model.
 
-        motion: values by the names on the right side of `names.MOTION`
+        motion: values of motion and air, by the names to which `names.MOTION` maps standard names
+        u: inputs of the model
+        p: parameters of the model
         """
         table = Interpolator()
         made: dict[str, Expressions] = {}
@@ -291,9 +307,9 @@ def _number(expression: Any) -> float:
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion with 300 ft/s, alpha = `_ALPHA` and the air density at sea level.
+    """Return the motion with speed 300 ft/s, angle of attack `_ALPHA` and air density of sea level.
 
-    All other values are 0.
+    All other quantities of the motion are 0.
     """
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}

@@ -114,19 +114,19 @@ class Document:
     cases: tuple[CheckCase, ...]
 
     def error(self, place: str, fault: str) -> BadInputError:
-        """Return a BadInputError that begins with the path of the file and the place in it."""
+        """Return a BadInputError that names the file, the place in the file and the fault."""
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:
-        """Return the variable with this varID or else with this name, or None if there is none."""
+        """Return the variable with a varID, else the first with this standard name, or None."""
         if name in self.variables:
             return self.variables[name]
         return next((each for each in self.variables.values() if each.name == name), None)
 
     def range_of_tables(self, variable: Variable) -> tuple[float, float]:
-        """Return the range of a variable, in the file's units, that lies within all tables over it.
+        """Return the range of a variable that is within every table that depends on it.
 
-        The range is infinite if no table depends on the variable.
+        The range is in the units of the file. It is infinite if no table depends on the variable.
         """
         low = -math.inf
         high = math.inf
@@ -215,10 +215,11 @@ class _Reader:
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
-        """Return the pairs (key, value) as a dictionary. Raises BadInputError if a key occurs
-        twice.
+        """Return pairs (key, value) as a dictionary.
 
-        kind: the word for the values in the message
+        kind: noun for the values in the message, such as "variable"
+
+        Raises BadInputError if a key occurs twice.
         """
         by_key: dict[str, _T] = {}
         for key, value in values:
@@ -318,12 +319,13 @@ class _Reader:
     def _ungridded(
         self, element: ElementTree.Element, result: str
     ) -> GriddedTable | UngriddedTable:
-        """Return the table given by <dataPoint> elements, each with one or two arguments and the
-        value.
+        """Return the table given by the <dataPoint> elements of an ungridded table.
 
-        Raises BadInputError if the points do not define a table.
+        Each <dataPoint> contains one or two arguments and a value.
 
         result: varID of the variable that the table defines
+
+        Raises BadInputError if the numbers of arguments differ, or if the points define no table.
         """
         place = f"function for {result}"
         rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]

@@ -83,8 +83,10 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
     """Return the result of an operator applied to arguments.
 
-    The element `csymbol` names an operator that MathML lacks. Raises BadInputError if the operator
-    is not supported with this number of arguments.
+    operator: XML element named after the operator, or <csymbol> with the name of the operator as
+        text
+
+    Raises BadInputError if the operator is not supported with this number of arguments.
     """
     name = operator.tag
     if name == "csymbol":
@@ -108,8 +110,8 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 def _number(element: ElementTree.Element) -> float:
     """Return the number in a <cn> element.
 
-    The type `e-notation` consists of mantissa and exponent. Raises BadInputError if the text is not
-    a number.
+    A number of the type `e-notation` consists of mantissa and exponent. Raises BadInputError if the
+    text of the element is not a number.
     """
     try:
         if element.get("type") == "e-notation":
@@ -124,9 +126,10 @@ def _number(element: ElementTree.Element) -> float:
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """Return the value of the first piece whose condition is true, or of <otherwise> if none is.
+    """Return the value of a <piecewise> element: the first piece whose condition is true.
 
-    Raises BadInputError if <otherwise> or a part of a piece is missing.
+    If no condition is true, the value of <otherwise> is returned. Raises BadInputError if
+    <otherwise>, or the value or condition of a piece, is missing.
     """
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:

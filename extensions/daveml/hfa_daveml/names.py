@@ -99,7 +99,7 @@ UNIT_OF: Mapping[str, str] = {name: unit for unit, group in _BY_UNIT.items() for
 
 
 def spelled(units: str) -> str:
-    """Return the units of a file in the spelling of reports, such as ft/s for ft_s and f_s."""
+    """Return a unit of a file in the spelling of reports, for example ft/s for ft_s or f_s."""
     return _SPELLINGS.get(units, units)
 
 

@@ -35,7 +35,11 @@ class GriddedTable:
         return [(float(points[0]), float(points[-1])) for points in self.breakpoints]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """Return the value of the table at the arguments, one for each dimension."""
+        """Return the interpolated value of the table.
+
+        arguments: number or expression for each dimension of the table
+        interpolator: interpolator shared by the tables of an aircraft
+        """
         return interpolator(self.values, self.breakpoints, arguments)
 
 
@@ -62,7 +66,11 @@ class UngriddedTable:
         return [(float(column.min()), float(column.max())) for column in self.points.T]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """Return the value of the table at the two arguments. The interpolator is not used."""
+        """Return the interpolated value of the table.
+
+        arguments: two numbers or expressions
+        interpolator: not used; accepted as by `GriddedTable.value`
+        """
         place = ca.vertcat(*map(ca.SX, arguments))
         value = self._on_the_border(place)
         for triangle in self.triangles:
@@ -90,7 +98,12 @@ class UngriddedTable:
 
 
 def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
-    """Return the table of points (N, 1) or (N, 2) and values (N,), gridded for one argument.
+    """Return the table through given points.
+
+    The table is gridded for one argument and ungridded for two arguments.
+
+    points: (N, 1) or (N, 2)
+    values: (N,)
 
     Raises ValueError if two points are equal, or if points with two arguments form no triangle.
     """

@@ -1,1 +1,3 @@
-"""Optimal flights of a nonlinear aircraft to its trim: proposed by collocation, then simulated."""
+"""Optimal flights of a nonlinear aircraft to a trim, found by collocation and checked by
+simulation.
+"""

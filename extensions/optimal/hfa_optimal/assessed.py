@@ -30,13 +30,14 @@ def best_costs(
     progress: Progress,
     certificate: Path | None = None,
 ) -> BestCosts:
-    """Return the costs of a deployed policy relative to the best flights.
+    """Return the costs of a deployed policy and of the linear optimum relative to the best flights.
 
-    The costs of the linear optimum are included. The flights begin at `count` random initial
-    conditions in the box of an assessed trim. The best flights are the cheapest that were found.
+    The flights begin at random initial conditions in the box of an assessed trim. A best flight is
+    the cheapest flight that was found.
 
     deployed: the policy, with the cost for which it was trained
     assessed: the assessed trim
+    count: number of initial conditions
     seed: seed of the initial conditions
     certificate: file with a lower bound of the cost of these flights, or None
 
@@ -83,5 +84,8 @@ def best_costs(
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Return the summary of the cost ratios `over_best`, or None if no flight has a ratio."""
+    """Return a summary of the ratios `over_best` of a policy's flights, or None without ratios.
+
+    Flights without a ratio are left out.
+    """
     return ratios([each.over_best for each in flights if each.over_best is not None])

@@ -58,9 +58,10 @@ class PolicyFlight(Result):
 
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
-        """Return the comparison of a flight with the best flight.
+        """Return the record of a policy's simulated flight and its cost relative to the best
+        flight.
 
-        best: cost of the best flight, or None if none was found
+        best: cost of the best flight from the same initial condition, or None if none was found
         """
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
@@ -111,7 +112,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def start(self) -> Mapping[str, float]:
-        """State -> initial deviation from the trim, without states whose deviation is 0."""
+        """Initial deviation of each state from the trim, without states whose deviation is 0."""
         values = self.found.proposal.start.tolist()
         pairs = zip(self.problem.states, values, strict=True)
         return {name: value for name, value in pairs if value}
@@ -128,12 +129,14 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs on two meshes, or from different guesses."""
+        """Largest relative difference of the flight's cost between meshes or between initial
+        guesses.
+        """
         return self.found.spread
 
     @property
     def linear_cost(self) -> float:
-        """Cost z'Pz of the linear model without limits, which is not a cost of the aircraft."""
+        """Least cost z'Pz of the linear model without limits. The aircraft's cost may differ."""
         start = self.found.proposal.start
         return float(start @ self.problem.P @ start)
 
@@ -144,7 +147,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def saturated(self) -> Sequence[str]:
-        """Inputs that were at a limit."""
+        """Names of the inputs that reach a limit during the flight."""
         return list(self.found.flown.saturated)
 
     @property
@@ -164,19 +167,21 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
-        """State -> lowest and highest permitted value."""
+        """Lowest and highest permitted value of each state."""
         return envelope_pairs(self.problem)
 
     @property
     def policies(self) -> Sequence[PolicyFlight]:
-        """Flights of policies from the same initial condition, first the saturated linear one."""
+        """Flights of policies from the same initial condition. The first policy is the saturated
+        linear one.
+        """
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
     def over_bound(self) -> float | None:
-        """Cost divided by the lower bound, or None without a positive bound.
+        """Cost divided by its proved lower bound, or None without a positive bound.
 
-        The cost divided by the least cost is at most this number.
+        This is an upper bound of the cost divided by the least cost.
         """
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
@@ -227,7 +232,11 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 
     def _bracket(self) -> str:
-        """Return sentences on the interval that contains the least cost, as far as it is known."""
+        """Return sentences on the least cost.
+
+        With a certificate, they state the interval that contains the least cost. Without a
+        certificate, they state that no cheaper flight was found.
+        """
         if self.bracket is None:
             return (
                 "No cheaper flight from this initial condition was found. This does not prove that "
@@ -264,13 +273,14 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def plot(self) -> np.ndarray:
-        """Draw the flight and the policies' flights in a pyplot figure and return its Axes."""
+        """Draw the best flight and the flights of policies in a pyplot figure, and return its Axes.
+        """
         from matplotlib import pyplot
 
         return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
 
     def figure(self) -> Figure:
-        """Return a new figure with the flight and the policies' flights."""
+        """Return a new figure with the best flight and the flights of policies."""
         from hfa_support.reporting.figure import new_figure
 
         return self._drawn(new_figure(10.0, 8.0))
@@ -288,12 +298,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 def bracket_of(
     bound: CostStatement, z: np.ndarray, start: Mapping[str, float], cost: float | None
 ) -> Bracket:
-    """Return the bounds of the least cost from an initial condition.
+    """Return the lower and upper bound of the least cost from an initial condition.
 
-    bound: the proved lower bound
+    bound: statement of a certificate, from which the lower bound is computed
     z: initial deviations from the trim, (k,)
-    start: the same deviations by name
-    cost: cost of the best flight found, or None
+    start: state -> the same deviation
+    cost: cost of the best flight found, which is the upper bound, or None if none was found
     """
     lower = float(bound.bound(z[None])[0])
     return Bracket(start, lower, cost, None, lower >= bound.level)
@@ -304,7 +314,7 @@ def _saturated(flight: str, names: Sequence[str]) -> str:
 
 
 def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
-    """Return state -> (lowest, highest) permitted value."""
+    """Return the lowest and highest permitted value of each state, by name."""
     pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
     return dict(zip(problem.envelope.names, pairs, strict=True))
 

@@ -58,10 +58,10 @@ def plant_of(problem: FlightProblem) -> Plant:
 
 
 def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
-    """Return the indices of n well-conditioned unknowns (x, u) of the equilibrium equations.
+    """Return the indices of n unknowns in (x, u) for which the equilibrium equations are solved.
 
-    The unknowns are the states if the scaled Jacobian of the states is well conditioned. Otherwise
-    a QR decomposition with pivoting selects states and inputs.
+    The unknowns are the n states if their scaled Jacobian is well conditioned. Otherwise a QR
+    decomposition with pivoting selects states and inputs.
     """
     n = len(plant.states)
     both = np.hstack([problem.linear.A, problem.linear.B])
@@ -73,7 +73,8 @@ def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
 
 
 def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
-    """Return path of an entry in a certificate -> the user's value.
+    """Return the user's value of each entry with which a certificate must agree, by path of the
+    entry.
 
     option: option that selects the aircraft, for messages
     weights: Q and R if the user gave them, else {}
@@ -95,10 +96,10 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
 
 
 def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Return whether the limits in the certificate contain the user's limits.
+    """Return whether a certificate's limits contain the user's limits.
 
-    stated: limits in the certificate
-    own: limits of the user
+    stated: name -> (lowest, highest) in the certificate; None is no limit
+    own: name -> (lowest, highest) of the user; a missing name has no limits
     """
     for name, (low, high) in stated.items():
         least, most = own.get(name, (-np.inf, np.inf))
@@ -113,7 +114,7 @@ def lower_bound(
     progress: Progress | None = None,
     weights_from: str = "",
 ) -> CostStatement:
-    """Return the bound that a certificate proves for the flights of a problem.
+    """Return the lower bound of the cost that a certificate proves for the flights of a problem.
 
     weights_from: file that contains Q and R, or "" if they are given by options
 
@@ -138,7 +139,8 @@ def refuse_other(
 ) -> None:
     """Raise BadInputError if the statement of a certificate differs from the user's values.
 
-    given: path of an entry -> the user's value
+    path: file of the certificate
+    given: path of an entry in the certificate -> the user's value
     advice: end of the message
     """
     try:

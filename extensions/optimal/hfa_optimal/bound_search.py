@@ -23,14 +23,13 @@ def bound_search(
     progress: Progress | None = None,
     save: Callable[[CostBound], None] | None = None,
 ) -> CostSearch:
-    """Return the search for a lower bound of the cost of a problem's flights.
+    """Return a search for a lower bound of the cost of flights that begin in the box of
+    `usual_box`.
 
-    The initial conditions are in the box of `usual_box`.
-
-    degree: degree of the polynomial W
-    margin: fraction of the cost by which W may be lower
-    seconds: processor time
-    save: function that is called with the bound after each proved piece
+    degree: degree of the polynomial W, the lower bound as a function of the initial condition
+    margin: relative distance of W below the linear quadratic cost, to second order
+    seconds: limit of processor time, s
+    save: function called with the bound after each proved piece of the box, or None
     """
     plant = plant_of(problem)
     solved = unknowns_of(problem, plant)

@@ -60,8 +60,8 @@ class Proposal(NamedTuple):
     start: initial deviations z, (k,).
     z: deviations of the followed states at the collocation points, (N, DEGREE, followed).
     v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m).
-    cost: cost by quadrature at the collocation points, plus the tail. From a `TimeProgram` it is
-        the time, s.
+    cost: cost by quadrature at the collocation points, plus the tail. For a proposal of a
+        `TimeProgram`, duration of the flight, s.
     tail: linear cost after the last interval.
     feasible: whether all unknowns are finite and satisfy the collocation equations.
     """
@@ -76,7 +76,7 @@ class Proposal(NamedTuple):
 
     @property
     def ends(self) -> np.ndarray:
-        """Times of the ends of the intervals, s, (N + 1,). The first is 0."""
+        """Boundaries of the intervals, s, (N + 1,). The first is 0."""
         return np.append(0.0, np.cumsum(self.lengths))
 
     @property
@@ -90,7 +90,10 @@ class Proposal(NamedTuple):
         return np.concatenate([before[:, None], self.z], axis=1)
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the followed states (T, followed) and v (T, m) at these times, 0 after the end.
+        """Return deviations of the followed states, (T, followed), and of the inputs, (T, m), at
+        given times.
+
+        All deviations are 0 after the end of the proposal.
 
         times: s, (T,)
         """
@@ -125,10 +128,10 @@ def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
-    """Return lengths of intervals that grow geometrically and add up to `seconds`, s, (N,).
+    """Return the lengths of N intervals that grow geometrically, s, (N,). Their sum is `seconds`.
 
-    The last interval is clip(`seconds` `fastest` / N, 4, `_LONGEST_GROWTH`) times as long as the
-    first, before the lengths are rounded to steps.
+    The ratio of the last to the first length is clip(`seconds` `fastest` / N, 4,
+    `_LONGEST_GROWTH`), before the lengths are rounded to steps.
 
     intervals: number N of intervals
     fastest: frequency of the fastest mode of the linear loop, 1/s
@@ -143,10 +146,10 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
     """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,).
 
-    Each length is at least one step, so that the simulation applies the proposed inputs exactly.
+    Each length is at least one step. The simulation can then apply the proposed inputs exactly.
 
-    ends: ends of the intervals, s, (N + 1,)
-    step: s
+    ends: boundaries of the intervals, s, (N + 1,)
+    step: simulation step, s
     """
     whole = np.round(ends / step).astype(int)
     number = np.arange(len(whole))
@@ -160,12 +163,12 @@ def adapted_mesh(
 ) -> np.ndarray:
     """Return the lengths of intervals on which a proposal is about equally smooth, s, (N,).
 
-    Smoothness is measured by the leading coefficients of the state polynomials and by the kinks of
-    the inputs.
+    The roughness of an interval is measured by the leading coefficients of the polynomials for the
+    states and by the kinks of the inputs.
 
     intervals: number N of intervals
     step: simulation step, s
-    weights: weights of unit changes of z, (k,), and of v, (m,)
+    weights: weights of the states in this measure, (k,), and of the inputs, (m,)
     """
     of_states, of_inputs = weights
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
@@ -182,7 +185,11 @@ def adapted_mesh(
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
-    """Return the row that maps values at points to the leading coefficient of their polynomial."""
+    """Return the factors on the values of a polynomial at p points that add up to its leading
+    coefficient.
+
+    points: (p,)
+    """
     return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
 
 
@@ -204,6 +211,7 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
 
     k: number of states
     m: number of inputs
+    intervals: number of intervals
     """
     inner = DEGREE * k + m
     columns = m + intervals * inner
@@ -225,10 +233,10 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
 
 
 def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
-    """Return the solution of IPOPT with the constraints g = 0.
+    """Return the solution found by IPOPT, with all constraints equal to 0.
 
-    Raises KeyboardInterrupt if the user interrupts IPOPT. CasADi reports an interruption as another
-    error, or only in IPOPT's status.
+    Raises KeyboardInterrupt if the user interrupts IPOPT. CasADi itself reports an interruption as
+    another error, or only in the status of IPOPT.
     """
     try:
         solved: dict[str, ca.DM] = solver(lbg=0.0, ubg=0.0, **arguments)
@@ -244,7 +252,7 @@ def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
 class Equations(NamedTuple):
     """Equations of an aircraft and their derivatives at one point, in nominal values.
 
-    rates: states and inputs -> time derivatives
+    rates: function from states and inputs to time derivatives of the states
     slopes: Jacobian of `rates`, possibly as machine code
     curvature: Hessian of `rates`, weighted by multipliers, possibly as machine code
     """
@@ -257,8 +265,9 @@ class Equations(NamedTuple):
     def of(problem: FlightProblem, starts: int = 1) -> Equations:
         """Return the equations of a problem.
 
-        From `_MACHINE_CODE_STARTS` initial conditions on, the derivatives are machine code. CasADi
-        cannot differentiate machine code, so the rates are not.
+        For `_MACHINE_CODE_STARTS` or more initial conditions, Jacobian and Hessian are compiled to
+        machine code. The rates are never compiled, because CasADi cannot differentiate machine
+        code.
 
         starts: number of initial conditions
         """
@@ -289,7 +298,7 @@ class Transcription:
         margin: float = MARGIN,
         price: float = 1.0,
     ) -> Proposal:
-        """Return the proposal that IPOPT finds from a guess, which may be infeasible.
+        """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
 
         start: initial deviations z, (k,).
         lengths: lengths of the intervals, s, (N,).
@@ -333,10 +342,10 @@ class Transcription:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver with the exact Jacobian and Hessian.
+        """IPOPT solver of the nonlinear program, with the exact Jacobian and Hessian.
 
-        Its parameters are the initial state, the lengths of the intervals, the scale of the cost
-        and the factor on R.
+        The parameters of the program are the initial state, the lengths of the intervals, the scale
+        of the cost and the factor on R.
         """
         problem = self.problem
         k = len(problem.followed)
@@ -398,15 +407,19 @@ class Transcription:
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
-    """Return an expression whose value does not depend on the symbols, without these symbols."""
+    """Return an expression with 0 substituted for the given symbols.
+
+    The value of the expression must not depend on these symbols.
+    """
     zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
     (constant,) = ca.substitute([expression], symbols, zeros)
     return constant
 
 
 def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
-    """Return the sparse block-diagonal matrix of blocks that are given side by side.
+    """Return the sparse block-diagonal matrix of the given blocks.
 
+    side_by_side: blocks, (rows, count columns)
     count: number of blocks
     rows, columns: size of a block
     """

@@ -72,7 +72,9 @@ class Flown(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """Outcome of the flight in a few words, such as "leaves the envelope, converges"."""
+        """Short form of the outcome: "converges", "does not converge", "leaves the envelope", or
+        "leaves the envelope, converges".
+        """
         words = [] if self.departure is None else ["leaves the envelope"]
         if self.departure is None or self.converges:
             words.append("converges" if self.converges else "does not converge")
@@ -91,7 +93,7 @@ class Flights:
     """Simulator of the flights of a problem.
 
     problem: aircraft, trim, weights and limits.
-    count: approximate number of flights, which decides whether machine code is used.
+    count: approximate number of flights. Machine code is used if the number is large.
     longest_step: largest integration step, s.
     """
 
@@ -103,7 +105,7 @@ class Flights:
     def step(self) -> float:
         """Integration step, s, at most `longest_step`.
 
-        It resolves the fastest mode of the aircraft and of the linear loop.
+        The step resolves the fastest mode of the aircraft and of the linear loop.
         """
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
@@ -134,8 +136,10 @@ class Flights:
         return self.compiled(self.gain_policy("linear optimum, saturated", self.problem.K))
 
     def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
-        """Return the policy v = -K z, saturated at the limits, with the other inputs constant.
+        """Return the policy v = -K z, saturated at the input limits. Inputs that do not move are
+        constant.
 
+        name: name of the policy
         K: gain, (m, k)
         """
         problem = self.problem
@@ -145,7 +149,11 @@ class Flights:
         return self.function_policy(name, ca.Function("gain", [z], [u]))
 
     def function_policy(self, name: str, function: ca.Function) -> FunctionPolicy:
-        """Return the policy of a function z -> deviations of all inputs, saturated at limits."""
+        """Return the policy given by a function, saturated at the input limits.
+
+        name: name of the policy
+        function: CasADi function from z, (k,), to the deviations of all inputs
+        """
         problem = self.problem
         limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
         for whole, moved in zip(limits, problem.input_limits, strict=True):
@@ -153,22 +161,24 @@ class Flights:
         return FunctionPolicy(name, function, *limits)
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
-        """Return the compiled closed loop of a policy at the trim of the problem.
+        """Return the compiled closed loop of a policy and the aircraft at the trim.
 
-        scenario: scenario with the sampling of the policy; by default `scenario(tick)`
+        scenario: scenario with the sampling of the policy, or None for `scenario(tick)`
         """
         calm = scenario or self.scenario(self.tick)
         plant = NonlinearPlant(self.problem.model, self.problem.point)
         return CompiledLoop(ClosedLoop(plant, policy, calm), self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
-        """Return a scenario without disturbance that lasts at least `seconds`."""
+        """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole
+        ticks.
+        """
         ticks = max(1, math.ceil(seconds / self.tick - 1e-9))
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
     def follow(self, proposal: Proposal, seconds: float) -> Flown:
-        """Return the flight that follows a proposal, and then the linear policy.
+        """Return the simulated flight that follows a proposal, and the linear policy after its end.
 
         seconds: duration of the flight, s
         """
@@ -187,13 +197,13 @@ class Flights:
     def fly(
         self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
     ) -> Flown:
-        """Simulate a closed loop from an initial condition and return the flight.
+        """Return the simulated flight of a closed loop from an initial condition.
 
         The simulation ends early if a state deviates by more than `_FAR` nominal values.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s
-        policy: policy of the loop with other tabulated inputs, or None
+        policy: policy of the loop with other tabulated inputs, or None for the loop's own policy
         """
         problem = self.problem
         initial = np.zeros(len(problem.model.states))
@@ -211,9 +221,9 @@ class Flights:
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> Flown:
-        """Return a simulated flight with its cost and outcome.
+        """Return a simulated flight with its cost, first departure and saturated inputs.
 
-        rows: deviations from the trim
+        rows: simulated deviations from the trim
         """
         problem = self.problem
         trim = np.array(problem.point.states)

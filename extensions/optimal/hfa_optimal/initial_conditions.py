@@ -120,18 +120,21 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def policies(self) -> Sequence[PolicySummary]:
-        """Summary of each policy's flights, from initial conditions with a best flight."""
+        """Summary of the flights of each policy, from initial conditions with a best flight only.
+        """
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
     @property
     def over_bound(self) -> Sequence[float]:
-        """Cost of each best flight divided by its lower bound, for positive bounds."""
+        """Cost of each best flight divided by its proved lower bound. Bounds of 0 are left out."""
         return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
 
     @property
     def _bounded(self) -> list[Bracket]:
-        """Bounds of the least cost, where a best flight and a positive lower bound exist."""
+        """Bounds of the least cost from those initial conditions that have a best flight and a
+        positive lower bound.
+        """
         brackets = [each.bracket for each in self.flights if each.bracket is not None]
         return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
 
@@ -211,9 +214,9 @@ def _number(value: float | None) -> str:
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:
-    """Return the half-widths of the default box of initial deviations, within the limits, (k,).
+    """Return the half-widths of the default box of initial deviations, (k,), within the limits.
 
-    They are the typical deviations of the HFA. For other aircraft they are the half-widths that
+    For the HFA, the half-widths are its typical deviations. For other aircraft they are those that
     `hfa assess` uses.
     """
     states = problem.states
@@ -223,7 +226,8 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
 
 
 def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
-    """Return the half-widths reduced so that the box is within the limits.
+    """Return half-widths of a box, reduced where the box would exceed the limits of the states,
+    (k,).
 
     half: half-widths, (k,)
     """
@@ -236,10 +240,9 @@ def drawn_starts(
 ) -> np.ndarray:
     """Return random initial deviations in a box, (count, k).
 
-    For the same seed, a larger count only appends rows.
+    With the same seed, a larger count returns the same deviations first.
 
-    box: half-widths, (k,), reduced so that the box is within the limits. By default they are those
-        of `usual_box`.
+    box: half-widths, (k,), reduced to fit in the limits. The default is `usual_box`.
     """
     rng = np.random.default_rng(seed)
     half = usual_box(problem) if box is None else _inside(problem, box)
@@ -253,11 +256,12 @@ def starts_table(
     progress: Progress | None = None,
     bound: CostStatement | None = None,
 ) -> StartsTable:
-    """Return the best flights, and the flights of policies, from each initial condition.
+    """Return the best flight and the flights of policies from each initial condition.
 
     After Ctrl-C the table contains only the finished initial conditions.
 
     starts: initial deviations, (N, k)
+    pilots: policies that are compared with the saturated linear optimum and the best flight
     bound: lower bound of the cost, or None
     """
     done: list[StartFlights] = []
@@ -276,11 +280,12 @@ def starts_table(
 
 
 def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:
-    """Return the best flight from an initial condition, and the flights of the policies.
+    """Return the best flight and the flights of the policies from an initial condition.
 
     The policies are simulated even if no best flight is found.
 
     start: initial deviations z, (k,)
+    pilots: policies, simulated after the saturated linear optimum
     """
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))

@@ -26,9 +26,9 @@ def drawn(
     seconds: float,
     title: str,
 ) -> Figure:
-    """Draw a panel for each state of the linear model and each moving input, and return the figure.
+    """Return a figure of several flights, with a panel for each state in z and each moving input.
 
-    flights: (flight, label) pairs, the best flight first
+    flights: pairs (flight, label), the best flight first
     seconds: end of the time axis, s
     """
     names = [*problem.states, *problem.inputs]
@@ -58,7 +58,7 @@ def drawn(
 
 
 def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
-    """Draw a state or an input of all flights, with its limits.
+    """Draw one state or input of all flights and its limits in a panel.
 
     The vertical range fits the first flight and all flights that converge.
     """

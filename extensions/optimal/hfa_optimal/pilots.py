@@ -62,5 +62,8 @@ def card_pilot(flights: Flights, path: Path) -> Pilot:
 
 
 def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
-    """Return a policy with the sampling of a scenario."""
+    """Return a policy, compiled with the sampling and delays of a scenario.
+
+    name: name of the policy in reports
+    """
     return Pilot(name, flights.compiled(policy, scenario))

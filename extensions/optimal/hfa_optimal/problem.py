@@ -87,9 +87,9 @@ class FlightProblem:
 
     @cached_property
     def carried(self) -> tuple[str, ...]:
-        """Names of the states, such as altitude, on which z' depends but which are not in z.
+        """Names of the states outside z on which z' depends, directly or through other such states.
 
-        States on which z' depends through such states are included.
+        An example is the altitude.
         """
         every = ca.SX.sym("x", len(self.model.states))
         vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
@@ -118,9 +118,9 @@ class FlightProblem:
     def padded(self, z: np.ndarray) -> np.ndarray:
         """Return the deviations of the followed states, (..., followed).
 
-        Carried states that `z` lacks are 0.
+        Carried states that are missing from the argument are 0.
 
-        z: (..., k) or (..., followed)
+        z: deviations, (..., k) or (..., followed)
         """
         missing = len(self.followed) - z.shape[-1]
         return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
@@ -153,9 +153,11 @@ class FlightProblem:
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return narrowed lowest and highest deviations of the followed states, (followed,) each.
+        """Return lowest and highest deviations of the followed states, (followed,) each, for an
+        optimizer.
 
-        A limit that excludes the initial condition is widened to contain it.
+        The limits are narrower than `state_limits`. A limit that would exclude the initial
+        condition is moved to the initial condition.
 
         start: initial deviations of the followed states, (followed,)
         margin: fraction by which each limit is narrowed
@@ -224,7 +226,11 @@ class FlightProblem:
         return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
 
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Q, R and P for followed states and v in nominal values. Carried states have weight 0."""
+        """Return Q, (followed, followed), R, (m, m), and P, (followed, followed), for nominal
+        values.
+
+        The weights of carried states are 0.
+        """
         of_states, of_inputs = self.sizes
         of_both = np.outer(of_states, of_states)
         carried = [(0, len(self.carried))] * 2
@@ -232,14 +238,14 @@ class FlightProblem:
         return Q, self.R * np.outer(of_inputs, of_inputs), P
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
-        """Return an initial condition as deviations z, (k,).
+        """Return an initial condition as deviations z from the trim, (k,).
 
         start: state -> deviation, or another trim
 
         Raises BadInputError in these cases:
-        - An unknown name, or a number that is not finite.
-        - A trim of another model, or one that differs in a state outside the linear model.
-        - A point outside the limits, or the final trim itself.
+        - A name is unknown, or a number is not finite.
+        - The other trim belongs to another model, or differs in a state outside the linear model.
+        - The initial condition is outside the limits, or equals the trim of the problem.
         """
         z = self._deviations_of(start)
         if not z.any():
@@ -263,7 +269,7 @@ class FlightProblem:
         return z
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
-        """Return another trim as deviations z, (k,).
+        """Return another trim as deviations z from the trim of the problem, (k,).
 
         Raises BadInputError if `other` is a trim of another model, or differs in a state outside
         the linear model.
@@ -357,7 +363,8 @@ def named_initial(
     initial: Mapping[str, float] | OperatingPoint | None,
     start: Mapping[str, float] | OperatingPoint | None,
 ) -> Mapping[str, float] | OperatingPoint:
-    """Return `initial`, or `start`, its name in earlier versions.
+    """Return the initial condition given by `initial` or by `start`, the earlier name of the
+    argument.
 
     Raises BadInputError unless exactly one of the two is given.
     """

@@ -58,7 +58,7 @@ _HELD = 0.5
 class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """Quickest flight found from an initial condition to a trim within limits.
 
-    The simulated flight reaches the arrival box in this time. A quicker flight may exist.
+    A quicker flight may exist. The flight ends when it reaches the arrival box around the trim.
 
     problem: aircraft, trim and limits.
     proposal: the optimizer's flight.
@@ -82,7 +82,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def start(self) -> Mapping[str, float]:
-        """State -> initial deviation from the trim, without states whose deviation is 0."""
+        """Initial deviation of each state from the trim, without states whose deviation is 0."""
         pairs = zip(self.problem.states, self.proposal.start.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 
@@ -98,18 +98,21 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def box(self) -> Mapping[str, float]:
-        """State -> half-width of the box within which the flight counts as arrived."""
+        """Half-width in each state of the arrival box. A flight in the box counts as arrived."""
         return dict(zip(self.problem.states, arrival_box(self.proposal).tolist(), strict=True))
 
     @property
     def arrival(self) -> Mapping[str, float]:
-        """State -> deviation from the trim at the time of arrival."""
+        """Deviation of each state from the trim at the time of arrival."""
         at_end = deviations_at(self.problem, self.flown, self.seconds)
         return dict(zip(self.problem.states, at_end.tolist(), strict=True))
 
     @property
     def saturated(self) -> Sequence[str]:
-        """Inputs that in the proposal reach a limit, narrowed by the fraction `reserve`."""
+        """Names of the inputs that reach a limit of the optimizer in the proposal.
+
+        The limits of the optimizer are the aircraft's limits, narrowed by the fraction `reserve`.
+        """
         lowest, highest = self.problem.input_limits
         used = 1.0 - 1.01 * self.reserve
         at_limit = (self.proposal.v <= used * lowest) | (self.proposal.v >= used * highest)
@@ -133,7 +136,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
-        """State -> lowest and highest permitted value."""
+        """Lowest and highest permitted value of each state."""
         return envelope_pairs(self.problem)
 
     def report(self) -> Report:
@@ -188,7 +191,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
 
 def largest_deviations(proposal: Proposal) -> np.ndarray:
-    """Return the largest absolute deviation of each state in a proposal, (k,)."""
+    """Return the largest absolute deviation of each state in z during a proposal, (k,)."""
     states = proposal.nodes[..., : len(proposal.start)]
     return np.asarray(np.abs(states).max(axis=(0, 1)))
 
@@ -208,10 +211,10 @@ def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.nd
 
 
 def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
-    """Return the reason why a simulated flight refutes a proposal, or "" if it does not.
+    """Return the reason why a simulated flight refutes a proposal, or "" if the flight confirms it.
 
-    The flight must stay in the envelope. It must be in the arrival box at the proposed time and
-    when the simulation ends.
+    A confirming flight stays in the envelope. It is in the arrival box at the proposed time and at
+    the end of the simulation.
     """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
@@ -244,7 +247,8 @@ def quickest_flight(
 ) -> QuickestFlight:
     """Return the quickest flight that was found from an initial condition to a trim.
 
-    Collocation proposes the flight. The proposal is accepted if the simulated flight arrives too.
+    Collocation proposes the flight. The proposal is accepted if a simulation of it reaches the
+    trim.
 
     model: the aircraft
     point: trim at which the flight ends
@@ -322,9 +326,9 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest feasible proposal found from guesses that are straight lines to the trim.
+    """Return the quickest feasible proposal found from several guesses.
 
-    The durations of the guesses are different fractions of the horizon, s.
+    Each guess is a straight line to the trim. Its duration is a fraction of the horizon, s.
 
     Raises NoSolutionError if no proposal is feasible.
     """
@@ -345,7 +349,9 @@ def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: f
 
 
 def _on_finer(flights: Flights, proposal: Proposal, count: int) -> Proposal:
-    """Return a proposal interpolated on an adapted mesh of `count` intervals."""
+    """Return a proposal interpolated on a mesh of `count` intervals that is adapted to the
+    proposal.
+    """
     of_states, of_inputs = flights.problem.sizes
     largest_z = largest_deviations(proposal)
     largest_z = np.maximum(largest_z, _SMALLEST * of_states[: len(largest_z)])

@@ -37,7 +37,7 @@ class TimeProgram:
     intervals: int
 
     def solve(self, guess: Proposal, reserve: float) -> Proposal:
-        """Return the proposal that IPOPT finds from a guess, with the time, s, as its `cost`.
+        """Return the proposal that IPOPT finds from a guess. Its `cost` is the duration, s.
 
         reserve: fraction of the distance from the trim to each limit that the proposal leaves to
             the policy
@@ -85,8 +85,8 @@ class TimeProgram:
     def _solver(self) -> ca.Function:
         """IPOPT solver of the program.
 
-        The last unknown is the ratio of the final time to the time of the guess. The parameters are
-        the initial state and the lengths of the guess's intervals.
+        The last unknown is the duration of the proposal divided by that of the guess. The
+        parameters are the initial state and the lengths of the guess's intervals.
         """
         problem = self.problem
         k, m, N = len(problem.followed), len(problem.inputs), self.intervals

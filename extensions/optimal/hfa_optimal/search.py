@@ -79,7 +79,7 @@ class Found(NamedTuple):
     proposal: proposal that the flight follows.
     seconds: horizon of the proposal, s.
     meshes: number of intervals -> proposed cost.
-    guesses: name of a guess -> cost on its finest mesh.
+    guesses: name of an initial guess -> cost on the finest mesh used for this guess.
     linear: flight of the linear optimum from the same initial condition.
     """
 
@@ -92,17 +92,21 @@ class Found(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs on two meshes, or from different guesses."""
+        """Largest relative difference of the cost between the last two meshes or between initial
+        guesses.
+        """
         return max(self.spread_of_meshes, self.spread_of_guesses)
 
     @property
     def spread_of_meshes(self) -> float:
-        """Relative difference of the costs on the last two meshes."""
+        """Relative difference of the proposed costs on the last two meshes."""
         return difference_of_meshes(self.meshes)
 
     @property
     def spread_of_guesses(self) -> float:
-        """Relative difference of the largest and the smallest cost from different guesses."""
+        """Relative difference of the largest and the smallest cost found from different initial
+        guesses.
+        """
         guessed = list(self.guesses.values())
         return max(guessed) / min(guessed) - 1.0
 
@@ -112,8 +116,8 @@ class BestFlights:
     """Search for the best flights of a problem.
 
     problem: aircraft, trim, weights and limits.
-    count: approximate number of initial conditions, which decides whether machine code is used.
-    transcriptions: number of intervals -> nonlinear program, built once.
+    count: approximate number of initial conditions. Machine code is used if the number is large.
+    transcriptions: number of intervals -> nonlinear program, built at its first use.
     """
 
     problem: FlightProblem
@@ -131,7 +135,7 @@ class BestFlights:
 
     @cached_property
     def _loop(self) -> np.ndarray:
-        """Matrix A - B K of the linear loop."""
+        """State matrix A - B K of the linear closed loop."""
         linear = self.problem.linear
         return np.asarray(linear.A - linear.B @ self.problem.K)
 
@@ -166,10 +170,10 @@ class BestFlights:
         )
 
     def _unfinished(self, proposal: Proposal) -> str:
-        """Return the reason why a proposal must not end at its horizon, or "" if it may.
+        """Return the reason why the horizon of a proposal is too short, or "" if it is long enough.
 
-        The reason is a large remaining cost, or a linear policy that leaves the limits after the
-        horizon.
+        The reason is a large cost after the horizon, or that the linear policy then leaves the
+        limits.
         """
         share = proposal.tail / proposal.cost
         if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
@@ -236,7 +240,7 @@ class BestFlights:
         proposal.
 
         seconds: horizon, s
-        meshes: number of intervals -> cost, for the meshes so far
+        meshes: number of intervals -> cost, for the meshes used before
         best: proposal on the last of these meshes
 
         Raises NoSolutionError, with the reason, if no proposal is confirmed.
@@ -270,9 +274,10 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Return a note on inputs that alternate `_ALTERNATES` times or more in a proposal, or "".
+        """Return a note on each input that alternates between its limits in a proposal, or "".
 
-        Each turn is from more than half of one limit to more than half of the opposite limit.
+        An input alternates if it passes `_ALTERNATES` times or more from more than half of one
+        limit to more than half of the opposite limit.
         """
         lowest, highest = self.problem.input_limits
         texts = []
@@ -288,10 +293,10 @@ class BestFlights:
         return "".join(texts)
 
     def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
-        """Return the flight that follows a proposal, and the followed proposal.
+        """Return the simulated flight that follows a proposal, and the followed proposal.
 
-        If the flight leaves the limits, a feasible proposal within narrower limits is followed
-        instead.
+        If the flight leaves the limits, a second proposal with narrower limits is followed instead,
+        provided that it is feasible.
 
         seconds: horizon, s
         factor: factor on the margin to the limits in the second proposal
@@ -307,16 +312,17 @@ class BestFlights:
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
     ) -> dict[str, Proposal]:
-        """Return name of a guess -> feasible proposal on the coarsest mesh.
+        """Return the feasible proposal on the coarsest mesh for each initial guess, by name of the
+        guess.
 
-        Further guesses are tried if the first guesses lead to different optima or IPOPT fails for
-        one.
+        If the first guesses lead to different optima, or IPOPT fails for one, further guesses are
+        tried.
 
         start: initial deviations z, (k,)
         seconds: horizon, s
         linear: flight of the linear optimum
 
-        Raises NoSolutionError if IPOPT solves none.
+        Raises NoSolutionError if no proposal is feasible.
         """
         first = {
             "linear loop": self._linear_guess(start),
@@ -351,13 +357,15 @@ class BestFlights:
         adapted: list[tuple[Proposal, Proposal]],
         price: float = 1.0,
     ) -> dict[str, Proposal]:
-        """Return name of a guess -> feasible proposal on the coarsest mesh.
+        """Return the feasible proposal on the coarsest mesh for each given guess, by name of the
+        guess.
 
         A first proposal on a geometric mesh is solved again on a mesh that is adapted to this
         proposal.
 
-        adapted: pairs (first proposal, result). Equal first proposals reuse a result. New pairs are
-            appended.
+        adapted: pairs (first proposal, second proposal). A pair is appended for each new first
+            proposal.
+            For an equal first proposal, the stored second proposal is returned.
         price: factor on R in the first proposal
         """
         lengths = self._mesh(seconds, INTERVALS)
@@ -376,12 +384,12 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """Return the proposal on a mesh of `intervals` that is adapted to a given proposal.
+        """Return the proposal solved again on a mesh of `intervals` intervals.
 
-        If the proposal on the adapted mesh is infeasible, a geometric mesh is used. The result may
-        be infeasible too.
+        The mesh is adapted to the given proposal. If the new proposal is infeasible, it is replaced
+        by one on a geometric mesh, which may be infeasible too.
 
-        guess: proposal from which IPOPT begins
+        guess: the given proposal, from which IPOPT begins
         margin: fraction by which the limits of the states are narrowed
         """
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
@@ -408,7 +416,9 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """Return the linear loop without limits as a guess, with clipped inputs."""
+        """Return a guess: the trajectory of the linear loop without limits, with v clipped to its
+        limits.
+        """
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = exponentials(self._loop * times[:, None, None]) @ start
@@ -419,9 +429,10 @@ class BestFlights:
     def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
         """Return a guess in which z and v decay exponentially.
 
-        rate: 1/s
-        v: initial deviations of the inputs, (m,), clipped to `_LARGEST_INPUT` nominal values; by
-            default 0
+        start: initial deviations z, (k,)
+        rate: decay rate, 1/s
+        v: initial deviations of the inputs, (m,), clipped to `_LARGEST_INPUT` nominal values; None
+            means 0
         """
         begin = np.zeros(len(self.problem.inputs)) if v is None else v
         most = _LARGEST_INPUT * self.problem.sizes[1]
@@ -434,7 +445,7 @@ class BestFlights:
         return guess
 
     def _flown_guess(self, flown: Flown) -> Guess:
-        """Return a simulated flight as a guess."""
+        """Return the states and inputs of a simulated flight as a guess."""
         problem = self.problem
         places = problem.followed_places
         z = flown.states[:, places] - np.array(problem.point.states)[places]
@@ -457,12 +468,12 @@ def difference_of_meshes(meshes: Mapping[int, float]) -> float:
 
 
 def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Return the names of proposals, the cheapest first."""
+    """Return the names of proposals in the order of increasing cost."""
     return sorted(proposals, key=lambda name: proposals[name].cost)
 
 
 def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Return the names of at most `_FOLLOWED` proposals with different costs, cheapest first."""
+    """Return the names of the cheapest proposals with different costs, at most `_FOLLOWED`."""
     chosen: list[str] = []
     for name in _cheapest_first(proposals):
         dearest = proposals[chosen[-1]].cost if chosen else 0.0
@@ -472,8 +483,9 @@ def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
 
 
 def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return z of a guess at the collocation points, and v at the ends of the intervals.
+    """Return a guess's z at the collocation points and its v at the ends of the intervals.
 
+    guess: function from times, s, to (z, v)
     lengths: lengths of the intervals, s, (N,)
     """
     from casadi import collocation_points
@@ -490,10 +502,10 @@ def _equal(one: Proposal, other: Proposal) -> bool:
 
 
 def refutation(flown: Flown, proposal: Proposal) -> str:
-    """Return the reason why a simulated flight refutes a proposal, or "" if it does not.
+    """Return the reason why a simulated flight refutes a proposal, or "" if the flight confirms it.
 
-    The flight must stay in the envelope, converge to the trim, and have the proposed cost within
-    `FLIGHT_AGREES`.
+    A confirming flight stays in the envelope and converges to the trim. Its cost agrees with the
+    proposed cost within `FLIGHT_AGREES`.
     """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"

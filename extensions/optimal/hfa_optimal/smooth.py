@@ -1,8 +1,8 @@
 """Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
 
-Near a kink the two branches are blended. Elsewhere the copy equals the function. The width of the
-blend is a fraction of the spread of the kink's argument over given points, so that the copy does
-not depend on units.
+Near a kink, the copy blends the two branches. Elsewhere the copy equals the function. The width of
+the blend is proportional to the spread of the kink's argument over given points. The copy is
+therefore independent of units.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 
 @dataclass(frozen=True)
 class _Kink:
-    """Smoothing of a kink at the zero of an argument.
+    """Smoothing of one kink. The kink is where its argument is 0.
 
-    width: half-width, or 0 if the kink has no blend.
-    levels: the two values of an argument that has only two values, else None.
+    width: half-width of the blend, or 0 without a blend.
+    levels: the two values of an argument that takes only two values, or None.
     """
 
     width: float
@@ -54,9 +54,10 @@ class _Kink:
 
     @staticmethod
     def of(values: np.ndarray, part: float) -> _Kink:
-        """Return the smoothing of a kink whose argument has these values at the points, (N,).
+        """Return the smoothing of a kink.
 
-        part: half-width in standard deviations of the argument
+        values: values of the kink's argument at the points, (N,)
+        part: half-width of the blend in standard deviations of the argument
         """
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
@@ -72,12 +73,13 @@ class _Kink:
         return _Kink(width)
 
     def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
-        """Return a smooth step and True, or `otherwise` and False if the kink is not smoothed.
+        """Return the smoothed result of a comparison with 0, and whether it is smoothed.
 
-        The step is 1 for a positive argument, 0 for a negative one, and a blend within the width.
-        For an argument with two levels of opposite signs it is linear between the levels.
+        - With a blend, the result is 1 above the width, 0 below -width, and smooth between.
+        - For two levels of opposite signs, the result is linear between the levels.
+        - Otherwise the result is `otherwise`, not smoothed.
 
-        otherwise: result of the comparison
+        otherwise: exact result of the comparison
         """
         if self.levels is not None:
             low, high = self.levels
@@ -90,9 +92,10 @@ class _Kink:
         return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
 
     def size(self, argument: ca.SX) -> ca.SX:
-        """Return the absolute value of the argument, a polynomial within the width.
+        """Return a smooth copy of the absolute value of the argument, with two continuous
+        derivatives.
 
-        The first two derivatives are continuous.
+        Within the width the copy is a polynomial.
         """
         sharp = ca.fabs(argument)
         if self.width == 0.0:
@@ -121,7 +124,7 @@ class _Replay:
     soft: set[int] = field(default_factory=set)
 
     def run(self) -> ca.SX:
-        """Evaluate all instructions and return the dense result."""
+        """Evaluate all instructions of the function and return its result as a dense expression."""
         function = self.function
         result = ca.SX.zeros(function.size_out(0))
         for number in range(function.n_instructions()):
@@ -139,15 +142,15 @@ class _Replay:
         return result
 
     def arguments_of_kinks(self) -> ca.SX:
-        """Return the arguments of all kinks as a column."""
+        """Return the arguments of all kinks as a column, (kinks,)."""
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
-        """Return the value of an instruction, and whether it is a smooth truth value.
+        """Return the value of an instruction, and whether this value is a smooth truth value.
 
         number: index of the instruction
-        code: code of its operation
-        places: indices of its operands in the work vector
+        code: CasADi's code of the operation
+        places: indices of the operands in the work vector
         """
         if code == ca.OP_CONST:
             return ca.SX(self.function.instruction_constant(number)), False

@@ -42,7 +42,7 @@ class TrackingPolicy(Policy):
     highest: np.ndarray
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the deviations of all inputs as an expression, 0 for inputs that do not move."""
+        """Return the deviations of all inputs as an expression. Inputs that do not move are 0."""
         k = measurements.error.numel()
         m = len(self.moved)
         knots = (STEPS + 1) * (k + m)
@@ -58,7 +58,9 @@ class TrackingPolicy(Policy):
 
 
 def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np.ndarray:
-    """Return the rows of a `TrackingPolicy` for a proposal, and a last row for the linear policy.
+    """Return the array `held` of the `TrackingPolicy` for a proposal, one row per tick.
+
+    A last row contains the gain of the linear policy, which follows the proposal.
 
     tick: duration of a tick, s
     """
@@ -78,7 +80,7 @@ def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np
 
 
 def held_size(problem: FlightProblem) -> int:
-    """Return the number of columns of `tracking_rows`."""
+    """Return the number of columns of the array that `tracking_rows` returns."""
     k, m = len(problem.states), len(problem.inputs)
     return 1 + (STEPS + 1) * (k + m) + m * k
 
@@ -86,7 +88,8 @@ def held_size(problem: FlightProblem) -> int:
 def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     """Return the gains of the time-varying LQR along a proposal, (N, m, k).
 
-    The final cost is z'Pz. The equations are linearized in the middle of each interval.
+    The final cost is z'Pz. In each interval, the equations are linearized at the middle of the
+    interval.
     """
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
@@ -125,7 +128,9 @@ def exponentials(matrices: np.ndarray) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, (N, k, k), and B, (N, k, m), of the equations in the middle of each interval."""
+    """Return the Jacobians A, (N, k, k), and B, (N, k, m), at the middle of each interval of a
+    proposal.
+    """
     of_states, of_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
     both = np.hstack([z / of_states, v / of_inputs])

@@ -29,7 +29,9 @@ class DavemlRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return {}, because the command line in the provenance contains the path of the file."""
+        """Return an empty provenance. The recorded command line already contains the path of the
+        file.
+        """
         return {}
 
 

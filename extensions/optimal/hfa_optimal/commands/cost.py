@@ -81,7 +81,10 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 
 
 def _part(text: str) -> float:
-    """Return the number in a text. Raises BadInputError unless it is from 0.0001 to 0.5."""
+    """Return the fraction in the text of an option.
+
+    Raises BadInputError unless the text is a number from 0.0001 to 0.5.
+    """
     part = number(text)
     if not 1e-4 <= part <= 0.5:
         raise BadInputError(f"is {text}; give a number from 0.0001 to 0.5")
@@ -117,10 +120,10 @@ def cost(request: CostRequest) -> int:
 
 
 def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
-    """Verify the certificate of a lower bound, print the report, and return the exit code 0.
+    """Verify a certificate of a lower bound of the cost, print the report, and return exit code 0.
 
     Raises BadInputError for an option that does not apply. Raises BadInputError or NoSolutionError
-    if the certificate contradicts the request or proves nothing.
+    if the certificate contradicts the user's values or does not prove its statement.
     """
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.cost_report import checked_bound_report
@@ -185,10 +188,10 @@ def _prove(request: CostRequest) -> int:
 
 
 def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
-    """Return the verified bound of an earlier run, or None without --resume.
+    """Return the verified bound in the output file of an earlier run, or None without --resume.
 
-    Raises BadInputError if the earlier certificate is about other flights, and BadInputError or
-    NoSolutionError if the certificate proves nothing.
+    Raises BadInputError if the earlier certificate is about other flights. Raises BadInputError or
+    NoSolutionError if the certificate does not prove its statement.
     """
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_optimal.bound import given_of, refuse_other

@@ -90,7 +90,9 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     picture: Path | None = picture_option("the best flight found, and those of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
-        """Return the search for the best flights to the trim, and the game at this trim."""
+        """Return the search for best flights to the trim, and the game of the linear model at this
+        trim.
+        """
         from hfa_optimal.problem import flight_problem
         from hfa_optimal.search import BestFlights
 
@@ -102,7 +104,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return BestFlights(problem, count), game
 
     def end(self) -> OptimizeRequest:
-        """Return the request with the values of --to as the trim.
+        """Return the request for the trim at which flights end: the given trim, changed by --to.
 
         Raises BadInputError if --to contains a parameter.
         """
@@ -116,13 +118,18 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return replace(self, at=at, hold={**self.hold, **held})
 
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
-        """Return the initial trim if --to is given, else the initial deviations."""
+        """Return the initial condition of a flight.
+
+        With --to, this is the trim at the other options. Otherwise it is state -> deviation from
+        the trim.
+        """
         if self.to:
             return self.operating_point(problem.model)
         return self.deviations
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
-        """Return the policies to be compared: the exact game policy, --weights and --policy.
+        """Return the compared policies: the exact game policy and the policies of --weights and
+            --policy.
 
         The exact policy is omitted if δ is infinite.
         """
@@ -192,10 +199,10 @@ def _quickest(request: OptimizeRequest) -> int:
 
 
 def _bound(path: Path, search: BestFlights) -> CostStatement:
-    """Return the lower bound in a certificate, after its verification.
+    """Return the lower bound of the cost in a certificate, after verification of the certificate.
 
-    Raises BadInputError or NoSolutionError if the certificate is about other flights or proves
-    nothing.
+    Raises BadInputError if the certificate is about other flights. Raises BadInputError or
+    NoSolutionError if the certificate does not prove its statement.
     """
     from hfa_optimal.bound import lower_bound
     from hfa_proof.arithmetic import flint_or_refusal

@@ -23,10 +23,10 @@ _SEED = 0
 
 
 def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, count: int) -> Report:
-    """Return the report with a section on simulated flights of the critic's policy.
+    """Return the report of `hfa verify` with an added section on flights of the critic's policy.
 
-    The flights are compared with the best flights found and, if δ is finite, with flights of the
-    exact game policy. The limits of the nonlinear aircraft hold for all flights.
+    The flights are simulated within the limits of the nonlinear aircraft. They are compared with
+    the best flights found and, if δ is finite, with flights of the exact game policy.
 
     verdicts: the verdict on the critic
     named: game of the aircraft's linear model
@@ -60,5 +60,8 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return all sentences but the first, which describes the linear optimum."""
+    """Return the sentences on the critic and the exact policy.
+
+    sentences: sentence on the linear optimum, followed by those on the other policies
+    """
     return list(sentences[1:])
