@@ -69,7 +69,9 @@ def commands_page() -> str:
 
 
 def generate() -> None:
-    """Write all generated pages into their folder. The previous content of the folder is deleted."""
+    """Write all generated pages into their folder. The previous content of the folder is
+    deleted.
+    """
     shutil.rmtree(GENERATED, ignore_errors=True)
     GENERATED.mkdir()
     pages = {

@@ -220,7 +220,9 @@ class _Files:
         return Signal(unit, nominal, low, high, start)
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the time derivatives of the states and the outputs, each as a dictionary by name."""
+        """Return the time derivatives of the states and the outputs, each as a dictionary by
+        name.
+        """
         motion = Motion(x, _GRAVITY, "english")
         density = motion.air.density
         given = {name: getattr(x, name) for name in STATES} | {

@@ -273,7 +273,9 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def plot(self) -> np.ndarray:
-        """Draw the best flight and the flights of policies in a pyplot figure, and return its Axes."""
+        """Draw the best flight and the flights of policies in a pyplot figure, and return its
+        Axes.
+        """
         from matplotlib import pyplot
 
         return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)

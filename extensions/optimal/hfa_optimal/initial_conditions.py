@@ -120,7 +120,9 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def policies(self) -> Sequence[PolicySummary]:
-        """Summary of the flights of each policy, from initial conditions with a best flight only."""
+        """Summary of the flights of each policy, from initial conditions with a best flight
+        only.
+        """
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 

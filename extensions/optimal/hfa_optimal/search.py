@@ -416,8 +416,8 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """Return a guess: the trajectory of the linear loop without limits, with v clipped to its
-        limits.
+        """Return a guess: the trajectory of the linear loop without limits, with v clipped to
+        its limits.
         """
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -90,8 +90,8 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     picture: Path | None = picture_option("the best flight found, and those of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
-        """Return the search for best flights to the trim, and the game of the linear model at this
-        trim.
+        """Return the search for best flights to the trim, and the game of the linear model at
+        this trim.
         """
         from hfa_optimal.problem import flight_problem
         from hfa_optimal.search import BestFlights
