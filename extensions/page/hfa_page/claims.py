@@ -32,7 +32,7 @@ class Claims(NamedTuple):
     verdicts: number of claims with each verdict, as text
     about: sentence on the file and its provenance
     rows: table with one row for each claim
-    models: dihedral angle (deg), A and B of each linear model in the flights
+    models: (dihedral angle in deg, A, B) of each linear model in the simulated flights
     """
 
     data: dict[str, Any]
@@ -49,13 +49,18 @@ class Claims(NamedTuple):
 
     @property
     def others(self) -> str:
-        """Text with the number of claims of each verdict except "not confirmed"."""
+        """Text such as "24 confirmed, 3 not decidable", without the claims that are not
+        confirmed.
+        """
         counts = self.data["verdicts"].items()
         words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
         return ", ".join(words)
 
     def flew(self, regeneration: Regeneration) -> bool:
-        """Return whether the stored flights used the linear models regenerated here."""
+        """Return whether the stored flights used the same A and B as a regeneration.
+
+        Returns False if claims.json contains no linear model.
+        """
         regenerated = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
         return bool(self.models) and all(
             angle in regenerated
@@ -66,9 +71,10 @@ class Claims(NamedTuple):
 
 
 def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
-    """Return the section on the claims, with a sentence on whether they used this page's matrices.
+    """Return the section of the page on the paper's claims.
 
-    Without claims, the section states how to compute them.
+    A sentence states whether the claims were checked with the A and B of this page. Without claims,
+    the section states how to compute them.
     """
     if claims is None:
         how = (

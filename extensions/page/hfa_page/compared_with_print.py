@@ -35,7 +35,10 @@ def matrices_compared_with_print(
 
 
 def _toned(entry: EntryRow) -> str:
-    """Return the cell of a computed entry, without color if it is 0 and printed as 0."""
+    """Return the table cell of a computed entry, colored by its deviation from the printed entry.
+
+    The cell has no color if the entry is 0 and printed as 0.
+    """
     shown = four_decimals(entry.computed)
     if entry.is_zero:
         return shown

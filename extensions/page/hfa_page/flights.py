@@ -34,7 +34,7 @@ class StoredFlights(NamedTuple):
     data: the complete content
     table: costs of the flights
     limits: the assumed limits in words
-    models: dihedral angle (deg), A and B of the linear model at each trim
+    models: (dihedral angle in deg, A, B) of the linear model at each trim
     """
 
     data: dict[str, Any]
@@ -43,9 +43,9 @@ class StoredFlights(NamedTuple):
     models: list[tuple[float, np.ndarray, np.ndarray]]
 
     def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
-        """Return whether the stored linear models equal those of the page at all shared angles.
+        """Return whether the stored linear models equal the given ones at all common angles.
 
-        Returns False if no angle is shared.
+        Returns False if there is no common angle.
 
         A_and_B: dihedral angle, deg -> (A, B)
         """
@@ -60,9 +60,12 @@ class StoredFlights(NamedTuple):
 def flights_section(
     flights: StoredFlights, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> Report:
-    """Return the section on the costs of the flights, with the limits and the aircraft.
+    """Return the section of the page on stored flights.
 
-    A_and_B: dihedral angle, deg -> (A, B) of the page
+    The section contains the costs, the assumed limits, and whether the flights used this page's
+    aircraft.
+
+    A_and_B: dihedral angle, deg -> (A, B) on this page
     """
     same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
     about = (
@@ -104,9 +107,10 @@ def load_flights(path: Path) -> StoredFlights:
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
-    """Return a table with one row for each angle and set of limits.
+    """Return a table of stored flights with one row for each angle and set of limits.
 
-    A row contains the cost of each policy's flight, with its ratio to the best, and the best cost.
+    A row contains the cost of each policy's flight, also divided by the cost of the best flight,
+    and the cost of the best flight.
     """
     header = ("dihedral, assumed limits", *_POLICIES, "best flight found")
     rows = [
@@ -121,7 +125,12 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _policy(flight: Mapping[str, Any]) -> Cell:
-    """Return the cell for a policy's flight: the cost, marked if the flight leaves the limits."""
+    """Return the table cell for a policy's flight.
+
+    The cell contains the cost and its ratio to the best flight's cost, with a mark if the flight
+    leaves the limits. For a flight without a cost, the cell states that the flight does not
+    converge.
+    """
     if flight["cost"] is None:
         return Cell("does not converge", "bad")
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"
@@ -131,9 +140,12 @@ def _policy(flight: Mapping[str, Any]) -> Cell:
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    """Return a sentence that lists each set of limits.
+    """Return a sentence that lists each set of assumed limits.
 
-    From the second set on, only differences from the first are listed.
+    The first set is listed completely. Of every further set, only the limits that differ from the
+    first set are listed.
+
+    limits: name of the set -> state or input -> (lowest, highest)
     """
     sentences = []
     first: Mapping[str, Sequence[float]] = {}

@@ -28,12 +28,12 @@ _WIDTH = 10.0
 
 
 class Panel(NamedTuple):
-    """A panel seen from the front, in horizontal and vertical coordinates and the report's units.
+    """A panel seen from the front, as (horizontal, vertical) vectors in the units of the report.
 
     ends: (2, 2), end points of the span
     middle: (2,), point at which the forces act
-    lift: (2,), normal to the panel
-    weight: (2,)
+    lift: (2,), force normal to the panel
+    weight: (2,), downward force
     """
 
     ends: np.ndarray
@@ -43,11 +43,11 @@ class Panel(NamedTuple):
 
 
 def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
-    """Return the right, the center and the left panel. The aircraft's right is left in the picture.
+    """Return the right, the center and the left panel at a trim.
 
-    The hinges are at (±s/2, 0). An outer panel extends from the hinge at the dihedral angle η. The
-    middle of the panel is (s/2)(cos η, sin η) from the hinge, and the lift L_o is along
-    (∓sin η, cos η).
+    The aircraft's right side is on the left of the picture. The hinges are at (±s/2, 0) for the
+    panel span s. An outer panel extends from its hinge at the dihedral angle η. Its middle is
+    (s/2)(cos η, sin η) from the hinge, and its lift L_o is along (∓sin η, cos η).
     """
     parameters = hfa_model.parameters_of(aircraft)
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
@@ -76,7 +76,7 @@ def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel
 
 
 def scale_text(model: Model, scale: float) -> str:
-    """Return a text on the scale of the forces.
+    """Return a text such as "arrows: 3.2 lbf per foot".
 
     scale: length of an arrow divided by its force, in the units of the model
     """
@@ -137,7 +137,11 @@ def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
 
 
 def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, color: str) -> None:
-    """Draw an arrow from the point `place`, with a text beyond the end of the arrow."""
+    """Draw an arrow from the point `place`, and a text beyond the end of the arrow.
+
+    place: (2,)
+    arrow: (2,), vector from the start to the end of the arrow
+    """
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)
@@ -146,7 +150,7 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
 
 
 def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
-    """Draw both hinges, and print the moment about each on the side away from the panels."""
+    """Draw both hinges with the hinge moment as text, on the side without panels."""
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
     rounded = round(float(moment), 1) + 0.0

@@ -1,6 +1,6 @@
 """Sections and numbers of the page of `hfa report`, and the HTML file of the page.
 
-The file contains style, data and Plotly's script. The page loads nothing else.
+The file contains its style sheet, the data and Plotly's script. It loads no other file.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _POLICY = (
 
 
 def main_report(job: MainJob) -> Report:
-    """Return the report below the slider of the page. The data of the report contain every number."""
+    """Return the report of all results on the page. The data of the report contain every number."""
     regeneration = job.regeneration.report()
     swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
@@ -93,12 +93,12 @@ def main_report(job: MainJob) -> Report:
 
 
 def glosses() -> Table:
-    """Return a table with one row for each check: name and meaning."""
+    """Return a table with the name and the meaning of each check on the page."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
 
 def verdicts(job: MainJob) -> Table:
-    """Return a table with one row for each check of the job: name and verdict."""
+    """Return a table with the name and the verdict of each check of `hfa report`."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
@@ -121,7 +121,7 @@ def verdicts(job: MainJob) -> Table:
 
 
 def flown_angles(job: MainJob) -> Report | None:
-    """Return the section on the stored flights from the paper's x(0), or None without flights."""
+    """Return the section on stored flights from the paper's x(0), or None if none are stored."""
     if job.flights is None:
         return None
     linear = {
@@ -167,9 +167,9 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """Return the report for one dihedral angle, with trim, modes, A and B.
+    """Return the report shown at one position of the slider: trim, modes, A and B.
 
-    Without a linear model, the report contains only the reason.
+    If there is no trim, the report contains only the reason.
     """
     title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
@@ -182,10 +182,10 @@ def point_report(job: MainJob, angle: Angle) -> Report:
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
-    """Return the report of the linear model.
+    """Return the report of the linear model at an angle.
 
-    If the paper prints this model and the report is in the paper's units, the printed entries are
-    below the computed entries.
+    If the paper prints this linear model and the report is in the paper's units, each printed entry
+    is shown below the computed entry.
     """
     bands = (
         entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
@@ -200,8 +200,11 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """Return the page as HTML: verdict, aircraft with slider, table of verdicts and folded
-    sections.
+    """Return the page as HTML: verdict, aircraft with slider, table of verdicts, and sections.
+
+    The sections are folded until the user opens them.
+
+    origin: provenance, shown as the last section
     """
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
@@ -256,9 +259,9 @@ def _link(section: str, title: str) -> str:
 
 
 def _folded(section: str, part: Report) -> str:
-    """Return a section as HTML that is folded until the user opens it.
+    """Return a section of the page as HTML that is folded until the user opens it.
 
-    section: id of the section
+    section: HTML id of the section
     """
     return (
         f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
@@ -302,9 +305,9 @@ def _file(name: str) -> str:
 
 @cache
 def plotly_script() -> str:
-    """Return Plotly's script as HTML, compressed, preceded by its license as plain text.
+    """Return an HTML script element with Plotly's script, after its license as an HTML comment.
 
-    Raises BadInputError if Plotly is not installed.
+    The script is compressed. Raises BadInputError if Plotly is not installed.
     """
     try:
         from plotly.offline import get_plotlyjs

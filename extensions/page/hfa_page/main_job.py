@@ -47,14 +47,16 @@ MOST_ASKED = 20
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """Trim and linear model at a dihedral angle.
+    """Results at a dihedral angle: trim and linear model.
 
-    A requested angle also has the exact solution of the paper's game, and the verdict on a critic
-    learned with the default law.
+    At a requested angle, the results also include the exact solution of the paper's game, and the
+    verdict on a critic learned with the default law.
 
     dihedral: rad
     condition: condition of the trim
-    model, solution, check: None if not computed
+    model: linear model, or None without a trim
+    solution: exact solution of the game, or None if not computed
+    check: verdict on the learned critic, or None if not computed
     reason: why model, solution or check could not be computed, or ""
     """
 
@@ -85,12 +87,11 @@ def trimmed_angle(
     flight: TrimCondition,
     start: OperatingPoint | None,
 ) -> Angle:
-    """Trim and linearize at a dihedral angle, rad, and return the result.
+    """Return the trim and the linear model at a dihedral angle, or the reason why there is no trim.
 
-    Without a trim, the result has the reason in place of a linear model.
-
-    outputs: outputs of the linear model
-    flight: condition of the trim
+    dihedral: rad
+    outputs: names of the outputs of the linear model, or None for all
+    flight: condition of the trim, apart from the dihedral angle
     start: initial point of the search, or None
     """
     condition = flight.at(dihedral, {"dihedral": dihedral})
@@ -102,10 +103,10 @@ def trimmed_angle(
 
 
 def with_game(angle: Angle) -> Angle:
-    """Return the angle with the solution of its game, and the verdict on a learned critic.
+    """Return the results at an angle, with the game's solution and the verdict on a learned critic.
 
-    An angle without a trim is returned unchanged. If there is no solution or learning fails, the
-    reason is stored.
+    Without a trim, the results are returned unchanged. If the game has no solution or learning
+    fails, the reason is stored.
     """
     model = angle.model
     if model is None:
@@ -166,17 +167,18 @@ def main_job(
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
 ) -> MainJob:
-    """Compute the results of `hfa report`.
+    """Return the results of `hfa report`.
 
-    Both printed pairs are regenerated at the paper's condition, and the dihedral angle is swept. At
-    each requested angle, the game is solved, and a critic is learned and compared with the
-    solution.
+    Both printed pairs (A, B) are regenerated at the paper's condition, and the dihedral angle is
+    swept. At each requested angle, the game is solved, and a critic is learned and compared with
+    the solution.
 
     asked: requested angles, rad, which are added to the sweep
     swept: angles of the sweep, rad
-    outputs: outputs of the linear models
-    claims: claims shown on the page
-    flight, start: condition and initial point of the other trims, as for `sweep`
+    outputs: names of the outputs of the linear models, or None for all
+    claims: stored claims that the page shows, or None
+    flight: condition of the trims of the sweep
+    start: initial point of the search for these trims, or None
     """
     aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")

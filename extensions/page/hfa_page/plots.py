@@ -71,14 +71,17 @@ _HOVER = (
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """Picture that consists of Plotly figures on an HTML page, and of a Matplotlib figure
-    elsewhere.
+    """Picture that is interactive on an HTML page, and a Matplotlib figure elsewhere.
+
+    figures: Plotly figures of the picture
     """
 
     figures: tuple[PlotlyFigure, ...]
 
     def html(self) -> str:
-        """Return the figures with one caption as HTML. The page supplies Plotly's script."""
+        """Return HTML with the Plotly figures above one caption. The page must contain Plotly's
+        script.
+        """
         key = self.name.removesuffix(".png")
         text = html.escape(self.text)
         boxes = "".join(
@@ -91,7 +94,10 @@ class InteractivePlot(Picture):
 
 
 def in_script(value: Any) -> str:
-    """Return the value as JSON in which "<" is escaped, so that no text ends a script element."""
+    """Return a value as JSON text that can be embedded in an HTML script element.
+
+    Each "<" is escaped. Otherwise, a text in the value could end the element.
+    """
     return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace(
         "<", "\\u003c"
     )
@@ -111,8 +117,8 @@ def _figure(
 ) -> PlotlyFigure:
     """Return a Plotly figure with one frame for each position of the slider.
 
-    traces: all traces at first
-    moving: for each frame, the new values of the last traces
+    traces: all initial traces
+    moving: for each frame, the traces that replace the last initial traces
     x, y: axes
     """
     layout = {
@@ -141,10 +147,9 @@ def _figure(
 
 
 def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """Return the front view of all trims, with one frame for each point and all forces at one
-    scale.
+    """Return the front view of the aircraft at all trims, or None if no point has a trim.
 
-    Returns None if no point has a trim.
+    The picture has one frame for each point. The scale of the forces is equal in all frames.
     """
     trims = [None if angle.model is None else angle.model.point for angle in points]
     trimmed = [point for point in trims if point is not None]
@@ -177,9 +182,12 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """Return the traces that depend on the trim: panels, lift, weight, hinges, and values as text.
+    """Return the traces of a front view at a trim: panels, lift, weight, hinges, and values as
+    text.
 
     The traces are empty without a trim.
+
+    scale: length of an arrow divided by its force
     """
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
@@ -212,13 +220,19 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
 
 
 def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
-    """Return for each force an array (2, 2) with the start and the end of the arrow."""
+    """Return the start and the end point of the arrow of each force, as arrays (2, 2).
+
+    scale: length of an arrow divided by its force
+    """
     pairs = zip(starts, forces, strict=True)
     return [np.array([start, start + scale * force]) for start, force in pairs]
 
 
 def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
-    """Return a trace of lines, each (2, 2), that are separated by NaN."""
+    """Return one Plotly trace that draws several separate lines.
+
+    pieces: end points of each line, (2, 2)
+    """
     gap = np.full((1, 2), np.nan)
     return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
 
@@ -229,9 +243,9 @@ def _line(positions: Any) -> dict[str, Any]:
 
 
 def locus_plot(swept: Sweep) -> InteractivePlot | None:
-    """Return the root locus of a sweep, or None if no point has a trim.
+    """Return the root locus of a sweep over the dihedral angle, or None if no point has a trim.
 
-    If some modes are much slower than others, a second figure shows the slow modes.
+    If some modes are much slower than others, a second figure shows only the slow modes.
     """
     if not swept.mode_names:
         return None
@@ -245,9 +259,9 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """Return a root locus with one line for each mode, and marks at the slider's angle.
+    """Return a root locus with one line for each mode, and marks at the angle chosen by the slider.
 
-    shown: (n,), mask of the modes that are drawn
+    shown: mask of the modes that are drawn, (n,)
     """
     angles = np.degrees(swept.values[:, -1])
     roots = swept.eigenvalues[:, shown]
@@ -281,7 +295,11 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
 
 
 def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
-    """Return a trace of eigenvalues whose hover text shows angle, frequency and damping."""
+    """Return a Plotly trace of eigenvalues. The hover text shows angle, frequency and damping.
+
+    angles: deg, (N,)
+    roots: eigenvalues, (N,)
+    """
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
         hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))

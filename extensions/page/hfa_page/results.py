@@ -65,7 +65,7 @@ class FlightsData(Result):
     """Flights of the nonlinear HFA from the paper's x(0) (best_flights.json).
 
     start: state -> its initial deviation from the trim.
-    limits: set of limits -> state or input -> lowest and highest value.
+    limits: name of a set of limits -> state or input -> lowest and highest value.
     models: dihedral_deg, A and B of each linear model.
     flights: for each angle and set of limits: dihedral_deg; within, the set of limits; best,
       exact_policy, exact_lqr and learned_critic with costs of flights on the nonlinear aircraft.

@@ -1,6 +1,4 @@
-"""Design of controllers with actuators, integrated outputs and cost weights, and calls in
-notebooks.
-"""
+"""Design of controllers with actuators, integrated outputs and weights, and calls for notebooks."""
 
 from hfa_support.public_names import public_names
 

@@ -1,6 +1,4 @@
-"""Export of a scheduled controller: expressions for other tools, and C with an example 100 Hz
-loop.
-"""
+"""Export of a scheduled controller as expressions and as C with an example of a 100 Hz loop."""
 
 from __future__ import annotations
 
@@ -42,11 +40,11 @@ SECONDS = 20
 
 @dataclass(frozen=True)
 class CommandArguments:
-    """Filtered commands as symbols, with the methods of `CommandSteps`.
+    """Commands of an exported controller as symbols, with the methods of `CommandSteps`.
 
     names: commanded outputs
-    value: r, (k,)
-    slope: r', (k,)
+    value: filtered commands r, (k,)
+    slope: rates r' of the filtered commands, (k,)
     goal: unfiltered commands, (k,)
     """
 
@@ -56,15 +54,15 @@ class CommandArguments:
     goal: ca.SX
 
     def at(self, t: ca.SX) -> ca.SX:
-        """Return the filtered commands r."""
+        """Return the filtered commands r, (k,), for any time t."""
         return self.value
 
     def rate(self, t: ca.SX) -> ca.SX:
-        """Return the rates r' of the filtered commands."""
+        """Return the rates r' of the filtered commands, (k,), for any time t."""
         return self.slope
 
     def end(self, t: ca.SX) -> ca.SX:
-        """Return the unfiltered commands."""
+        """Return the unfiltered commands, (k,), for any time t."""
         return self.goal
 
 
@@ -90,8 +88,9 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 
 
 def longest_step(controller: ScheduledController) -> float:
-    """Return the longest permitted integration step, s: 1 ms, or 1/|λ| of the fastest eigenvalue λ
-    if shorter.
+    """Return the longest permitted integration step of a controller, s.
+
+    The step is the smaller of 1 ms and 1/|λ| for the fastest eigenvalue λ of the controller.
     """
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 
@@ -99,7 +98,7 @@ def longest_step(controller: ScheduledController) -> float:
 def commanded_policy(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> CommandedPolicy:
-    """Return the controller about a trim, with symbols as commands.
+    """Return a controller about a trim, with its command filter and with commands as symbols.
 
     Raises BadInputError if the controller was made for another model, or for other values of the
     scheduling variable.
@@ -121,10 +120,11 @@ def commanded_policy(
 def controller_steering(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> Steering:
-    """Return the steering of an exported loop by a controller, in which v are the commands.
+    """Return the steering of an exported loop by a controller. Its arguments are the commands.
 
-    The states of the command filter are states of the loop. Raises BadInputError if the controller
-    was made for another model, or for other values of the scheduling variable.
+    The states of the controller and of its command filter become states of the loop. Raises
+    BadInputError if the controller was made for another model, or for other values of the
+    scheduling variable.
     """
     commanded = commanded_policy(controller, model, point)
     names = commandable(controller)
@@ -150,9 +150,12 @@ def c_controller_texts(
     origin: str,
     actuators: ActuatorBank | None = None,
 ) -> dict[str, str]:
-    """Return file name -> text of the C header and source and, with actuators, of an example loop.
+    """Return the C files of a controller, file name -> text: header, source and an example.
+
+    The example simulates the closed loop. It is included if actuators are given.
 
     origin: provenance, for comments
+    actuators: actuators of the example, or None
 
     Raises BadInputError if the controller was made for another model or other values of the
     scheduling variable, a trim input is outside its actuator's limits, or the controller measures

@@ -36,8 +36,8 @@ from trim.point.level_model import level_model
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one scheduling
-    value.
+    """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one value of the
+    scheduling variable.
 
     y are the measurements, w the commands and u_applied the saturated inputs.
 
@@ -132,9 +132,9 @@ def design_controller(
 
 
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
-    """Issue one warning if entries of A or B are means of two slopes at a kink.
+    """Issue one warning if the entry of any A or B is the mean of two slopes at a kink.
 
-    The warning names the first linear model with a kink and the number of such models.
+    The warning describes the first kink, and states the number of linear models with kinks.
     """
     kinked = [linear for linear in linear_models if linear.kinks]
     if kinked:
@@ -222,8 +222,9 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 
       u = u_m - W1 F x̂
 
-    x_m, u_m and y_m are states, inputs and outputs of the model that follows the commands. x̂
-    observes the shaped plant from y_s = W2 (y - y_m) and the applied inputs.
+    x_m, u_m and y_m are states, inputs and outputs of the reference model, which follows the
+    commands. x̂ is the observer's estimate of the shaped plant's state, from y_s = W2 (y - y_m) and
+    the applied inputs.
     """
     design = built.design
     z = np.zeros
@@ -264,8 +265,10 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
-    """Return the design model with the actuators of `following`, and A and B of the response to
-    commands.
+    """Return the reference model, which follows the commands, and A and B of its controlled
+    response.
+
+    The reference model is the design model with the actuators of the settings `following`.
     """
     design = built.design
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
@@ -283,10 +286,9 @@ def _followed_model(
 
 
 def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
-    """Return the names of the controller's states, the names of its commands, and the command
-    filter.
+    """Return the names of a controller's states, the names of its commands, and its command filter.
 
-    The filter is (bandwidth, damping), or () if there is none.
+    The filter is (bandwidth in rad/s, damping), or () for a design without loop shaping.
     """
     if design.shaping is None:
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
@@ -307,10 +309,10 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
-    """Return the names of the signals that the controller measures.
+    """Return the names of the signals that the controller of a design measures.
 
-    The signals are the sensors except integrals, or without sensors the plant states, and the
-    integrated outputs.
+    They are the sensors, except sensors of integrals, and the integrated outputs. In a design
+    without sensors, all plant states are measured.
     """
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]

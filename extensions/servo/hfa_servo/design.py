@@ -118,7 +118,10 @@ class Shaping(NamedTuple):
     schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
 
     def outputs_at(self, scheduling_value: float) -> dict[str, OutputWeight]:
-        """Return the output weights with their gains at a value of the scheduling variable."""
+        """Return the weight of each output at a value of the scheduling variable.
+
+        The factors on the gains in `schedule` are interpolated between the breakpoints.
+        """
         factors = {
             name: float(np.interp(scheduling_value, self.breakpoints, row))
             for name, row in self.schedule.items()
@@ -166,7 +169,10 @@ class Design:
     model: Model = field(kw_only=True, compare=False)
 
     def of(self, model: Model) -> Design:
-        """Return this design for a model, or its variant for the equations of that model."""
+        """Return the design for a model.
+
+        If the design has a variant for the model's equations, the variant is returned.
+        """
         return replace(self.variants.get(model.name, self), model=model)
 
     def __post_init__(self) -> None:
@@ -193,7 +199,7 @@ class Design:
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
         """Raise BadInputError if the loop-shaping settings are incomplete or inconsistent.
 
-        The message names an unknown name, an input without an actuator or rate weight, or an entry
+        The errors are an unknown name, an input without an actuator or rate weight, and an entry
         with a wrong number of values.
 
         where: beginning of the message, "design NAME:"
@@ -222,9 +228,9 @@ class Design:
             raise BadInputError(f"{where} shaping.{variable}s must be a non-empty increasing list")
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
-        """Raise BadInputError if a table has no entry for some input.
+        """Raise BadInputError if a setting is missing for some input.
 
-        what: name of the entries, for the message
+        what: name of the setting, for the message
         """
         for name in self.inputs:
             if name not in table:
@@ -423,8 +429,9 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of `whole`, replaced by those of `changes`, with inner tables merged
-    likewise.
+    """Return the entries of `whole`, with entries replaced or added by `changes`.
+
+    Tables that are in both are merged by the same rule.
     """
     merged = {**whole, **changes}
     for key, change in changes.items():

@@ -78,7 +78,7 @@ class DesignModel(Reported):
 
     @property
     def V(self) -> np.ndarray:
-        """Intensity of the sensor noise, (p, p)."""
+        """Intensity matrix of the sensor noise, (p, p), diagonal."""
         return np.diag([float(value) for value in self.design.sensors.values()]).reshape(
             2 * (len(self.sensors),)
         )
@@ -107,11 +107,12 @@ class DesignModel(Reported):
         return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta, names=names)
 
     def _check_integrals(self) -> None:
-        """Raise BadInputError unless [A B; C D], with the rows of the integrated outputs, has full
-        row rank.
+        """Raise BadInputError if the inputs cannot hold every integrated output at an arbitrary
+        value.
 
-        Without full rank, the plant has a transmission zero at 0. Nothing is raised if [A B] alone
-        has no full rank, because the solver reports a mode at 0.
+        The inputs can if [A B; C D], with the rows of the integrated outputs, has full row rank.
+        Otherwise the plant has a transmission zero at 0. Nothing is raised if [A B] alone lacks
+        full row rank, because the solver then reports a mode at 0.
         """
         names = self.design.integrals
         plant = len(self.states) - len(names)
@@ -179,8 +180,10 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
 
 
 def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> None:
-    """Write the actuator of an input into the rows of A and of b, the column of B for this
-    input.
+    """Write the dynamics of an input's actuator into A and into b.
+
+    A: (n, n)
+    b: column of B for this input, (n,)
     """
     actuator = design.actuators[name]
     position = design.states.index(f"{name}_position")
@@ -218,9 +221,9 @@ def _refuse_seen_disturbances(
 def watched_outputs(
     model: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
 ) -> tuple[np.ndarray, ...]:
-    """Return C, D, F of the named outputs and parts of outputs (`Model.measurable`), and E.
+    """Return C, D, F of named outputs or parts of outputs (`Model.measurable`), and E.
 
-    Rows of other names are zero.
+    The rows of a name that is not an output are 0.
 
     winds: keywords of `linearize` for disturbances
     """
@@ -241,15 +244,16 @@ def watched_outputs(
 
 
 def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Return the matrix (rows, columns) whose entries are 1 where the names are equal and 0
-    elsewhere.
+    """Return the matrix whose entry is 1 if the name of its row equals that of its column, else 0.
+
+    rows, columns: names
     """
     entries = [[float(row == column) for column in columns] for row in rows]
     return np.array(entries).reshape(len(rows), len(columns))
 
 
 def _full_rank(rows: np.ndarray) -> bool:
-    """Return whether the rows are linearly independent by more than rounding.
+    """Return whether the rows of a matrix are linearly independent beyond rounding.
 
     The result does not depend on the units of rows and columns.
     """

@@ -208,7 +208,7 @@ class GeneralizedPlant(Reported):
         )
 
     def transposed(self) -> GeneralizedPlant:
-        """Return the dual plant, whose controller is the transpose of this plant's controller."""
+        """Return the dual plant. Its controller is the transpose of this plant's controller."""
         return GeneralizedPlant(
             self.A.T,
             self.C1.T,
@@ -286,7 +286,7 @@ def stored_plant(
 
     The file contains A, B1, B2, C1, D12 and optionally C2, D21, D11, D22 and delta.
 
-    found: entries of the file, if they have been read already
+    found: entries of the file if they have been read already, else None
 
     Raises BadInputError if the file cannot be read, an entry is missing or invalid, or delta is not
     positive.
@@ -550,9 +550,7 @@ def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
 def loop_checks(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> tuple[Check, ...]:
-    """Return the checks that a closed loop A, B, C, D is stable and, for δ < inf, has a gain below
-    δ.
-    """
+    """Return the checks of a closed loop A, B, C, D: stability and, for δ < inf, a gain below δ."""
     abscissa = spectrum(A).abscissa
     found = [
         below(
@@ -570,9 +568,9 @@ def loop_checks(
 
 
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
-    """Return the L2 gain from w to z with the H2-optimal controller, an upper bound of δ_min.
+    """Return an upper bound of δ_min: the L2 gain from w to z with the H2-optimal controller.
 
-    Returns inf if rounding hides the H2-optimal controller.
+    Returns inf if the H2-optimal controller cannot be computed in double precision.
     """
     values = []
     for side in plant.sides:
@@ -605,9 +603,7 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _barely_met(plant: GeneralizedPlant) -> str:
-    """Return a text on modes that are barely controllable or observable, or "" if there are
-    none.
-    """
+    """Return a text on modes that are barely controllable or observable, "" without such modes."""
     verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
     sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
     found = [
@@ -618,10 +614,10 @@ def _barely_met(plant: GeneralizedPlant) -> str:
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
-    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| on a grid of frequencies around the poles of
-    K1.
+    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| over a grid of frequencies.
 
-    At a frequency where K1 is zero, |K2(jω)| is used.
+    The frequencies are around those of the poles of K1. At a frequency where K1 is zero, the value
+    is |K2(jω)|.
     """
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
@@ -636,7 +632,8 @@ _EQUATIONS = ("control Riccati equation", "filter Riccati equation")
 
 
 def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
-    """Return whether the conditions for a controller are satisfied, with the first that is not.
+    """Return whether the conditions for a controller are satisfied, and the first violated
+    condition.
 
     `exists` is None if rounding leaves a condition undecided. The conditions are evaluated without
     certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
@@ -670,17 +667,17 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
 
 
 def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
-    """Return whether ρ(XY) < δ², given that X and Y exist.
+    """Return whether ρ(XY) < δ², or None if undecided, provided that X and Y exist.
 
     With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that
 
       [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]]
 
-    is positive definite. Its eigenvalues are accurate even if X or Y is too large for double
-    precision. If X or Y is singular and not 0, the matrix is never positive definite. Then the
-    answer is None, or
-    False. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
-    H-infinity control, Linear Algebra and its Applications 425 (2007).
+    is positive definite. The eigenvalues of this matrix are accurate even if X or Y is too large
+    for double precision. If X or Y is singular and not 0, the matrix is never positive definite,
+    and the
+    result is None or False. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for
+        the γ-iteration in H-infinity control, Linear Algebra and its Applications 425 (2007).
     """
     assert control.subspace is not None
     assert filter_.subspace is not None
@@ -723,8 +720,8 @@ def _coupling_by_radius(
 
 
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
-    """Return whether the closed loop with the controller of X and Y is verified to have a gain
-    below δ.
+    """Return whether the closed loop with the controller for X and Y has a verified gain below
+    δ.
     """
     try:
         controller = central_controller(plant, X, Y, delta)

@@ -1,4 +1,4 @@
-"""Outputs of the linear model that a controller measures during a flight."""
+"""Outputs of the linear model, as a controller measures them during a flight."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from trim.point.operating_point import OperatingPoint
 class MeasuredOutputs:
     """Measured outputs y - Y0 = C x + D a + F w + G a' of the linear model at a trim.
 
+    The outputs may include the actuator states INPUT_position and INPUT_rate.
+
     x: deviations of the states of the linear model
     a: deviations of the actuator positions, with the actuator rates a'
     w: updraft, for a model with this disturbance
-
-    INPUT_position and INPUT_rate are also outputs.
     """
 
     def __init__(self, model: Model, point: OperatingPoint, names: tuple[str, ...]) -> None:
@@ -37,7 +37,7 @@ class MeasuredOutputs:
                 matrix[row, inputs.index(moved)] = 1.0
 
     def at(self, measurements: Measurements) -> ca.SX:
-        """Return y - Y0, (k,).
+        """Return the deviations y - Y0 of the outputs from their trim values, (k,).
 
         Raises BadInputError if the outputs depend on actuator positions or rates that the flight
         does not have.
@@ -50,9 +50,9 @@ class MeasuredOutputs:
 
 
 def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
-    """Return matrix @ moved, or 0 if the matrix is zero.
+    """Return the effect of the actuators on the outputs, matrix @ moved, or 0 for a zero matrix.
 
-    moved: actuator positions or rates, empty if the flight has none
+    moved: actuator positions or rates, empty for a flight without actuator states
     what: "positions" or "rates", for the message
 
     Raises BadInputError if the matrix is not zero and `moved` is empty.

@@ -132,7 +132,7 @@ def report(request: ReportRequest) -> int:
 def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
     """Write the page and return a line with the names of the written files.
 
-    place: an .html file, or a folder for the page, its pictures and its numbers
+    place: an .html file for the page, or a folder for the page, its pictures and its numbers
     """
     html = page(job, report, provenance)
     if place.suffix:

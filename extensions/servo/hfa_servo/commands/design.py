@@ -74,7 +74,8 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     def breakpoints(self, design: Any) -> np.ndarray:
         """Return the values of the scheduling variable at which controllers are computed, (N,).
 
-        The unit is that declared by the model. The values come from the first of these sources:
+        The values are in the unit that the model declares. They come from the first of these
+        sources:
 
         - the option --at,
         - the breakpoints of a loop-shaping design,
