@@ -81,13 +81,13 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
 
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return the paper's E, Q, R and delta as defaults for the paper's aircraft.
+    """Return the paper's E, Q, R and delta as defaults for the file of the paper's aircraft.
 
     A plant with six states and five inputs is taken for the paper's aircraft
     - if its known names are those of the aircraft, or
     - if it has no names, and the file does not contain both Q and R.
-    Any other plant has no defaults. If the file names the states, E and Q are converted to the
-    units in the file.
+    For any other plant, the result contains no defaults. If the file names the states, E and Q are
+    converted to the units in the file.
 
     parts: entries of the file, with A and B
     names: names and units in the file

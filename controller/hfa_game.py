@@ -23,10 +23,10 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
 def plant_names(linear: LinearModel) -> PlantNames:
-    """Return the names and units of a linear model's states and inputs.
+    """Return the names and units of a linear model's states and inputs, for the titles of reports.
 
-    `origin` is the name of the model. For the flexible aircraft `origin` also contains the flight
-    condition.
+    The `origin` of the result is the name of the model. For the flexible aircraft, `origin` also
+    contains the flight condition.
     """
     model = linear.model
     origin = model.name
@@ -36,17 +36,24 @@ def plant_names(linear: LinearModel) -> PlantNames:
 
 
 def _is_flexible(model: Model) -> bool:
-    """Return whether a model has all states and exactly the inputs of the paper's aircraft."""
+    """Return whether a model has all states and exactly the inputs of the paper's aircraft.
+
+    Further states are allowed.
+    """
     return set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS
 
 
 def paper_game(
     A: Any, B: Any, names: PlantNames, model: Model | None, changes: dict[str, Any]
 ) -> Game:
-    """Return the paper's game on (A, B), in the units of the model.
+    """Return the paper's game for a plant (A, B), in the units of the plant's model.
 
-    names: names of the plant; states other than the paper's have weight 0 and no disturbance
-    model: model of the plant; for a model in SI units the paper's E, Q and R are converted. None
+    States that the paper's aircraft does not have get weight 0 and no disturbance.
+
+    A: (n, n)
+    B: (n, m)
+    names: names and units of the plant's states and inputs
+    model: model of the plant. For a model in SI units, the paper's E, Q and R are converted. None
         for a plant in the paper's units.
     changes: Q, R, delta or E in place of the paper's
     """

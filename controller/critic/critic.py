@@ -72,10 +72,11 @@ class Critic(Reported):
 
     @property
     def is_quadratic(self) -> bool:
-        """True if the critic has no `network` and every weight of a term that is not quadratic is
-        0.
+        """True if the value V and the policy u are fully described by the matrices P and K.
 
-        A critic without a value counts as quadratic.
+        - True for a critic without a basis or a `network`
+        - for a critic with weights: True if all weights of monomials other than z_i z_j are 0
+        - False for a critic with a `network`
         """
         if self.network:
             return False
@@ -91,10 +92,12 @@ class Critic(Reported):
 
     @property
     def linear(self) -> bool:
-        """True if the policy is defined as u = -K z.
+        """True if the form of the critic makes the policy linear, u = -K z.
 
-        Critics with a `network` are never linear. A policy that follows from weights is linear only
-        if the basis has no terms that are not quadratic.
+        - a gain or a matrix P: True
+        - weights: True if the basis contains only the monomials z_i z_j, or if a separate K is
+          given
+        - a `network`: False
         """
         if self.network:
             return False
@@ -104,13 +107,17 @@ class Critic(Reported):
 
     @property
     def wide(self) -> bool:
-        """True if the first of V, gradient and policy in `network` is not an SX function."""
+        """True for a network that is too large for SX symbols and is therefore an MX function.
+
+        Only the first available function of "V", "gradient" and "policy" is examined.
+        """
         first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
         return first is not None and not first.is_a("SXFunction")
 
     @property
     def symbols(self) -> ca.SX:
-        """Return new symbols z (n,) of the type that the critic's functions use (`symbols_for`)."""
+        """New CasADi symbols z (n,), as arguments for the functions of the critic (`symbols_for`).
+        """
         return symbols_for(self.network.values(), self.K.shape[1])
 
     @cached_property
@@ -151,7 +158,12 @@ class Critic(Reported):
         return ca.Function("gradient", [z], [ca.densify(ca.gradient(self.value(z), z))])
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
-        """Return the sum of the terms of weights'ψ(z) that are not quadratic, 0 without weights."""
+        """Return W'ψ(z) without the monomials z_i z_j, as an expression of z.
+
+        The expression is 0 if the critic has no weights or no basis.
+
+        z: (n,), symbols
+        """
         terms = ca.SX(0.0)
         if self.weights is None or self.basis is None:
             return terms
@@ -209,13 +221,14 @@ def from_parts(
     parts: Mapping[str, np.ndarray],
     functions: Basis | ca.Function | str = "quadratic",
 ) -> Critic:
-    """Return the critic defined by weights "W", a value matrix "P", a gain "K", or several of them.
+    """Return the critic defined by weights W, a value matrix P, a gain K, or several of them.
 
-    The value is W'ψ(z) if W is given, else z'Pz. The policy is -K z if K is given. Otherwise the
-    policy follows from the value.
+    value: W'ψ(z) if W is given, else z'Pz, and unknown if only K is given
+    policy: -K z if K is given, otherwise the minimizing policy of the value
 
+    game: the game whose solution the critic approximates
     parts: "W", "P" and "K" -> array, at least one of them
-    functions: basis of W
+    functions: basis ψ of W
 
     Raises BadInputError if no part is given, if a shape is wrong, or if W and P define different
     values.
@@ -249,10 +262,10 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
-    """Return new symbols z (n,) for the functions.
+    """Return new CasADi symbols z (n,), as arguments of all given functions.
 
-    The type is SX if all functions are SX functions, otherwise MX. With SX symbols, a wide network
-    would need a minute and a gigabyte.
+    The symbols are of type SX if all functions are SX functions, and otherwise of type MX.
+    Evaluation of a wide network with SX symbols would take a minute and a gigabyte.
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)

@@ -31,14 +31,14 @@ _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings for reading a critic file that the file does not contain.
+    """Options for reading a critic file.
 
     basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
         basis named in the file, else "quadratic".
     network: outputs of a network file, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
-        output
-    scale: (n,), factors on the states at the network's inputs
+        output. None if not given.
+    scale: (n,), factors on the states at the network's inputs, or None for no scaling
     """
 
     basis: str | None = None
@@ -79,7 +79,7 @@ class CriticReader(Protocol):
 
 
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
-    """Return the critics in a file: one, or one for each time of a history, with its `time`.
+    """Return the critics in a file: one critic, or one for each time of a history.
 
     - A network file (`is_network`) contains one critic.
     - A file of arrays contains any of W (also `weights`), P and K (also `gains`).
@@ -88,6 +88,10 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     - An array without a name is W, P or K according to its shape.
 
     Arrays in other units than those of the plant are converted.
+
+    path: the critic file
+    game: the game whose states and inputs the critic uses
+    reading: options; None for the defaults
 
     Raises BadInputError with the name of the file.
     """
@@ -218,17 +222,21 @@ def _format_of(path: Path) -> str:
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:
-    """Return the entries of a file. Entries under an alias are also returned under the standard
-    name.
+    """Return name -> value for the entries of a critic file.
+
+    An entry with an alias as its name, such as `weights`, is returned under both names.
     """
     stored = read_arrays(path)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
 def _part_by_shape(array: np.ndarray, game: Game) -> str:
-    """Return "W", "P" or "K" for an unnamed array, from its shape.
+    """Return which of "W", "P" and "K" an unnamed array is, according to its shape.
 
-    Raises BadInputError if the shape does not fit exactly one of W, P and K.
+    array: (n, n) for P, (m, n) for K, one row or column of any length for W
+    game: the game with n states and m inputs
+
+    Raises BadInputError if the shape fits none, or both P and K.
     """
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]

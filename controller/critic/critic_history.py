@@ -74,11 +74,13 @@ def critics_over_time(
 
 
 def with_named_basis(reading: Reading, entries: Mapping[str, Any]) -> Reading:
-    """Return the settings with the basis of W named in a file, unless a basis is set.
+    """Return the reading options, with the basis of W that a critic file names.
 
-    entries: entries of the file, with "basis"
+    The options are returned unchanged if they already set a basis, or if the file contains no W.
 
-    Raises BadInputError if the entry "basis" is not one text.
+    entries: entries of the file, including "basis"
+
+    Raises BadInputError if the entry "basis" is not a single text.
     """
     if reading.basis is not None or "W" not in entries:
         return reading
@@ -91,12 +93,16 @@ def with_named_basis(reading: Reading, entries: Mapping[str, Any]) -> Reading:
 def rows_over_time(
     entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
-    """Return the critics of a history, or None if no array has an axis of time.
+    """Return the critics of a history, one for each time, or None if the file is not a history.
 
-    entries: entries of the file, with "time"
+    A file is not a history if each of its arrays W, P and K has the shape of a single critic.
 
-    Raises BadInputError if `reading.basis` is a list of functions, or if an array has a wrong
-    shape.
+    entries: entries of the file, including "time"
+    game: the game whose states and inputs the critics use
+    reading: options for the file
+
+    Raises BadInputError if the basis in `reading` is a list of functions, or if an array has a
+    wrong shape.
     """
     if reading.lists_functions:
         raise BadInputError(
@@ -118,14 +124,17 @@ def rows_over_time(
 
 
 def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
-    """Return an array "W", "P" or "K" of a critic at each time, (N, *size), or (*size) for a single
-    time.
+    """Return W, P or K of a file with the times along the first axis.
 
-    count: N
-    size: shape at one time
-    psi: basis of W, for the message
+    The shape of the result is (N, *size) for a history, and (*size) for an array without times.
 
-    Raises BadInputError for a shape that fits neither one time nor N times.
+    name: "W", "P" or "K", for messages
+    value: the array; a matrix at each time may also be stored as (N, m n) or (m, n, N)
+    count: number of times N
+    size: shape of the array at one time
+    psi: basis of W, for messages
+
+    Raises BadInputError for any other shape.
     """
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):

@@ -75,7 +75,13 @@ def from_weights(
 
 
 def refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """Raise BadInputError if two matrices P differ by more than `_TOGETHER`."""
+    """Raise BadInputError if a given matrix P differs from the quadratic part of W'ψ(z).
+
+    The largest permitted difference of entry ij is `_TOGETHER` times sqrt(|P_ii P_jj|).
+
+    P: (n, n), given with W
+    P_of_weights: (n, n), the quadratic part of W'ψ(z)
+    """
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= _TOGETHER * np.outer(sizes, sizes)):
         raise BadInputError("W and P define different value functions; leave out W or P")

@@ -27,16 +27,16 @@ _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32
 def leaves(
     value: Any, path: tuple[str, ...], largest: int
 ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Yield (names, array) for each array of numbers or text. The names lead through nested
-    structures.
+    """Yield (names, array) for each array of numbers or text in a .mat file.
 
-    Values of other kinds are omitted.
+    The names are those of the structures that contain the array, from the outermost, then the name
+    of the array. Values of other kinds are omitted. A sparse matrix is returned as a full matrix.
 
     value: content of the file, or of a structure in it
     path: names that lead to the value
-    largest: largest permitted size of a sparse matrix as a full one, bytes
+    largest: largest permitted size of a full matrix made from a sparse one, bytes
 
-    Raises ValueError for a larger sparse matrix.
+    Raises ValueError if a sparse matrix exceeds this size.
     """
     if isinstance(value, dict):
         for name, each in value.items():

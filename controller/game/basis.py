@@ -109,13 +109,18 @@ class Basis(Reported):
 
 @checks_arguments
 def basis(name: str, states: int) -> Basis:
-    """Return the basis with this name for a number of states.
+    """Return a basis for the given number of states.
 
     - "quadratic": z_i z_j for i <= j, M = n(n+1)/2
     - "quadratic+linear": also z_i
     - "quadratic+quartic": also z_i⁴
-    - "paper": for six states, also z_i⁴ for the four states `PAPER_QUARTIC_CHANNELS`, which are
-      assumed
+    - "paper": for six states, also z_i⁴ of the four states `PAPER_QUARTIC_CHANNELS`
+
+    The paper does not state which four states its basis uses. `PAPER_QUARTIC_CHANNELS` is an
+    assumption.
+
+    name: one of these four names
+    states: number of states n
 
     Raises BadInputError for an unknown name, for no state, and for "paper" without six states.
 

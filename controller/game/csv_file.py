@@ -69,11 +69,15 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Return the names and units of the states, from A, and of the inputs, from B.
+    """Return the names and units of the states and inputs that .csv files contain.
+
+    The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
+    Names of states come from the matrix A and names of inputs from the columns of B. Units are
+    returned only if each state, or each input, has a unit.
+
+    sides: matrix -> names of its rows and of its columns, with units as in "speed [ft/s]"
 
     Raises ValueError if another matrix names the states in another order.
-
-    sides: matrix -> names of its rows and of its columns
     """
     parts = {
         name: [

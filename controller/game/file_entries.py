@@ -16,9 +16,11 @@ UNKNOWN = "the array"
 
 
 def found_in(stored: Mapping[str, Any]) -> str:
-    """Return text that lists the names in a file, " (found: A, B)", for the end of a message.
+    """Return the end of an error message with the names of all entries of a file.
 
-    For a file without entries the text is " (the file is empty)".
+    The text is " (found: A, B)", or " (the file is empty)".
+
+    stored: name -> value of the entries
     """
     if not stored:
         return " (the file is empty)"
@@ -26,7 +28,12 @@ def found_in(stored: Mapping[str, Any]) -> str:
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the texts of an entry, or () if the entry is missing or contains anything but text.
+    """Return the texts in one entry of a file.
+
+    The result is () if the entry is missing or contains anything but text.
+
+    stored: name -> value of the entries
+    key: name of the entry
 
     Raises BadInputError for characters that cannot be printed.
     """
@@ -43,13 +50,17 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
 
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """Return the factors s (n,) from the plant's state x to the file's state s x.
+    """Return the factors s (n,) that convert the states from the plant's units to the file's units.
 
-    The units in the file are its entry `state_units`. The factor of a state is 1 if its unit is
-    unknown in the file or in the plant. All factors are 1 if the file does not contain n units.
+    A state x in the plant's units is s x in the file's units. The entry `state_units` contains the
+    file's units. The factor of a state is 1 if its unit is unknown in the file or in the plant. All
+    factors are 1 if the file does not contain n units.
 
-    Raises BadInputError for units that cannot be converted, and if the file's `states` or `inputs`
-    are the names in the plant in another order.
+    stored: name -> value of the entries of the file
+    plant: names and units of the plant
+
+    Raises BadInputError if a unit cannot be converted, or if the file lists the plant's states or
+    inputs in another order.
     """
     for key in ("states", "inputs"):
         in_file = words(stored, key)

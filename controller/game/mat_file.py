@@ -20,11 +20,11 @@ _CHILD = Path(__file__).with_name("_loadmat.py")
 
 
 def structures(path: Path) -> dict[str, Any]:
-    """Return name -> array of a .mat file, with a mapping for each structure.
+    """Return name -> array for the content of a .mat file. A structure is a nested mapping.
 
     SciPy reads the file in a child process, because a damaged file may crash or hang SciPy.
 
-    Raises ValueError if the file cannot be read within `_LONGEST` seconds, or at all.
+    Raises ValueError if the file cannot be read, or not within `_LONGEST` seconds.
     """
     command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
     try:
@@ -43,9 +43,10 @@ def structures(path: Path) -> dict[str, Any]:
 
 
 def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Return name -> array, with a mapping for each structure.
+    """Return name -> array for the output of the child process. A structure is a nested mapping.
 
-    arrays: the arrays "0", "1", ..., and the JSON text "paths" with the names that lead to each
+    arrays: the arrays "0", "1", ..., and "paths", a JSON text with the list of names that lead to
+        each
         array
     """
     entries: dict[str, Any] = {}

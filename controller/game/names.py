@@ -45,10 +45,13 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the texts, or `usual` for ().
+    """Return the given names or units, or the default ones if none are given.
 
-    Raises BadInputError, which names the entry `key`, if the numbers of texts and of `usual`
-    differ.
+    key: name of the list, for messages
+    texts: the given names or units, or () if none are given
+    usual: default names or units, one for each state or input
+
+    Raises BadInputError if the number of given texts is neither 0 nor the number of defaults.
     """
     if not texts:
         return usual

@@ -18,11 +18,12 @@ CRITIC = ("W", "P", "K", "weights")
 
 
 def matrices(path: Path) -> dict[str, Any]:
-    """Return name -> matrix of a file with one matrix.
+    """Return name -> matrix for a .npy or .csv file, which contains one matrix.
 
-    If the file contains A, the other matrices of the plant in the same folder are included. For
-    .csv files, the result also contains the names and units in them. A .npy file that is not named
-    after a matrix of a plant or critic is stored under `UNKNOWN`.
+    - a file named A: the result also contains the other matrices of the plant in the same folder
+    - a .csv file: the result also contains the names and units of states and inputs in the file
+    - a .npy file that is not named after a matrix of a plant or critic: its matrix has the name
+      `UNKNOWN`
     """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))
@@ -35,10 +36,11 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Return name -> file for `path`, with the other files of the plant in the folder if `path`
-    contains A.
+    """Return matrix -> file for one file with a matrix, and for the files that belong to it.
 
-    Raises BadInputError if the file is not named A or after an entry of a critic.
+    For a file named A, the other matrices of the plant in the same folder are included.
+
+    Raises BadInputError if the file is neither named A nor after a matrix of a critic.
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(

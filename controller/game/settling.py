@@ -6,12 +6,13 @@ import numpy as np
 
 
 def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
-    """Return the first time, s, from which all sizes are at most the limit.
+    """Return the settling time, s, after which all sizes stay at or below a limit.
 
     The result is inf if the last size exceeds the limit or is NaN.
 
     times: (N,), s
-    sizes: (N,)
+    sizes: (N,), magnitude of the signal at each time
+    limit: limit of the sizes
     """
     above = np.flatnonzero(~(sizes <= limit))
     first = int(above[-1]) + 1 if len(above) else 0

@@ -93,7 +93,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def times(self) -> Vector:
-        """Name of `time` in version 0.3."""
+        """The field `time` under its name in version 0.3."""
         return self.time
 
     def critic(self, game: Game) -> Critic:
@@ -114,9 +114,10 @@ class TrainingRun(Result, Reported):
 
     @property
     def weight_units(self) -> list[str]:
-        """Unit of each weight, for V without a unit: 1/((ft/s) (rad)).
+        """Unit of each weight as text, (M,), for a value V without a unit.
 
-        The list is empty if the units of the states are unknown.
+        The unit of the weight of a product of a speed and an angle is "1/((ft/s) (rad))". The list
+        is empty if the units of the states are unknown.
         """
         state_units = self.names.state_units
         if not any(state_units):
@@ -131,8 +132,10 @@ class TrainingRun(Result, Reported):
 
     @property
     def settling_time(self) -> float:
-        """First time from which `settling_residual` is at most `SETTLED`, in units of `clock`, or
-        inf.
+        """First time after which `settling_residual` stays at or below `SETTLED`, in units of
+        `clock`.
+
+        The result is inf if the last residual is larger.
         """
         return settled_at(self.time, self.settling_residual, SETTLED)
 

@@ -28,10 +28,10 @@ _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 
 @dataclass(frozen=True)
 class Defaults:
-    """Defaults for the entries that are missing in a game's file.
+    """Default values for entries that a plant file does not contain.
 
-    values: E, Q, R, delta -> default; entries without a default are omitted
-    words: same keys -> source of the default, for a note: "as in the paper"
+    values: "E", "Q", "R" or "delta" -> default; entries without a default are omitted
+    words: the same keys -> source of the default, for a note: "as in the paper"
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -39,11 +39,13 @@ class Defaults:
 
 
 class StoredGame(NamedTuple):
-    """Game read from a file, with notes.
+    """Game read from a plant file, with notes for the user.
 
-    notes: unused entries, and defaults that were used
+    game: the game
+    notes: one text on unused entries, on defaults that were used, and so on
     provenance: entry -> text on the origin of the plant, as stored in the file
-    discrete: discrete-time game whose step is `game`, or None for a plant in continuous time
+    discrete: discrete-time game with the matrices of `game` as its step, or None for a plant in
+        continuous time
     has_time: True if the file declares continuous or discrete time
     stated: names of the entries A, B, E, Q, R and delta that the file contains
     """
@@ -57,7 +59,7 @@ class StoredGame(NamedTuple):
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return empty defaults, for a plant about which nothing else is known."""
+    """Return no default values, for plants other than the paper's aircraft."""
     return Defaults()
 
 
@@ -77,9 +79,10 @@ def stored_game(
     - With time = "discrete" the game is in discrete time and has no defaults. The file may then
       also contain `discount` and the cross weights `N`.
 
-    found: entries already read by `read_arrays`; otherwise the file is read
-    defaults: (entries, names) -> defaults for missing entries
-    changes: Q, R, delta, or None to keep the entry of the file
+    path: the plant file
+    found: its entries, if `read_arrays` has already read them; None to read the file
+    defaults: function (entries, names) -> defaults for missing entries
+    changes: Q, R or delta in place of the entry of the file; None keeps the entry
 
     Raises BadInputError with the name of the file.
     """
@@ -114,15 +117,21 @@ def stored_game(
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
-    """Return whether a file, or one structure in it, contains all these entries."""
+    """Return whether a file contains all named entries at its top level or in one structure.
+
+    found: name -> value of the entries of the file
+    names: names of the required entries
+    """
     structures = [found, *(value for value in found.values() if isinstance(value, dict))]
     return any(set(names) <= set(structure) for structure in structures)
 
 
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return the entries of a plant under this project's names, and notes for the user.
+    """Return the entries of a plant file, and a list of notes for the user.
 
-    found: arrays read by `read_arrays`
+    The entries named as in python-control are returned under the names of this project.
+
+    found: entries of the file, from `read_arrays`
     needed: required entries. If none of them is at the top level, all entries are read from the
         only structure that contains all required ones.
 
@@ -162,9 +171,12 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
 
 
 def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
-    """Return the discrete-time game whose step is `game`, or None in continuous time.
+    """Return the discrete-time game of a plant file, or None for a plant in continuous time.
 
-    Raises BadInputError if a plant in continuous time has entries for discrete time.
+    stored: entries of the file, with `discount` and the cross weights `N` for discrete time
+    game: game with the matrices of the file
+
+    Raises BadInputError if the file of a continuous-time plant contains entries for discrete time.
     """
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
@@ -180,8 +192,9 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
 
 
 def one_number(name: str, value: Any) -> float:
-    """Return an entry of a file that must be a single number.
+    """Return the single number in an entry of a plant file.
 
+    name: name of the entry, for messages
     value: a number, a 1 x 1 matrix (MATLAB), or the text "inf" (JSON)
 
     Raises BadInputError for any other value.
@@ -197,9 +210,12 @@ def one_number(name: str, value: Any) -> float:
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """Return a list with one note on the unused entries of the file, or [] if all are used.
+    """Return a list with one note that names the unused entries of a plant file.
 
-    Files that this project wrote (`schema` begins with "hfa.") get no note.
+    The list is empty if all entries are used, or if this project wrote the file (`schema` begins
+    with "hfa.").
+
+    stored: entries of the file
     """
     schema = words(stored, "schema")
     if schema and schema[0].startswith("hfa."):
@@ -215,10 +231,15 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
-    """Return the names and units in a file.
+    """Return the names and units of states and inputs in a plant file.
 
-    An entry with a wrong number of texts, or with repeated names, is ignored with a note appended
-    to `notes`.
+    An entry with a wrong number of texts, or with repeated names, is ignored. A note about it is
+    appended to `notes`.
+
+    stored: entries of the file
+    n: number of states
+    m: number of inputs
+    notes: list of notes for the user
     """
     names: dict[str, tuple[str, ...]] = {}
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
@@ -236,9 +257,13 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
-    """Return the game, with defaults for the missing entries.
+    """Return the game of a plant file, with defaults for the entries that are missing.
 
     A note that lists the missing entries and their defaults is appended to `notes`.
+
+    parts: entries of the file, with A and B
+    defaults: default values
+    notes: list of notes for the user
 
     Raises BadInputError if Q or R is missing and has no default.
     """
@@ -259,10 +284,10 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Return the texts on the origin of the plant in a file: name -> text.
+    """Return name -> text for the entries of a plant file that describe the origin of the plant.
 
-    JSON and .mat files store the texts as the structure `provenance`, and .npz files as
-    `provenance.version` and so on.
+    JSON and .mat files store the texts in the structure `provenance`. .npz files store them in
+    entries such as `provenance.version`.
     """
     block = stored.get("provenance", {})
     entries = dict(block) if isinstance(block, dict) else {}

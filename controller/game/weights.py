@@ -23,10 +23,12 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
 def weights_line(
     Q: np.ndarray, R: np.ndarray, delta: float, whose: Mapping[str, str] | None = None
 ) -> str:
-    """Return the weights as one line: "Q diag(1, 2) (given), R diag(1) (default), delta inf
-    (default)".
+    """Return Q, R and delta as one line of text.
 
-    whose: "Q", "R", "delta" -> source; None if all weights were given with the game
+    The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
+
+    whose: "Q", "R" and "delta" -> source of the weight; None if all weights are those of a given
+        game
     """
     texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
     whose = whose or dict.fromkeys(texts, "of the game")
@@ -34,9 +36,9 @@ def weights_line(
 
 
 def _matrix_text(matrix: np.ndarray) -> str:
-    """Return a matrix as one line: "diag(1, 2)" or "[1 0; 3 2]".
+    """Return a weight matrix as one line of text: "diag(1, 2)" or "[1 0; 3 2]".
 
-    A matrix or diagonal with more than `_SHOWN` entries is summarized by their number and range.
+    If more than `_SHOWN` numbers would be listed, the text contains their count and range instead.
     """
     diagonal = np.diag(matrix)
     is_diagonal = np.array_equal(matrix, np.diag(diagonal))

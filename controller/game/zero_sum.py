@@ -73,7 +73,11 @@ class Game(ByValue, Reported):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check all fields, and replace diagonals by matrices."""
+        """Check all fields, and replace diagonals of Q and R by matrices and missing fields by
+        defaults.
+
+        Raises BadInputError, as described for the class.
+        """
         if self.Q is None or self.R is None:
             raise BadInputError(
                 "Q or R is missing; give both as Q=, R=, because the third argument is E, each as "
@@ -102,7 +106,10 @@ class Game(ByValue, Reported):
         vars(self).update(delta=_checked_delta(self.delta), names=self.names.completed(n, m))
 
     def __hash__(self) -> int:
-        """Return a hash of the sums of A, Q and R and of delta. Equal games have equal hashes."""
+        """Return a hash of the sums of all entries of A, Q and R, and of delta.
+
+        Equal games have equal hashes.
+        """
         return hash((*map(np.sum, (self.A, self.Q, self.R)), self.delta))
 
     def report(self) -> Report:
@@ -164,8 +171,10 @@ class Game(ByValue, Reported):
 
 
 def _with_diagonal(name: str, weights: Any) -> Any:
-    """Return the diagonal matrix (n, n) of a one-dimensional list or array, and other values
-    unchanged.
+    """Return Q or R as a matrix if it is given by its diagonal, (n,), and otherwise unchanged.
+
+    name: "Q" or "R", for messages
+    weights: the given weights
     """
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
@@ -175,9 +184,10 @@ def _with_diagonal(name: str, weights: Any) -> Any:
 
 
 def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
-    """Return the value as a read-only array of floats.
+    """Return a matrix, given by the user, as a read-only array of floats.
 
     name: name of the matrix in messages
+    value: the given value
     largest: largest permitted magnitude of an entry
     ndim: required number of dimensions, or None for any
 
@@ -211,9 +221,12 @@ def _checked_delta(delta: float) -> float:
 
 
 def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """Raise BadInputError unless the matrix is symmetric and positive semidefinite up to rounding.
+    """Raise BadInputError unless a weight matrix is symmetric and positive semidefinite up to
+    rounding.
 
-    strictly: whether the matrix must be positive definite by more than rounding
+    name: name of the matrix in the message
+    matrix: (n, n)
+    strictly: True if the matrix must be positive definite by more than rounding
     """
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
@@ -251,8 +264,9 @@ def is_definite(matrix: np.ndarray) -> bool:
 
 
 def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
-    """Return the smallest eigenvalue of M_ij / sqrt(M_ii M_jj), for a symmetric M without its zero
-    rows.
+    """Return the smallest eigenvalue of a symmetric matrix M, scaled to a diagonal of ones.
+
+    The scaled matrix is M_ij / sqrt(M_ii M_jj), without the rows and columns of M that are zero.
 
     - 0 for a zero matrix
     - -inf if a diagonal entry is negative, or is 0 in a nonzero row

@@ -109,8 +109,12 @@ class StackEquations:
         )
 
     def excitation(self, weights: np.ndarray) -> Excitation:
-        """Return the excitation of the samples for scaled weights (M,), under the policies of the
-        game."""
+        """Return the excitation of the recorded samples under the policies of the game.
+
+        The excitation depends on the extremal policies that follow from the weights.
+
+        weights: (M,), in scaled coordinates
+        """
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as 0
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
@@ -134,8 +138,9 @@ class StackEquations:
 
     @cached_property
     def _last(self) -> list[Any]:
-        """Weights, problem and result of the last call of `at`, or three None before the first
-        call."""
+        """Cache of `at`: the weights, the problem and the result of the last call, each None at
+        first.
+        """
         return [None, None, None]
 
     @cached_property
@@ -146,10 +151,10 @@ class StackEquations:
     def _policies(
         self, half_gradient: np.ndarray, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,).
+        """Return S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,), at the recorded states.
 
-        The first result is the effect of both extremal policies on the rate of the state, the
-        second result the cost of these policies.
+        The first array is the reduction of the state's rate by the two extremal policies. The
+        second array is the cost rate of these policies.
 
         half_gradient: ½∇V, (N_h, n)
         problem: discount and share
@@ -167,13 +172,13 @@ class StackEquations:
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return l and q, (N_h,) each, with e_j(W - f N) = e_j(W) + f l_j + f² q_j, without
-        approximation.
+        """Return the coefficients l and q of the residuals along a step, (N_h,) each.
 
-        For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j), with P_N the matrix of N.
+        e_j(W - f N) = e_j(W) + f l_j + f² q_j holds without approximation. For a quadratic basis l
+        = -σN and q_j = -(P_N z_j)' S_s (P_N z_j), where P_N is the matrix of N.
 
-        weights: W, scaled
-        step: N
+        weights: W, (M,), scaled
+        step: N, (M,)
         found: residuals at W
         problem: discount and share
         """
@@ -188,9 +193,9 @@ class StackEquations:
         return linear, quadratic
 
     def along(self, rates: np.ndarray) -> np.ndarray:
-        """Return the rates of the basis functions, ∂ψ_j rates_j, (N_h, M).
+        """Return the rates of the basis functions at the recorded states, ∂ψ_j rates_j, (N_h, M).
 
-        rates: rates of the state, (N_h, n)
+        rates: rates of the state at the recorded states, (N_h, n)
         """
         product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
         return product
@@ -209,11 +214,17 @@ class StackEquations:
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 
     def scaled(self, weights: np.ndarray) -> np.ndarray:
-        """Convert weights of the model's coordinates z to weights of y = z / scales."""
+        """Return weights for the scaled coordinates y = z / scales.
+
+        weights: (M,), for the model's coordinates z
+        """
         return weights * self._scaling
 
     def unscaled(self, weights: np.ndarray) -> np.ndarray:
-        """Convert weights of y = z / scales to weights of the model's coordinates z."""
+        """Return weights for the model's coordinates z.
+
+        weights: (M,), for the scaled coordinates y = z / scales
+        """
         return weights / self._scaling
 
     @cached_property
@@ -253,13 +264,13 @@ def control_root(game: Game) -> np.ndarray:
 
 
 def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution N, (M,), of σ̄ N = ē, with σ̄ = σ/n and ē = e/n.
+    """Return the Newton step N, (M,), the least-squares solution of σ̄ N = ē, σ̄ = σ/n and ē = e/n.
 
-    W - N is the full step of policy iteration. No singular values are dropped: near the limit of
-    stability σ̄ is nearly singular, and a tolerance would drop the decisive direction.
+    W - N is the result of a full step of policy iteration. No singular values are dropped. Near the
+    limit of stability σ̄ is nearly singular, and a tolerance would drop the decisive direction.
 
-    found: regressors σ and residuals e
-    normaliser: n, (N_h,)
+    found: regressors σ and residuals e at W
+    normaliser: normalization n, (N_h,)
 
     Raises numpy.linalg.LinAlgError if σ̄ is singular.
     """
@@ -276,7 +287,7 @@ def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
 
 
 class Riccati(NamedTuple):
-    """Riccati equation A'P + PA + Q - PSP = 0 with S = G G' - D D', and A fitted to recorded
+    """Riccati equation A'P + PA + Q - PSP = 0, with S = G G' - D D' and A fitted to recorded
     drifts.
 
     A: (n, n), fitted to the drifts

@@ -61,12 +61,14 @@ def after(y: float, rate: float, eta: float, step: float) -> float:
 def fraction_to_reach(
     constant: np.ndarray, linear: np.ndarray, quadratic: np.ndarray, target: float
 ) -> float:
-    """Return the smallest f in (0, 1] with |constant + f linear + f² quadratic| = target.
+    """Return the fraction f in (0, 1] of a Newton step that gives the residuals the norm `target`.
 
-    If no f reaches the target, or the target is 0, the f with the smallest norm among f = 1 and the
-    stationary points of the norm in (0, 1] is returned (Benner and Byers 1998).
+    The residuals after the step are r(f) = constant + f linear + f² quadratic. The result is the
+    smallest f with |r(f)| = target. If no such f exists, or if the target is 0, the result is the f
+    with the smallest |r(f)| among f = 1 and the stationary points of |r(f)| in (0, 1] (Benner and
+    Byers 1998).
 
-    constant, linear, quadratic: residuals along a Newton direction, (N_h,)
+    constant, linear, quadratic: (N_h,)
     """
     square = np.array(
         [
@@ -120,7 +122,7 @@ NO_STEP = 1e-30
 
 
 class Point(NamedTuple):
-    """Weights and auxiliary problem at one step of the learning.
+    """Weights at one step of the learning, and the auxiliary problem that they approximately solve.
 
     weights: (M,), in scaled coordinates
     problem: discount and share
@@ -138,7 +140,7 @@ def iterate(
     to_the_floor: bool,
     most: int = 100,
 ) -> tuple[Point, bool]:
-    """Take full Newton steps W <- W - N for one problem. Return the last point and whether it
+    """Return the point after repeated Newton steps W <- W - N for one problem, and whether they
     converged.
 
     The steps of an LQ problem (share 0) are shortened by `stabilizing_step` where needed (Kleinman
@@ -147,8 +149,8 @@ def iterate(
     equations: Bellman residuals of the recorded samples
     here: initial weights, and the problem
     normaliser: as for `newton_step`
-    to_the_floor: whether to continue until the correction no longer halves, instead of stopping at
-        the relative correction `TRACKING`
+    to_the_floor: True to continue until the correction no longer halves; False to stop at the
+        relative correction `TRACKING`
     most: largest number of steps
 
     Raises NoSolutionError if `stabilizing_step` fails.
@@ -177,12 +179,14 @@ def iterate(
 def stabilizing_step(
     equations: StackEquations, here: Point, step: np.ndarray, fraction: float
 ) -> Point:
-    """Return the point W - f N, with f halved until the policy stabilizes the recorded plant.
+    """Return the point W - f N with the first tried f whose policy stabilizes the recorded plant.
 
-    For an LQ problem every f in (0, 1] gives a stabilizing policy, except for rounding and noise in
-    the data.
+    The tried values of f are `fraction`, fraction/2, fraction/4 and so on. For an LQ problem every
+    f in (0, 1] gives a stabilizing policy, except for rounding and noise in the data.
 
-    step: N
+    equations: Bellman residuals of the recorded samples
+    here: the weights W, and the problem
+    step: N, (M,)
     fraction: initial f
 
     Raises NoSolutionError if none of `MOST_HALVINGS` values of f gives a stabilizing policy.
