@@ -217,12 +217,14 @@ def discount_at(progress: float, start: float) -> float:
 def lower_discount(
     equations: StackEquations, here: Point, target: float, normaliser: np.ndarray
 ) -> Point:
-    """Return the solution of the LQ problem with the smaller discount `target`.
+    """Return the solution of the LQ problem after the discount β is lowered to `target`, 1/s.
 
     Each step lowers β by at most half the stability margin. The policy therefore remains
     stabilizing.
 
+    equations: Bellman residuals of the recorded samples
     here: solution at the present discount
+    normaliser: as for `newton_step`
 
     Raises NoSolutionError if a step of β becomes too small, or if the Newton iteration does not
     converge.
@@ -249,14 +251,16 @@ def _not_brought_to_rest(discount: float) -> NoSolutionError:
 def raise_disturbance(
     equations: StackEquations, here: Point, target: float, normaliser: np.ndarray, delta: float
 ) -> Point:
-    """Return the solution of the game with the larger share `target` of 1/δ².
+    """Return the solution of the game after the share s of 1/δ² is raised to `target`.
 
     For δ above its minimum the solution exists for every share s in [0, 1] and grows with s
     (monotonicity of the H-infinity Riccati equation in δ; Basar and Bernhard 1995). A step of s is
     accepted if the iteration converges to a P >= 0 for which A - S_s P is Hurwitz. Such a P is
     unique. A rejected step is halved. Without a disturbance the solution does not depend on s.
 
+    equations: Bellman residuals of the recorded samples
     here: solution at the present share
+    normaliser: as for `newton_step`
     delta: δ of the game
 
     Raises NoSolutionError, with the δ at which the solution ceases to exist, if a step becomes too
@@ -310,13 +314,16 @@ MOST_SAMPLES = 100_000
 
 
 def enough_for(weights: int, least: int) -> int:
-    """Return the default number of samples, the larger of `least` and 1.5 times the number of
-    weights."""
+    """Return the default number of samples: `least`, or 1.5 times the number of weights if larger.
+    """
     return max(least, weights + (weights + 1) // 2)
 
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:
-    """Return W(0), (M,), from one number for all weights or from M numbers.
+    """Return the initial weights W(0), (M,), in the model's units.
+
+    value: one number for all weights, or M numbers
+    basis: basis with M weights
 
     Raises BadInputError for a wrong number of weights, and for a weight that is not finite or is
     too large.
@@ -421,14 +428,19 @@ class CertifiedLaw:
         return int(np.ceil(self.settings.predefined_time / self.settings.tick - 1e-9))
 
     def time(self, tick: int) -> float:
-        """Return the time after `tick` ticks, s, at most the predefined time."""
+        """Return the time at the end of tick number `tick` (1, 2, ...), s.
+
+        The result is 0 for `tick` = 0, and at most the predefined time.
+        """
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:
-        """Return the initial memory: W(0) with the problem, the normalization, and the discount.
+        """Return the initial memory: the point at W(0), its normalization (N_h,), and the discount,
+            1/s.
 
-        The discount is 0 if W(0) stabilizes the plant by more than `RELATIVE_MARGIN` times the
-        largest eigenvalue magnitude. Otherwise W(0) stabilizes the plant with this discount.
+        The discount is 0 if W(0) stabilizes the plant with a decay rate of at least
+        `RELATIVE_MARGIN` times the largest eigenvalue magnitude. Otherwise the discount is large
+        enough for W(0) to stabilize the discounted plant.
         """
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
@@ -440,15 +452,21 @@ class CertifiedLaw:
         return here, self._normaliser(here), discount
 
     def _normaliser(self, here: Point) -> np.ndarray:
-        """Return the normalization n_j = sqrt(1 + σ_j'σ_j), (N_h,)."""
+        """Return the normalization n_j = sqrt(1 + σ_j'σ_j) of each sample, (N_h,).
+
+        here: weights and problem that determine the regressors σ_j
+        """
         regressors = self.equations.at(here.weights, here.problem).regressors
         return np.sqrt(1.0 + np.sum(regressors**2, axis=1))
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """Return the memory after tick number `tick`.
+        """Return the memory at the end of a tick.
 
         Stage 1 acts in each tick that begins before θT. Stage 2 acts in each tick that ends after
-        T, until the game is reached.
+        T, until the problem is the game itself.
+
+        tick: number of the tick, 0 for the first
+        memory: memory at the beginning of the tick
         """
         begin = self.time(tick)
         end = self.time(tick + 1)
@@ -478,14 +496,22 @@ class CertifiedLaw:
         return iterate(self.equations, here, normaliser, to_the_floor=True)[0]
 
     def _law_residual(self, here: Point, normaliser: np.ndarray) -> float:
-        """Return |ē|, the norm of the normalized residuals of the current problem."""
+        """Return |ē|, the norm of the normalized Bellman residuals, which the law reduces.
+
+        here: weights and problem
+        normaliser: (N_h,), normalization of the residuals
+        """
         return float(
             np.linalg.norm(self.equations.at(here.weights, here.problem).residuals / normaliser)
         )
 
     def _descend(self, here: Point, normaliser: np.ndarray, target: float) -> Point:
-        """Return the point after Newton sub-steps until |ē| is at most `target` or no longer
-        decreases.
+        """Return the point after Newton steps that reduce the residual norm |ē| to `target`.
+
+        The steps also end when |ē| no longer decreases, or after `MOST_SUBSTEPS` steps.
+
+        here: initial weights, and the problem
+        normaliser: (N_h,), normalization of the residuals
         """
         last = np.inf
         for _ in range(MOST_SUBSTEPS):
@@ -506,10 +532,15 @@ class CertifiedLaw:
     def _stage_two(
         self, here: Point, normaliser: np.ndarray, first_discount: float, clock: float
     ) -> Point:
-        """Return the point of stage 2 at `clock`, which runs from 0 to 1.
+        """Return the weights and problem that stage 2 reaches at a time of the stage.
 
         If the initial discount is positive, the first half of the stage lowers β and the second
         half raises 1/δ². Otherwise the full stage raises 1/δ².
+
+        here: weights and problem at the present time
+        normaliser: (N_h,), normalization of the residuals
+        first_discount: initial discount, 1/s
+        clock: time since the beginning of the stage, as a fraction of θT, at which the stage ends
         """
         clock = 1.0 if clock >= 1.0 - 1e-12 else clock
         split = 0.5 if first_discount > 0.0 else 0.0
@@ -533,8 +564,11 @@ class CertifiedLaw:
         return here
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """Return the row of the history after `tick` ticks: time, weights and residuals
-        (`ticks.run`)."""
+        """Return the time, the weights in the model's units and the residual norms after `tick`
+        ticks.
+
+        The result is one row of the history (`ticks.run`).
+        """
         here, normaliser, _ = memory
         return {
             "time": self.time(tick),
@@ -544,7 +578,10 @@ class CertifiedLaw:
         }
 
     def conclude(self, finished: Run) -> TrainingRun:
-        """Return the training run from the memory and history of the finished ticks."""
+        """Return the training run of the law.
+
+        finished: last memory and history of all ticks
+        """
         here, _, first_discount = finished.memory
         return training_run(
             "certified",

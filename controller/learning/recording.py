@@ -64,10 +64,12 @@ class Stack(Reported):
         return fit
 
     def linear(self) -> tuple[Stack, float]:
-        """Return the samples with the drifts Â z_j, and the misfit |F - Â z| / |F|.
+        """Return the samples with their drifts replaced by Â z_j, and the relative misfit of this
+        fit.
 
-        For exact drifts the misfit is of the order of rounding. Otherwise the misfit has the size
-        of the noise or of a reference forcing.
+        Â is the least-squares fit of the drifts, and the misfit is |F - Â z| / |F|. For exact
+        drifts the misfit is of the order of rounding. Otherwise it has the size of the noise or of
+        a reference forcing.
         """
         fitted = self.states @ self.drift_fit().T
         size = float(np.linalg.norm(self.drifts))
@@ -104,9 +106,9 @@ def record(game: Game, states: np.ndarray) -> Stack:
 
 @checks_arguments
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
-    """Return `count` states drawn uniformly from a box, with their drifts A z.
+    """Return samples of a plant at random states, drawn uniformly from a box, without noise.
 
-    game: the game, with A
+    game: the game, with A for the drifts A z
     count: number of states, at least 1
     seed: the same seed gives the same states
     half_widths: half-widths of the box, (n,); by default `natural_spread`
@@ -135,9 +137,9 @@ def natural_spread(game: Game) -> np.ndarray:
     The variances are the diagonal of X with
         (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
         β = max(largest real part of the eigenvalues of A, 0) + 10 % of the spectral radius.
-    A spectral radius of 0 is replaced by 1/s. The result of a state that no input or disturbance
-    affects is the scale of this state in the balancing of A. The result changes with the units of
-    the states.
+    A spectral radius of 0 is replaced by 1/s. For a state that no input or disturbance affects, the
+    result is the scale of the state in the balancing of A. The result depends on the units of the
+    states.
     """
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
@@ -152,11 +154,15 @@ def natural_spread(game: Game) -> np.ndarray:
 
 
 def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
-    """Return the `samples` samples of a pool that differ most from each other.
+    """Return those samples of a pool that differ most from each other.
 
     Pivoted QR orders the unit vectors ψ(z_j)/|ψ(z_j)|. Each chosen sample has the largest component
     outside the span of the samples chosen before. After each M samples the choice starts again
     among the samples that remain.
+
+    pool: recorded samples
+    basis: ψ, with M functions
+    samples: number of samples to choose, at least M
 
     Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
 
@@ -194,13 +200,16 @@ def unit_rows(matrix: np.ndarray) -> np.ndarray:
 
 
 def rank(rows: np.ndarray) -> int:
-    """Return the number of singular values above `RANK_TOLERANCE` times the largest."""
+    """Return the numerical rank of a matrix.
+
+    Singular values up to `RANK_TOLERANCE` times the largest one count as 0.
+    """
     values = np.linalg.svd(rows, compute_uv=False)
     return int(np.sum(values > RANK_TOLERANCE * values[0]))
 
 
 def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
-    """Return the excitation of recorded samples.
+    """Return the rank, the condition and the smallest eigenvalue of recorded samples.
 
     For every stabilizing policy the regressors have the same rank as ψ. The rank is computed from ψ
     because rounding does not affect the rank of ψ when the closed loop is stiff.
@@ -226,8 +235,10 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
 
 
 def _singular_values(matrix: np.ndarray) -> np.ndarray:
-    """Return M singular values of an (N_h, M) matrix, descending. If N_h < M, the last M - N_h are
-    0."""
+    """Return the singular values of an (N_h, M) matrix, (M,), descending.
+
+    For N_h < M, the last M - N_h values are 0.
+    """
     values = np.zeros(matrix.shape[1])
     computed = np.linalg.svd(matrix, compute_uv=False)
     values[: len(computed)] = computed
@@ -235,10 +246,12 @@ def _singular_values(matrix: np.ndarray) -> np.ndarray:
 
 
 def refuse_poor(found: int, needed: int, what: str) -> None:
-    """Raise BadInputError if the rank `found` is below `needed`.
+    """Raise BadInputError if the rank of recorded data is lower than required.
 
     With a lower rank, a small residual does not determine the weights.
 
+    found: rank of the data
+    needed: required rank
     what: name of the data in the message
     """
     if found < needed:

@@ -24,10 +24,10 @@ SILENCE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Finished run of a learner.
+    """Final state and history of a learner that has finished.
 
     memory: memory after the last tick
-    history: name -> values at the recorded ticks, (rows, ...)
+    history: name -> values at the recorded ticks, (number of recorded ticks, ...)
     """
 
     memory: Any
@@ -35,7 +35,7 @@ class Run:
 
 
 def run(learner: Any, *, progress: Progress | None = None) -> Run:
-    """Run all ticks of a learner. Return the last memory and the history.
+    """Run all ticks of a learner, and return its last memory and its history.
 
     learner: any object with the four members below
     progress: called with (fraction done, 1, text)
@@ -44,8 +44,8 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
     start(): returns the memory before the first tick, any object
     advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
         side effects
-    observe(tick, memory): returns the row of the history after `tick` ticks (0 .. ticks), with the
-        entries "time", s, and further values, with the same names in each row. The entry
+    observe(tick, memory): returns one row of the history, the values after `tick` ticks (0 ..
+        ticks): "time", s, and further values, with the same names in each row. The value
         "law_residual_norm", the residual that the learner minimizes, is printed as progress.
     """
     memory = learner.start()
@@ -73,10 +73,14 @@ def training_run(
     excitation: Excitation,
     **rest: Any,
 ) -> TrainingRun:
-    """Return the training run of a finished history.
+    """Return the training run of a learner, from its history.
 
+    law: name of the learner
+    game: the game
+    equations: Bellman residuals of the recorded samples
     history: name -> values at the recorded ticks (`run`)
-    rest: settings, seed, diagnostics
+    excitation: rank of the data
+    rest: settings, seed and diagnostics of the training run
     """
     P = equations.basis.matrix(history["weights"][-1])
     return TrainingRun(
@@ -95,7 +99,10 @@ def training_run(
 
 
 def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
-    """Return a row of the history. A number that overflows is inf, without a warning."""
+    """Return the values that a learner reports after `tick` ticks, one row of the history.
+
+    A number that overflows is inf, without a warning.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         return learner.observe(tick, memory)
 

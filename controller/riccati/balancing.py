@@ -37,19 +37,21 @@ class Spectrum(NamedTuple):
         imaginary axis.
 
         The distance is the norm of the smallest change of M that puts an eigenvalue on the axis,
-        relative to the norm of M. The distance is accurate to `SHARP` or to rounding. Unlike |Re
-        λ|, the distance is reliable for an ill-conditioned eigenvalue. For a double eigenvalue on
-        the axis, the computed |Re λ| is about 1e-8 ‖M‖, but the computed distance is about 1e-16.
+        relative to the norm of M. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, the
+        distance is reliable for an ill-conditioned eigenvalue. For a double eigenvalue on the axis,
+        the computed |Re λ| is about 1e-8 ‖M‖, but the computed distance is about 1e-16.
         """
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
-        """Return `axis_distance`, and the frequency ω >= 0 of the minimum, rad/s.
+        """Return `axis_distance` and the frequency ω >= 0, rad/s, at which σ_min(M - jω I) is
+        smallest.
 
-        σ_min(M - jω I) crosses a level only where jω is an eigenvalue of [[M, -level I], [level I,
-        -M']]. Both results are 0 for M = 0. Source: Byers, SIAM J. Scientific and Statistical
-        Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and Control Letters 15 (1990),
-        1-7.
+        Both results are 0 for M = 0. The search uses that σ_min(M - jω I) crosses a level only
+        where jω is an eigenvalue of [[M, -level I], [level I, -M']].
+
+        Source: Byers, SIAM J. Scientific and Statistical Computing 9 (1988), 875-881; Boyd and
+        Balakrishnan, Systems and Control Letters 15 (1990), 1-7.
         """
         n = len(self.balanced)
         norm = float(np.linalg.norm(self.balanced, 2))
@@ -71,11 +73,11 @@ class Spectrum(NamedTuple):
         return distance / norm, frequency
 
     def _likely_frequencies(self) -> np.ndarray:
-        """Return the magnitudes of the imaginary parts of the eigenvalues nearest to the axis,
-        rad/s.
+        """Return frequencies near which σ_min(M - jω I) may be smallest, rad/s.
 
-        To first order, the distance of λ is |Re λ| divided by its condition number. If there are at
-        most `FEW` magnitudes, all are returned.
+        They are the magnitudes |Im λ| of the eigenvalues λ nearest to the imaginary axis. To first
+        order, the distance of λ is |Re λ| divided by the condition number of λ. If the matrix has
+        at most `FEW` different |Im λ|, all are returned.
         """
         if len(np.unique(np.abs(self.eigenvalues.imag))) <= FEW:
             return np.unique(np.abs(self.eigenvalues.imag))
@@ -85,8 +87,8 @@ class Spectrum(NamedTuple):
         return np.unique(np.abs(values.imag[nearest]))
 
     def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
-        """Return the least σ_min(M - jω I) over the given frequencies, and the frequency of the
-        least, rad/s.
+        """Return the smallest σ_min(M - jω I) over the given frequencies ω, and its frequency,
+        rad/s.
         """
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
@@ -141,11 +143,11 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Return units u (..., n) for which the Hamiltonian in the coordinates y, z_i = u_i y_i, is
     balanced.
 
-    The units are powers of two, so that the change of units causes no rounding. The units do not
-    depend on P, so that an entry of P that is zero up to rounding remains small. If Q = 0 and A and
-    S are not 0, the units also give the largest entry of S in y about the size of the largest entry
-    of A. Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22
-    (2001).
+    The units are powers of two. The change of units therefore causes no rounding. The units do not
+    depend on P, and an entry of P that is zero up to rounding therefore remains small. If Q = 0 and
+    A and S are not 0, the units also make the largest entry of S in y about as large as the largest
+    entry of A. Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput.
+        22 (2001).
 
     A: (..., n, n)
     S: (..., n, n)
@@ -167,11 +169,11 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 
 def largest(matrices: np.ndarray) -> np.ndarray:
-    """Return max |M_ij| of each matrix (..., n, m)."""
+    """Return the largest magnitude of an entry of each matrix, (...), for matrices (..., n, m)."""
     return np.abs(matrices).max(axis=(-2, -1))
 
 
 def largest_or_1(matrices: np.ndarray) -> np.ndarray:
-    """Return max |M_ij| of each matrix, or 1 for a zero matrix."""
+    """Return the largest magnitude of an entry of each matrix, or 1 for a zero matrix, (...)."""
     sizes = largest(matrices)
     return np.where(sizes > 0.0, sizes, 1.0)

@@ -55,11 +55,16 @@ def unrefined(form: NormalForm) -> np.ndarray:
 
 
 def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
-    """Return X after Kleinman's steps Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0.
+    """Return X after Newton (Kleinman) corrections X <- X + Z.
 
-    If the condition number of the equation is near 1e16, the corrections decrease and then
-    increase. The X after the smallest correction is returned. Raises NoSolutionError if the
-    equation of a step is singular within rounding.
+    Each correction solves (A - S X)'Z + Z (A - S X) + residual(X) = 0. If the condition number of
+    this equation is near 1e16, the corrections decrease and then increase. The X after the smallest
+    correction is returned.
+
+    form: normal form of the game
+    X: (n, n), approximate solution of the Riccati equation
+
+    Raises NoSolutionError if the equation of a correction is singular within rounding.
     """
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 

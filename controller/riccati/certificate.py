@@ -76,7 +76,7 @@ Measured = dict[str, Any]
 
 @dataclass(frozen=True)
 class Certificate(Checked, Result):
-    """Tests of a solution P, which is accepted if all tests pass.
+    """Tests of a solution P of the Riccati equation. The solution is certified if all tests pass.
 
     checks: the tests
     """
@@ -102,10 +102,11 @@ class Loops(NamedTuple):
 
 
 class Certified(NamedTuple):
-    """Certified solution X (n, n) of one normal form.
+    """Certified solution X of the Riccati equation of one game.
 
-    X: solution in the coordinates of `form`
-    form: normal form of the game, possibly in other coordinates than those of the user's form
+    X: (n, n), solution in the coordinates of `form`
+    form: normal form of the game, possibly in other coordinates than those that `NormalForm.of`
+        gives
     certificate: the passed tests
     loops: closed loops of X
     """
@@ -119,7 +120,9 @@ class Certified(NamedTuple):
 def certified_solution(form: NormalForm) -> Certified:
     """Return the certified solution of one game.
 
-    The form in the result may have other coordinates than the given form.
+    The eigenvectors of the Hamiltonian are tried first (`certified_stack`), then the Schur form
+    (`carefully_certified`). The solution is given in the coordinates of the returned form. They may
+    differ from those of the given form.
 
     Raises NoSolutionError as `carefully_certified` does.
     """
@@ -133,9 +136,9 @@ def certified_solution(form: NormalForm) -> Certified:
 class CertifiedStack(NamedTuple):
     """Solutions of N games by eigenvectors and doubling, with their tests.
 
-    X: (N, n, n), nan if a test fails, possibly only by rounding
-    holds: (N,), whether all tests pass
-    measured: name of a test -> its values, (N,)
+    X: (N, n, n), nan if a test of the game fails; a failure may be due to rounding alone
+    holds: (N,), True if all tests of the game pass
+    measured: name of a test -> measured values, (N,)
     loops: closed loops of X
     """
 
@@ -145,7 +148,10 @@ class CertifiedStack(NamedTuple):
     loops: Loops
 
     def checks(self, index: int) -> tuple[Check, ...]:
-        """Return the checks of the game with this index."""
+        """Return the tests of one game.
+
+        index: index of the game in the stack
+        """
         values = {name: array[index] for name, array in self.measured.items()}
         distance = values["hamiltonian_axis_distance"]
         stable = values["hamiltonian_split"]
@@ -156,7 +162,12 @@ class CertifiedStack(NamedTuple):
 
 
 def certified_stack(form: NormalForm) -> CertifiedStack:
-    """Return the tested solutions of a stack of normal forms, by eigenvectors and doubling."""
+    """Return the solutions of a stack of N games, by eigenvectors and doubling, with their tests.
+
+    form: normal forms of the games
+
+    Raises NoSolutionError if the entries of a game overflow.
+    """
     _refuse_overflow(form)
     with np.errstate(all="ignore"):  # a solution that overflows is not certified
         derived = by_eigenvectors(form)
@@ -206,25 +217,32 @@ def carefully_certified(form: NormalForm) -> Certified:
 def reach_checks(form: NormalForm) -> tuple[Check, ...]:
     """Return the check that the inputs reach every mode that does not decay, by more than rounding.
 
-    form: normal form before `turned`, which would hide the entries that are 0
+    form: normal form of the game before `turned`, because `turned` replaces entries that are 0 by
+        rounding errors
     """
     return checks_of(TEST_OF_REACH, {"reach": sought_reach(form[None])[0]})
 
 
 def sought_reach(form: NormalForm) -> np.ndarray:
-    """Return the `least_reach` of each normal form in a stack, (N,)."""
+    """Return the smallest effect of the inputs on a mode that does not decay, for N games, (N,).
+
+    The measure is `least_reach` of A and B.
+    """
     from controller.riccati.reach import least_reach
 
     return least_reach(form.A, form.B)
 
 
 def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
-    """Return a lower bound of the least reach of each game, (N,), from its closed loop.
+    """Return a lower bound of `least_reach` of each game, (N,), from the closed loop A - B K.
 
     For every unit vector w and every λ with Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI).
     The norm of this row is at least the distance of λ from the eigenvalues of A - B K, divided by
     the condition number of the eigenvectors (Bauer and Fike). The bound is relative to |A| + |B| +
     |λ|, for the least favorable |λ|. Rounding is subtracted.
+
+    X: (N, n, n), solutions of the games
+    loops: closed loops of X
     """
     decay = -loops.control.real.max(axis=-1)
     condition = norms(loops.right) * norms(loops.left)
@@ -237,7 +255,7 @@ def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
 def _certified_in(
     form: NormalForm, given: NormalForm | None = None
 ) -> tuple[np.ndarray, NormalForm, tuple[Check, ...]]:
-    """Return X in these coordinates, the form, and the tests of X.
+    """Return the solution X computed in the coordinates of `form`, the form, and the tests of X.
 
     given: as for `hamiltonian_checks`
 
@@ -325,7 +343,7 @@ def _hamiltonian_checks(
 
 
 def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
-    """Return the checks of the solution X of one game: equation, symmetry, sign, and both closed
+    """Return the checks of the solution X of one game: equation, symmetry, sign and both closed
     loops.
 
     If X is not finite, only a failed check of the equation is returned.
@@ -337,14 +355,19 @@ def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def agreement_checks(X: np.ndarray, second_X: np.ndarray) -> tuple[Check, ...]:
-    """Return the check that two derivations of X agree: max |X - X2| / max |X|."""
+    """Return the check that two derivations of the solution agree, max |X - X2| / max |X|.
+
+    The result is a tuple with this one check.
+    """
     return checks_of(TEST_OF_AGREEMENT, measured_agreement(X, second_X))
 
 
 def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None) -> Loops:
-    """Return the closed loops of finite solutions X, for one game or for a stack of games.
+    """Return the closed loops A - S X and A - B K of finite solutions X, K = B'X.
 
-    game: eigenvalues of A - S X, if already known
+    form: normal form of one game, or of a stack of games
+    X: (..., n, n)
+    game: (..., n), eigenvalues of A - S X, or None to compute them
     """
     if game is None:
         game = np.linalg.eigvals(form.A - form.S @ X)
@@ -353,8 +376,10 @@ def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None
 
 
 def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured:
-    """Return the measured values of `TESTS_OF_P` for finite X, for one game or for a stack of
-    games."""
+    """Return test -> measured value for the tests `TESTS_OF_P` of finite solutions X.
+
+    Each value is a number for one game, and an array (N,) for a stack of games.
+    """
     size = largest_or_1(X)
     return {
         "residual": form.relative_residual(X),
@@ -366,14 +391,18 @@ def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured
 
 
 def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
-    """Return the measured value of `TEST_OF_AGREEMENT`, for one game or for a stack of games."""
+    """Return the measured value of the test that two solutions agree (`TEST_OF_AGREEMENT`).
+
+    The value is a number for one game, and an array (N,) for a stack of games.
+    """
     return {"second_derivation": largest(X - second_X) / largest_or_1(X)}
 
 
 def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> tuple[Check, ...]:
-    """Return the checks of one game from its measured values.
+    """Return the checks of one game, from the measured values of its tests.
 
     tests: name -> (relation, limit, reason for a failure)
+    measured: name -> measured value
     """
     checks = []
     for name, (relation, limit, reason) in tests.items():

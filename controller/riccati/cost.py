@@ -27,12 +27,12 @@ LOSS_TOLERANCE = 1e-10
 class FlightCost(Result):
     """Cost of u = -K z above the optimum, in percent of the optimal cost z'P*z.
 
-    Both costs are computed under the worst disturbance for the respective policy. The excess is inf
+    Each policy's cost is computed under the worst disturbance for this policy. The excess is inf
     if the cost has no bound, because the L2 gain is not below delta or the loop is unstable.
 
-    worst: largest over the initial conditions
-    mean: mean over initial conditions of equal optimal cost
-    gain: L2 gain, which must be below delta
+    worst: largest excess over all initial conditions, percent
+    mean: mean excess over initial conditions with the same optimal cost, percent
+    gain: L2 gain of u = -K z, which must be below delta
     exact_gain: L2 gain of the optimum
     distance: smallest change of A - B K that gives an undamped mode, relative to the norm of A - B
         K in balanced units; 0 for an unstable loop
@@ -54,12 +54,14 @@ class FlightCost(Result):
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost, L2 gain and distance to instability of a gain K (m, n) and of the optimum.
+    """Return the cost, L2 gain and distance to instability of u = -K z, compared with the optimum.
 
-    If K does not stabilize or has an entry above `LARGEST_CRITIC_ENTRY`, the costs and the L2 gain
-    of K are inf, and the distance is 0.
+    If u = -K z does not stabilize, or K has an entry above `LARGEST_CRITIC_ENTRY`, its costs and L2
+    gain are inf, and its distance is 0.
 
+    game: the game
     exact: solution of the game
+    K: (m, n)
     """
     exact_gain = bounded_real_gain(game, exact.K)
     exact_distance = spectrum(game.A - game.B @ exact.K).axis_distance()
@@ -79,12 +81,17 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
 
 def cost_lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
-    """Return the largest and the mean eigenvalue of P*⁻¹ D, with D the `loss_matrix`.
+    """Return the largest and the mean relative excess of the cost of u = -K z above the optimum.
 
-    Only states with a positive optimal cost are included. Both values are inf if the cost has no
-    bound, and if D ≠ 0 but no state has a positive optimal cost. Both are 0 if D = 0 and no state
-    has a positive optimal cost.
+    The excesses are the eigenvalues of P*⁻¹ D on the states with a positive optimal cost. D is the
+    `loss_matrix`.
 
+    - both inf if the cost has no bound
+    - both inf if D ≠ 0 but no state has a positive optimal cost
+    - both 0 if D = 0 and no state has a positive optimal cost
+
+    game: the game
+    exact: solution of the game, with P*
     K: (m, n), stabilizing
     """
     D = loss_matrix(game, exact, K)
@@ -103,13 +110,14 @@ def cost_lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
-    """Return D >= 0, (n, n), such that u = -K z costs z'(P* + D) z under its worst disturbance.
+    """Return D >= 0, (n, n), the excess of the cost of u = -K z, or None if the cost has no bound.
 
-    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
+    Under the worst disturbance for u = -K z the cost is z'(P* + D) z. D solves F'D + D F + (K -
+    K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*, the cost equation of K minus the cost
+    equation of K*. Small losses therefore keep their digits. The result is also None if the
+    iteration does not converge.
 
-    This equation is the cost equation of K minus the cost equation of K*, so that small losses
-    keep their digits. The result is None if the cost has no bound or the steps do not converge.
-
+    game: the game
     exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing
     """

@@ -23,12 +23,13 @@ BELOW = (0.9, 0.5, 0.1, 0.01)
 
 
 class Answer(NamedTuple):
-    """Existence of a solution at one δ.
+    """Result of the question whether the game has a solution at one δ.
 
     exists: True or False if shown, None if rounding leaves the existence undecided
     reason: reason why no solution exists or why existence is undecided; "" if a solution exists
-    condition: name of the condition that fails or is undecided, if there are several
-    gain: lower bound of the smallest δ with a solution, or 0
+    condition: name of the condition that fails or is undecided, if the question has several
+        conditions; otherwise ""
+    gain: lower bound of the smallest δ with a solution, or 0 if none is known
     """
 
     exists: bool | None
@@ -38,10 +39,11 @@ class Answer(NamedTuple):
 
 
 class Bracket(NamedTuple):
-    """Bracket refused < inf{δ : a solution exists} <= value. Both are 0 if every δ has a solution.
+    """Bounds of the smallest δ with a solution: refused < inf{δ : a solution exists} <= value.
 
+    value: smallest δ found to have a solution, or 0 if every δ has a solution
     refused: largest δ below `value` shown to have no solution, or 0 if there is none
-    ending: existence just below `value`
+    ending: existence at the next evaluated δ below `value`
     """
 
     value: float
@@ -50,14 +52,14 @@ class Bracket(NamedTuple):
 
 
 class _Answers:
-    """Existence at each δ of a search. Each δ is evaluated once."""
+    """Cache of the existence of a solution at each δ that a search has evaluated."""
 
     def __init__(self, ask: Callable[[float], Answer]) -> None:
         self._ask = ask
         self._known: dict[float, Answer] = {}
 
     def at(self, delta: float) -> Answer:
-        """Return the existence of a solution at a δ, evaluated or from memory."""
+        """Return whether a solution exists at δ = delta. Each δ is evaluated only once."""
         if delta not in self._known:
             self._known[delta] = self._ask(delta)
         return self._known[delta]
@@ -126,9 +128,9 @@ def smallest_delta(
 
 
 def _climb(answers: _Answers, begin: float) -> None:
-    """Multiply δ by 4 until a solution exists.
+    """Evaluate `begin`, 4 `begin`, 16 `begin` and so on, until a δ has a solution.
 
-    Raises NoSolutionError if no solution is found up to `MOST` times `begin`.
+    Raises NoSolutionError if no δ up to `MOST` times `begin` is found to have a solution.
     """
     delta = begin
     while not answers.at(delta).exists:
@@ -148,9 +150,11 @@ def _climb(answers: _Answers, begin: float) -> None:
 
 
 def _descend(answers: _Answers, least: float) -> None:
-    """Divide δ by 4 until it is shown that no solution exists, or δ is below `least`.
+    """Evaluate smaller and smaller δ, each 1/4 of the one before, until one is shown to have no
+    solution.
 
-    Undecided δ do not end the search.
+    The search begins at 1/4 of the smallest δ with a solution and ends at `least`. An undecided δ
+    does not end the search.
     """
     delta = answers.good / 4.0
     while delta >= least and answers.at(delta).exists is not False:
@@ -158,10 +162,11 @@ def _descend(answers: _Answers, least: float) -> None:
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Bisect log δ between two ends until their ratio is at most 1 + tolerance, or the lower end is
-    0.
+    """Bisect log δ between a lower and an upper δ until their ratio is at most 1 + tolerance.
 
-    ends: returns the present ends
+    The bisection also ends if the lower δ is 0.
+
+    ends: function that returns the present lower and upper δ
     """
     low, high = ends()
     while low and high > low * (1.0 + tolerance):

@@ -29,10 +29,11 @@ LAST = 2.0**-4
 
 
 class FromEigenvectors(NamedTuple):
-    """Candidate solutions from the eigenvectors of N Hamiltonians, with data for their tests.
+    """Candidate solutions X of N games from eigenvectors of the Hamiltonians, with data for their
+    tests.
 
-    X: (N, n, n), no solution unless `stable` is n, nan if V1 is singular
-    correction: (N,), last Newton step, relative to X
+    X: (N, n, n), no solution unless `stable` is n, nan if V1 is singular (`by_eigenvectors`)
+    correction: (N,), largest entry of the last Newton step, relative to the largest entry of X
     stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
     axis_distance: (N,), lower bound of `Spectrum.axis_distance` of the Hamiltonian
     eigenvalues: (N, 2n), eigenvalues of the Hamiltonian
@@ -50,10 +51,10 @@ class FromEigenvectors(NamedTuple):
 
 
 def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
-    """Return X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, after Newton
-    steps.
+    """Return X = V2 V1⁻¹ of N games after Newton steps, [V1; V2] the Hamiltonian's stable
+    eigenvectors.
 
-    V1 contains the eigenvectors of A - S X, so that V1⁻¹ (A - S X) V1 is diagonal up to rounding.
+    V1 contains the eigenvectors of A - S X. V1⁻¹ (A - S X) V1 is therefore diagonal up to rounding.
     The condition number of all eigenvectors of the Hamiltonian bounds its distance to the imaginary
     axis (Bauer and Fike). The eigenvectors of the other eigenvalues are [U; X U + (V1')⁻¹], and the
     rows of the inverse matrix have the same norms. Source: Zhou, Doyle and Glover, Section 13.2.
@@ -97,7 +98,9 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 
 
 def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
-    """Return X, (N, n, n), the limit of the optimal costs over 2^k steps with the final cost p I.
+    """Return the solutions X of N games, (N, n, n), by the structure-preserving doubling algorithm.
+
+    X is the limit of the optimal costs over 2^k steps with the final cost p I.
 
     T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1
 
@@ -113,7 +116,7 @@ def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
     largest and the smallest |λ|, because an eigenvalue may be at the mean itself. Source: Chu, Fan
     and Lin, Linear Algebra Appl. 396 (2005), 55-80.
 
-    eigenvalues: λ of the Hamiltonians, (N, 2n), which affect only the number of doublings
+    eigenvalues: λ of the Hamiltonians, (N, 2n), for the choice of c
     """
     n = form.A.shape[-1]
     one = np.eye(n)

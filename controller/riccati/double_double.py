@@ -19,17 +19,20 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def exact(matrix: np.ndarray) -> Pair:
-    """Return a matrix of doubles as a pair (matrix, 0)."""
+    """Return a matrix of doubles as a pair (high, low) with low = 0."""
     return matrix, np.zeros_like(matrix)
 
 
 def add(left: Pair, right: Pair) -> Pair:
-    """Return left + right with an error of about 2^-104 of the larger summand."""
+    """Return the sum of two pairs as a pair.
+
+    The error is about 2^-104 of the larger summand.
+    """
     return _sum(left[0], right[0], left[1] + right[1])
 
 
 def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
-    """Return left + right + low as a pair.
+    """Return left + right + low as a pair, for arrays of doubles.
 
     low: terms of the size of the rounding error of left + right
     """
@@ -79,6 +82,7 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
 
     If right is diagonal, the products have no rounding error (Dekker's product).
 
+    total: (..., p, q)
     left: (..., p, n)
     right: (q, n)
     """
@@ -94,18 +98,19 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
 
 
 def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split each number into two summands of at most 26 bits."""
+    """Return (high, low) with numbers = high + low, both with at most 26 bits."""
     scaled = numbers * (2.0**27 + 1.0)
     high = scaled - (scaled - numbers)
     return high, numbers - high
 
 
 def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Split rows into slices. Return the slices, and the remainders before each slice and after the
-    last.
+    """Return the slices of rows, and the remainders before the first and after each slice.
 
-    All entries of a row have the same scale, so that sums of products of two rows have no rounding
-    error.
+    A slice contains so few bits that sums of products of two slices have no rounding error. All
+    entries of a row have the same scale.
+
+    rows: (..., n)
     """
     bits = (53 - (SLICES * rows.shape[-1]).bit_length()) // 2
     largest = np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)

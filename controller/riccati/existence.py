@@ -36,11 +36,12 @@ class StableSubspace(NamedTuple):
 
 
 def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """Return the stable subspace of the Hamiltonian with an error bound.
+    """Return the stable subspace of the Hamiltonian with an error bound, or None if it is unknown.
 
-    The result is None if the dimension is not n or the Schur form fails. The error is |D| / sep. D
-    is a relative change `BACKWARD` of the terms of the Hamiltonian, and sep is the separation of
-    the stable and unstable blocks of its Schur form. Source: Golub and Van Loan, Theorem 7.2.4.
+    The result is None if the dimension of the subspace is not n, or if the Schur form fails. The
+    error is |D| / sep. D is a relative change `BACKWARD` of the terms of the Hamiltonian, and sep
+    is the separation of the stable and unstable blocks of its Schur form. Source: Golub and Van
+    Loan, Theorem 7.2.4.
     """
     basis, separation = ordered_basis(form.hamiltonian, job=b"V")
     if basis is None:
@@ -50,10 +51,10 @@ def stable_subspace(form: NormalForm) -> StableSubspace | None:
 
 
 class Found(NamedTuple):
-    """Existence of the value of a game, with the data of the decision.
+    """Decision whether the value of a game exists, with its data.
 
-    answer: whether the value exists
-    form: the game in the coordinates of the decision
+    answer: the decision
+    form: normal form in whose coordinates it was made
     subspace: stable subspace of the Hamiltonian of `form`, or None if unknown
     """
 
@@ -63,7 +64,8 @@ class Found(NamedTuple):
 
 
 def existence(form: NormalForm) -> Answer:
-    """Return whether the value of a game exists.
+    """Return whether the value of a game exists, does not exist, or is undecided because of
+    rounding.
 
     Let [X1; X2] be a basis of the stable subspace of the Hamiltonian.
     - The value exists if the Hamiltonian has n eigenvalues on each side of the imaginary axis and
@@ -81,7 +83,7 @@ def existence(form: NormalForm) -> Answer:
 
 
 def value_found(form: NormalForm) -> Found:
-    """Return whether the value exists, with the coordinates of the decision.
+    """Return the decision whether the value of a game exists, with the data of the decision.
 
     The given coordinates, `turned` and `levelled` are tried in this order, until the existence is
     decided.
@@ -95,7 +97,8 @@ def value_found(form: NormalForm) -> Found:
 
 
 def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
-    """Return whether the value exists, decided in these coordinates alone.
+    """Return the decision whether the value of a game exists, made in the coordinates of `form`
+    alone.
 
     given: as for `hamiltonian_checks`
     """
@@ -137,8 +140,9 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
     """Return P, (n, n), by the Schur form if every test of P passes, otherwise None.
 
-    P has no certificate, because the tests bound the residual of P and not its error. Within about
-    1e-6 of the smallest delta of a stiff plant, the tests may pass although no solution exists.
+    This P has no certificate, because the tests bound the residual of P and not its error. Within
+    about 1e-6 of the smallest delta of a stiff plant, the tests may pass although no solution
+    exists.
     """
     try:
         X = by_schur(form)
@@ -150,18 +154,20 @@ def solution_that_holds(form: NormalForm) -> np.ndarray | None:
 
 
 def shown_gain(form: NormalForm) -> tuple[float, float]:
-    """Return a lower bound of the gain from the disturbance under every input, and its frequency,
+    """Return a lower bound of the L2 gain that no input can reduce further, and its frequency,
     rad/s.
+
+    The gain is that from the disturbance to (Q^½ x, R^½ u). The result is (0, 0) if no gain is
+    shown.
 
     At the frequency ω the least |Q^½ x|² + |u|² over all u, with x determined by u and w, is w*Φ w.
     Here Φ = -[0 E'] (H - jω I)⁻¹ [E; 0], and H is the Hamiltonian at δ = inf. No δ up to the square
     root of an eigenvalue of Φ has a value, because an eigenvalue of the Hamiltonian at this δ is on
     the axis. The frequencies tried are 0, the frequencies of the Hamiltonian's eigenvalues at the
-    given δ, and the midpoints between these frequencies.
+    given δ, and the midpoints between these frequencies. Rounding in the terms of every entry of H
+    and E is subtracted (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2).
 
-    Rounding in the terms of every entry of H and E is subtracted (Higham, Accuracy and Stability of
-    Numerical Algorithms, Section 7.2). The result is (0, 0) if no gain is shown. Source: Zhou,
-    Doyle and Glover, Section 13.4.
+    Source: Zhou, Doyle and Glover, Section 13.4.
     """
     n, k = form.disturbance.shape
     if not k or math.isinf(form.delta):

@@ -29,8 +29,9 @@ def level_crossings(
 ) -> np.ndarray:
     """Return all frequencies at which a singular value of C (jω I - A)⁻¹ B + D may equal a level.
 
-    The frequencies, in rad/s and ascending, are |Im λ| of every eigenvalue λ of the bounded-real
-    Hamiltonian, also of eigenvalues off the axis. The level must not be a singular value of D.
+    The frequencies, in rad/s and ascending, are |Im λ| of all eigenvalues λ of the bounded-real
+    Hamiltonian, including those off the imaginary axis. The level must not be a singular value of
+    D.
     Source: Zhou, Doyle and Glover, Section 4.7.
     """
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
@@ -46,7 +47,8 @@ def level_crossings(
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
-    """Return a gain of T = C (sI - A)⁻¹ B + D that exceeds the level if any frequency's gain does.
+    """Return a gain of T = C (sI - A)⁻¹ B + D that exceeds a level, if the gain of T exceeds it
+    anywhere.
 
     The result is the largest gain of T at the `level_crossings`, at the frequencies of the poles,
     and at frequencies between, below and above them. If σ_max(D) is not below the level, σ_max(D)
@@ -72,7 +74,9 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
 
 @checks_arguments
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
-    """Return the L2 gain of the closed loop with u = -K z (`system_gain`).
+    """Return the L2 gain of the closed loop with u = -K z, from the disturbance to (Q^½ z, R^½ u).
+
+    The result is inf if the loop is not stable (`system_gain`).
 
     K: (m, n)
     """
@@ -81,7 +85,9 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
 
 
 def closed_loop(game: Game, K: np.ndarray) -> Triple:
-    """Return A - B K, E, and C with C'C = Q + K'R K, for u = -K z.
+    """Return the closed loop of u = -K z as (A - B K, E, C), with C'C = Q + K'R K.
+
+    C z is the output (Q^½ z, R^½ u).
 
     K: (m, n)
 
@@ -93,11 +99,11 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Return the largest gain of C (sI - A)⁻¹ B + D over all frequencies.
+    """Return the L2 gain of C (sI - A)⁻¹ B + D, the largest singular value over all frequencies.
 
-    - an upper bound with the relative error `TOLERANCE`
-    - inf if A is not Hurwitz
-    - 0 if the gain is of the order of rounding
+    - A is not Hurwitz: inf
+    - the gain is of the order of rounding: 0
+    - otherwise: an upper bound with the relative error `TOLERANCE`
     """
     if not is_hurwitz(A):
         return math.inf

@@ -34,6 +34,10 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 
     If the loop is not Hurwitz, the gain is inf at the frequency of the pole with the largest real
     part.
+
+    loop: (n, n), state matrix of the closed loop
+    E: (n, k)
+    C: (p, n)
     """
     poles = spectrum(loop)
     if poles.abscissa >= 0.0:
@@ -53,8 +57,12 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
     """Return frequencies that resolve every resonance, rad/s, ascending.
 
-    The frequencies are 0, a logarithmic grid from 1 % of the smallest to 100 times the largest
-    eigenvalue magnitude, and points around each resonance that begin within its width.
+    The frequencies are 0, a logarithmic grid from 1 % of the smallest nonzero eigenvalue magnitude
+    to 100 times the largest, and points around each resonance. The points around a resonance begin
+    within its width.
+
+    eigenvalues: poles, 1/s
+    per_decade: number of grid points per decade
     """
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))

@@ -38,11 +38,14 @@ class GameBatch(Reported):
 
 @checks_arguments
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
-    """Return the solutions of games on plants A (N, n, n), B (N, n, m).
+    """Return the certified solutions of N games with different A and B and the same weights.
 
-    like: game with E, Q, R and delta
+    A: (N, n, n)
+    B: (N, n, m)
+    like: game with E, Q, R and delta of all games
 
-    Raises BadInputError, which names the faulty plant, for wrong shapes or numbers.
+    Raises BadInputError for wrong shapes, and with the index of the first plant that has an invalid
+    entry.
     """
     A = np.asarray(A, dtype=float)
     B = np.asarray(B, dtype=float)
@@ -51,7 +54,10 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     K = np.full_like(B.mT, np.nan)
 
     def solve(first: int) -> list[str]:
-        """Write P and K of `TOGETHER` games from `first` on, and return their reasons."""
+        """Write P and K of `TOGETHER` games, and return the reasons for missing certificates.
+
+        first: index of the first of these games
+        """
         part = slice(first, first + TOGETHER)
         form = NormalForm.of_plants(A[part], B[part], like)
         finite = np.flatnonzero(form.is_finite)
@@ -78,7 +84,12 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """Raise BadInputError if the shapes do not fit, or for the first invalid plant."""
+    """Raise BadInputError if A and B are not (N, n, n) and (N, n, m), or if a plant is invalid.
+
+    The message contains the index of the first invalid plant.
+
+    like: game with E, Q and R, whose shapes must fit
+    """
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
             f"A has shape {A.shape} and B has shape {B.shape}; give stacks (N, n, n) and (N, n, m)"
