@@ -71,13 +71,15 @@ class Solution(Result, Reported):
 
     @property
     def names(self) -> PlantNames:
-        """Names and units of the states and inputs."""
+        """Names and units of the game's states and inputs."""
         return self.game.names
 
     @property
     def closed_loop(self) -> control.StateSpace:
-        """Return the system z' = (A - B K) z + E d with the outputs z, as a python-control
-        `StateSpace`."""
+        """Return the closed loop z' = (A - B K) z + E d as a python-control `StateSpace`.
+
+        The inputs are the disturbances d, and the outputs are the states z.
+        """
         import control
 
         game = self.game
@@ -86,7 +88,7 @@ class Solution(Result, Reported):
         return control.ss(A, game.E, np.eye(len(A)), 0, states=states, outputs=states)
 
     def poles(self) -> np.ndarray:
-        """Eigenvalues of A - B K, (n,) complex, 1/s."""
+        """Return the eigenvalues of A - B K, (n,) complex, 1/s."""
         return self.closed_loop_eigenvalues
 
     @property
@@ -95,7 +97,10 @@ class Solution(Result, Reported):
         return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
 
     def margins(self) -> dict[str, dict[str, float]]:
-        """Return input -> margins of the loop at this input (`named_margins`)."""
+        """Return the stability margins at each input, input -> name of the margin -> value.
+
+        Each margin is computed with the loops of the other inputs closed (`named_margins`).
+        """
         from controller.riccati.loop_margins import margins_of_inputs
 
         return margins_of_inputs(self.names, certified(NormalForm.of(self.game)))
@@ -156,7 +161,10 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
-    """Return the certified solution of a normal form.
+    """Return the certified solution of a game.
+
+    form: normal form of the game
+    progress: called by the search for delta_min, which runs only if there is no solution
 
     Raises NoSolutionError with the failed test and delta_min, or with the reason why no delta has a
     solution.
@@ -170,7 +178,7 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
 
 
 def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
-    """Return a certified solution, converted to the user's coordinates.
+    """Return the solution of a game in the user's coordinates.
 
     form: normal form of the game
     certified: certified solution of the game, possibly in other coordinates
@@ -195,10 +203,14 @@ def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
 def _abscissa_error(form: NormalForm, certified: Certified) -> float:
     """Return the change of the largest real part of the eigenvalues of A - B K by rounding, 1/s.
 
-    The result is a first-order bound, or inf if the matrix is defective. Rounding affects A, B and
+    The result is a first-order bound, or inf if A - B K is defective. Rounding affects A, B and
     K. A change D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector y
-    by y'D x / y'x. Rounding changes A by at most n ε |A|, and the gain by at most n ε |K|, in both
-    coordinates. Source: Golub and Van Loan, Matrix Computations, Section 7.2.2.
+    by y'D x / y'x. Rounding changes A by at most n ε |A|, and the gain by at most n ε |K|, in the
+    coordinates of the normal form and in those of the solution. Source: Golub and Van Loan, Matrix
+    Computations, Section 7.2.2.
+
+    form: normal form of the game
+    certified: certified solution of the game, possibly in other coordinates
     """
     form_of_X = certified.form
     A = form_of_X.A

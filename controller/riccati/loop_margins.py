@@ -1,4 +1,4 @@
-"""Margins of one loop with all other loops closed, or of several loops with equal changes.
+"""Stability margins of one loop with all other loops closed, or of several loops changed equally.
 
 The margins are computed from M = S - I/2 (`margins`).
 """
@@ -46,8 +46,9 @@ class LoopMargin(NamedTuple):
     gain_low, gain_high: the loop remains stable if its gain is multiplied by a factor between these
         limits
     phase: largest tolerated phase shift, deg; inf if every phase shift is tolerated
-    crossover: frequency at which this phase shift makes the loop unstable (|l| = 1), rad/s; nan if
-        |l| is never 1
+    crossover: frequency at which this phase shift makes the loop unstable, rad/s; the loop gain is
+        1
+        there, |l| = 1; nan if |l| is never 1
     delay: largest tolerated delay of the signal, s; inf if every delay is tolerated
     disk: α of `DiskMargin`, for simultaneous changes of gain and phase
     """
@@ -61,14 +62,18 @@ class LoopMargin(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """Smaller of the gain increase and the gain decrease that make the loop unstable, dB."""
+        """Gain margin, dB: the smaller of the gain increase and decrease that make the loop
+        unstable.
+        """
         with np.errstate(divide="ignore"):
             return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
 
 
 def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
-    """Return the margins at each input of u = -K z, in the order of the inputs.
+    """Return the stability margins at each input of u = -K z, with the loops of the other inputs
+    closed.
 
+    game: the game, for A and B
     K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
@@ -79,9 +84,9 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
 
 
 def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[str, float]]:
-    """Return the margins of the exact gain: input -> name of the margin -> value.
+    """Return the stability margins of the exact gain, input -> name of the margin -> value.
 
-    names: names of the plant
+    names: names of the plant's states and inputs
     solved: certified solution of the game
     """
     balanced = solved.form.game()
@@ -91,9 +96,12 @@ def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[st
 def named_margins(
     inputs: Sequence[str], loops: Sequence[LoopMargin]
 ) -> dict[str, dict[str, float]]:
-    """Return input -> name of the margin -> value, including `disk_gain` and `disk_phase` (deg).
+    """Return the stability margins by name, input -> name of the margin -> value.
 
-    loops: margins of the inputs, in the same order
+    The names are the fields of `LoopMargin`, `disk_gain` (a factor) and `disk_phase` (deg).
+
+    inputs: names of the inputs
+    loops: margins at each input, in the same order
     """
     found = {}
     for name, loop in zip(inputs, loops, strict=True):
@@ -103,7 +111,10 @@ def named_margins(
 
 
 def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
-    """Return the margins of loop i with the other loops closed."""
+    """Return the stability margins of loop i, with all other loops closed.
+
+    loop: the closed loop, M at all inputs
+    """
     only = loop.only(i)
     zeros = np.unique(np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
@@ -119,7 +130,13 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
 
 
 def _peak_of(locus: Loci, grid: np.ndarray) -> float:
-    """Return the frequency at which |M| of one loop is largest, found from a grid by refinement."""
+    """Return the frequency at which |M| of one loop is largest, rad/s.
+
+    The largest value on the grid is refined.
+
+    locus: ω (N,) -> M of the loop, (N, 1) or (N,)
+    grid: (N,), rad/s
+    """
     for _ in range(_REFINEMENTS):
         peak = int(np.abs(locus(grid)).argmax())
         grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
@@ -127,7 +144,7 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
 
 
 def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function ω (N,) -> M(jω) (N, m, m).
+    """Return the frequency response of a closed loop as a function ω (N,) -> M(jω) (N, m, m).
 
     With the complex Schur form of A, each frequency takes n² operations instead of n³.
     """
@@ -151,10 +168,11 @@ def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
-    """Return all frequencies, rad/s, at which Re M or Im M of one loop may be 0.
+    """Return all frequencies at which Re M or Im M of one loop may be 0, rad/s.
 
     The frequencies are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
 
+    loop: closed loop with one input and output
     sign: 1 for Re M, -1 for Im M
     """
     from scipy.linalg import eig
@@ -172,16 +190,19 @@ def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
 
 
 def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> LoopMargin:
-    """Return the margins of k loops for one common factor, phase shift or delay.
+    """Return the stability margins of k loops for one common factor, phase shift or delay.
 
-    Zeros of Im M and Re M are searched for wherever their signs change between frequencies of the
-    grid.
+    M = S - I/2 has k eigenvalues at each frequency. The gain margins follow from the frequencies at
+    which an eigenvalue is real, the phase and delay margins from those at which it is imaginary.
+    These frequencies are searched for wherever Im M or Re M changes its sign on the grid.
     Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
 
     loci: ω (N,) -> M of the loops, (N, k), in any order
     grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on the
         grid
-    loop: the loop of the loci, for its M at infinite frequency and its sampling time; or None
+    loop: the loop of the loci, for its M at infinite frequency and its sampling time; None if there
+        is
+        neither
     """
     for _ in range(_HALVINGS):
         seen = _followed(loci(grid))
@@ -214,10 +235,10 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 
 
 class _Crossings(NamedTuple):
-    """Sign changes of Re M or Im M.
+    """Frequencies at which Re M or Im M of a loop changes its sign.
 
-    frequencies: frequencies of the sign changes, rad/s
-    values: M at these frequencies
+    frequencies: (J,), rad/s
+    values: (J,), M at these frequencies
     jumps: indices of the grid intervals in which the sign changes only because two curves were
         interchanged
     """
@@ -230,9 +251,9 @@ class _Crossings(NamedTuple):
 def _crossings_of(
     part: Callable[[np.ndarray], np.ndarray], loci: Loci, grid: np.ndarray, seen: np.ndarray
 ) -> _Crossings:
-    """Return the sign changes of Re M or Im M between frequencies of the grid.
+    """Return the frequencies between points of a grid at which Re M or Im M changes its sign.
 
-    part: function that returns Re or Im of M
+    part: np.real or np.imag
     loci: as for `margin_of`
     grid: (N,), rad/s
     seen: M on the grid, (N, k), each column a continuous curve
@@ -268,9 +289,11 @@ def _crossings_of(
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """Reorder each row of loci (N, k) so that each column is a continuous curve.
+    """Return the values of k loops, (N, k), reordered so that each column is a continuous curve.
 
     Each row is assigned to the nearest values of the row before it.
+
+    loci: M on a grid of N frequencies, (N, k), each row in any order
     """
     if loci.shape[1] == 1:
         return loci

@@ -43,9 +43,10 @@ Piece = tuple[float, float]
 
 
 class DiskMargin(NamedTuple):
-    """Margin for simultaneous changes of all inputs, each multiplied by its own complex factor f.
+    """Disk margin: stability for simultaneous changes of all inputs by independent complex factors.
 
-    f = (2 + αε)/(2 - αε), with any complex |ε| < 1.
+    The loop remains stable if each input is multiplied by a factor f = (2 + αε)/(2 - αε), with any
+    complex |ε| < 1.
 
     disk: α, a lower bound of the margin; for more than three inputs the true margin may be slightly
         larger
@@ -77,7 +78,7 @@ class ClosedLoop(NamedTuple):
     dt: float = 0.0
 
     def only(self, i: int) -> ClosedLoop:
-        """Return M of loop i, with the other loops closed."""
+        """Return M of loop i alone, with the other loops closed."""
         one = slice(i, i + 1)
         return self._replace(B=self.B[:, one], C=self.C[one], D=self.D[one, one])
 
@@ -86,17 +87,18 @@ class ClosedLoop(NamedTuple):
         return self.D + self.C @ responses(self.A, self.B, frequencies)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
-        """Convert frequencies of s to physical frequencies, rad/s.
+        """Return the physical frequencies, rad/s, that belong to frequencies ω of s = jω.
 
-        For a sampled loop the physical frequency ω satisfies z = exp(jω dt).
+        - continuous time: the same frequencies
+        - sampled loop: the angle of z, divided by dt
         """
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 
 def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> ClosedLoop:
-    """Return M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
+    """Return the closed loop M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
 
-    closed: (n, n), matrix of the closed loop
+    closed: (n, n), state matrix of the closed loop
     enters: (n, m)
     leaves: (m, n)
 
@@ -112,7 +114,10 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
 
 
 def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
-    """Return M at all inputs of u = -K z.
+    """Return M = S - I/2 at all inputs of the closed loop with u = -K z.
+
+    game: the game, for A and B
+    K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
     Hurwitz.
@@ -123,12 +128,13 @@ def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
 
 @checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
-    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2), for independent complex factors.
+    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2) of u = -K z, for independent complex
+    factors.
 
     μ is bounded above by D-scaling, μ(M) <= min_D σ_max(D M D⁻¹) with D diagonal. Level sets extend
     the bound to all frequencies.
 
-    game: the plant
+    game: the game, for A and B
     K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
@@ -144,6 +150,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     Intervals of frequencies are divided until the bound min_D σ_max(D M D⁻¹) is shown to be below
     one level on all intervals.
 
+    loop: M
     near: estimate of the critical frequency, rad/s, which shortens the search; 0 if unknown
 
     Source: Lawrence, Tits and Van Dooren, Automatica 36 (2000), 449-456.
@@ -179,7 +186,11 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
 
 
 def _between(low: float, high: float) -> float:
-    """Return a frequency between `low` and `high`, where `high` may be infinite."""
+    """Return a frequency inside an interval of frequencies, rad/s.
+
+    low: lower end
+    high: upper end, possibly inf
+    """
     if math.isinf(high):
         return 4.0 * low or 1.0
     return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
@@ -188,11 +199,11 @@ def _between(low: float, high: float) -> float:
 def _above(
     loop: ClosedLoop, scaling: np.ndarray, level: float, pieces: list[Piece], cut: float
 ) -> Iterator[Piece]:
-    """Yield the parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
+    """Yield those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
 
     scaling: log D, (m,)
-    pieces: frequency intervals
-    cut: a frequency at which σ_max(D M D⁻¹) is not above the level
+    pieces: frequency intervals (low, high), rad/s
+    cut: a frequency at which σ_max(D M D⁻¹) is not above the level, rad/s
     """
     D = np.exp(scaling)
     C = D[:, None] * loop.C
@@ -300,7 +311,7 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
 
 
 def disk_sizes(alpha: float) -> tuple[float, float]:
-    """Return the gain (a factor) and the phase (deg) of the disk margin α.
+    """Return the gain (a factor) and the phase (deg) that belong to the disk margin α.
 
     The gain is inf for α >= 2.
     """

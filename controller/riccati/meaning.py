@@ -1,4 +1,4 @@
-"""Checks of a solution: the cost of its policies, and their L2 gain by two methods."""
+"""Checks of a solution: the cost of its policies, and their L2 gain computed by two methods."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ SWEEP_TOLERANCE = 1e-6
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
-    """Return the checks that the policies of P cost z0'P z0 and that their L2 gain is below delta.
+    """Return the checks that the policies of P cost z0'P z0 and that the L2 gain of K is below
+    delta.
 
-    With delta = inf (no disturbance) the gain is not limited.
+    A further check compares two computations of the L2 gain. With delta = inf (no disturbance) any
+    finite gain passes.
 
+    game: the game
     P: (n, n), exact or learned
     initial: initial state z0, (n,)
     """
@@ -62,6 +65,8 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
 
     The check fails with the value inf if the policies of P are not stabilizing.
 
+    game: the game
+    P: (n, n)
     initial: initial state z0, (n,)
     """
     K = game.gain(P)
@@ -83,6 +88,9 @@ def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
     the gain.
 
     If A - B K is not Hurwitz, only a failed check of the L2 gain is returned.
+
+    game: the game
+    K: (m, n)
     """
     gain = bounded_real_gain(game, K)
     if math.isinf(gain):

@@ -33,10 +33,10 @@ BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
 class Sizes(NamedTuple):
-    """Magnitudes of the terms from which A, B, E and Q of a game were computed, entry by entry.
+    """Magnitudes of the terms whose sums are the entries of A, B, E and Q of a game.
 
-    Rounding of a sum is relative to the sum of the magnitudes of its terms, even if the terms
-    cancel.
+    The rounding error of a sum is relative to the sum of the magnitudes of its terms, even if the
+    terms cancel. These magnitudes therefore bound the rounding in the matrices.
 
     A: (n, n)
     B: (n, m), with R = I
@@ -50,8 +50,9 @@ class Sizes(NamedTuple):
     Q: np.ndarray
 
     def in_coordinates(self, T: np.ndarray, inverse: np.ndarray) -> Sizes:
-        """Return the magnitudes in the coordinates y = T z.
+        """Return the magnitudes of the terms in the coordinates y = T z.
 
+        T: (n, n)
         inverse: T⁻¹
         """
         into = np.abs(T)
@@ -61,7 +62,9 @@ class Sizes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class NormalForm:
-    """Equation A'X + X A + Q - X S X = 0, S = B B' - E E', of one game or a stack, in y = T z.
+    """Game in coordinates y = T z of the state, with R = I and δ = 1: A'X + X A + Q - X S X = 0.
+
+    S is B B' - E E'. The form describes one game, or a stack of games with the same R and delta.
 
     A: (..., n, n)
     inputs: (..., n, m), B of the game in y, before the scaling to R = I; stored because rounding of
@@ -93,10 +96,13 @@ class NormalForm:
 
     @classmethod
     def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
-        """Return the normal form of games on plants A (..., n, n), B (..., n, m).
+        """Return the normal form of games with different A and B, in balanced units of the states.
 
-        E, Q, R and delta are those of the game `like`. Source of the scaling by R^-½: Zhou, Doyle
-        and Glover, Section 14.1.
+        Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1.
+
+        A: (..., n, n)
+        B: (..., n, m)
+        like: game with E, Q, R and delta of all games
         """
         root = np.linalg.cholesky(like.R)
         A = without_faint(A, FAINT)
@@ -122,8 +128,10 @@ class NormalForm:
         return form
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
-        """Return one game of a stack, or several of them. The index None turns one game into a
-        stack."""
+        """Return the game with this index of a stack, or a stack of several of its games.
+
+        index: an integer, an array of indices or a mask; None returns one game as a stack of one
+        """
         part = replace(
             self,
             A=self.A[index],
@@ -165,9 +173,9 @@ class NormalForm:
 
     @cached_property
     def rounded(self) -> np.ndarray:
-        """Change of B B' - E E' by rounding of `root`, B and E, (..., n, n), to first order.
+        """Error of B B' - E E' due to the rounding of `root`, B and E, (..., n, n), to first order.
 
-        Near the smallest delta the two terms nearly cancel, so that this change matters.
+        Near the smallest delta the two terms nearly cancel, and this error matters.
         """
         root = self.root
         half = np.zeros_like(self.A)
@@ -186,13 +194,16 @@ class NormalForm:
         return 1.0 / np.diag(self.T)
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
-        """Convert P, or a stack of P, from the user's coordinates to X. The form must not be
-        `turned`."""
+        """Return X, the matrix P of the user's coordinates in the coordinates y. Not for `turned`
+        forms.
+
+        P: (..., n, n)
+        """
         return P * np.outer(self.units, self.units)
 
     @property
     def is_finite(self) -> np.ndarray:
-        """Mask (...) of the games whose Hamiltonian is finite in these units."""
+        """Mask (...) of the games whose Hamiltonian does not overflow in these coordinates."""
         with np.errstate(all="ignore"):
             return np.isfinite(self.hamiltonian).all(axis=(-2, -1))
 
@@ -203,8 +214,9 @@ class NormalForm:
 
     @property
     def sizes(self) -> Sizes:
-        """Magnitudes of the terms of the matrices: `made_of`, or for None the magnitudes of the
-        entries.
+        """Magnitudes of the terms of A, B, E and Q.
+
+        They are `made_of`, or the magnitudes of the entries if `made_of` is None.
         """
         if self.made_of is not None:
             return self.made_of
@@ -273,9 +285,10 @@ class NormalForm:
         change, a mode that the inputs reach only by a small fraction r costs 1/r², and rounding of
         this cost hides all other modes.
 
-        The change of coordinates is T <- D W'T. For the basis [X1; X2] of the stable subspace, X1 =
-        W cos(θ) Z', and tan(θ) are the singular values of P. D contains the units of the directions
-        W. Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between
+        The change of coordinates is T <- D W'T. [X1; X2] is an orthonormal basis of the stable
+        subspace, X1 = W cos(θ) Z', and tan(θ) are the singular values of P. The diagonal D contains
+        the units of the
+        columns of W. Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between
         subspaces).
         """
         from controller.riccati.schur import stable_basis
@@ -299,8 +312,8 @@ class NormalForm:
 
         If P cannot be computed, the result of `turned` is returned. Without the change, P of a
         plant with fast and slow states can have entries from 1e-11 to 1, and rounding of the fast
-        states hides the slow states. The unit of a direction in which P is only rounding is not
-        changed.
+        states hides the slow states. If P has only rounding errors in a direction of the state
+        space, the unit of this direction is not changed.
         """
         from controller.riccati.schur import stable_basis
 
@@ -337,8 +350,9 @@ class NormalForm:
 
 
 def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
-    """Return (D W') M (D W')⁻¹ as a pair.
+    """Return (D W') M (D W')⁻¹ as a pair (high, low) of twice the precision.
 
+    matrix: M, (n, n), as a pair
     W: (n, n), orthogonal up to rounding
     D: (n,), powers of two
     """
@@ -348,15 +362,18 @@ def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
 
 
 def precise_inverse(W: np.ndarray) -> Pair:
-    """Return (W')⁻¹ as a pair, for a W that is orthogonal up to rounding."""
+    """Return (W')⁻¹ as a pair (high, low) of twice the precision.
+
+    W: (n, n), orthogonal up to rounding
+    """
     high, low = product_of_doubles(W.T, W)
     defect = np.eye(len(W)) - high, -low
     return add(exact(W), product(exact(W), defect))  # a step of Newton's method
 
 
 def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
-    """Return the matrix with entries below `least` in magnitude replaced by 0.
+    """Return the matrix with 0 in place of entries below `least` in magnitude.
 
-    The products of such small numbers would have no correct digits.
+    Products of such small numbers would have no correct digits.
     """
     return np.where(np.abs(matrix) < least, 0.0, matrix)

@@ -1,4 +1,4 @@
-"""Distance of a plant from the nearest plant with an uncontrollable mode."""
+"""Distance of a plant (A, B) from the nearest plant with an uncontrollable mode."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ _PASSES = 3
 
 
 def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return the least relative change found of A and B that makes a mode uncontrollable, (N,).
+    """Return the smallest relative change of A and B that makes an unstable mode uncontrollable,
+    (N,).
 
-    Only modes with Re λ >= -`_NEAR` |A| are considered. The result is 1 for a plant without such a
-    mode.
+    The change is the smallest one found, an upper bound of the smallest. A mode is included if Re λ
+    >= -`_NEAR` |A|. The result is 1 for a plant without such a mode.
 
     A: (N, n, n)
     B: (N, n, m)
@@ -39,12 +40,12 @@ def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def not_decaying(values: np.ndarray) -> np.ndarray:
-    """Return the nearest numbers with a nonnegative real part."""
+    """Return the nearest complex numbers with a nonnegative real part, for each of the numbers."""
     return np.maximum(values.real, 0.0) + 1j * values.imag
 
 
 def on_axis(values: np.ndarray) -> np.ndarray:
-    """Return the nearest numbers on the imaginary axis."""
+    """Return the nearest numbers on the imaginary axis, for each of the numbers."""
     return 1j * values.imag
 
 
@@ -54,12 +55,13 @@ def loses_rank(
     value: complex,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> bool:
-    """Return whether [A' - λI; rows] loses full column rank by a relative change of at most `RANK`.
+    """Return whether a relative change of at most `RANK` makes [A' - λI; rows] rank-deficient for
+    some λ.
 
     A: (n, n)
     rows: (p, n)
     value: initial λ of the search
-    nearest: numbers -> nearest permitted λ
+    nearest: function that maps numbers to the nearest permitted λ
     """
     return bool(rank_distance(A[None], rows[None], np.array([value]), nearest)[0] <= RANK)
 
@@ -70,19 +72,19 @@ def rank_distance(
     values: np.ndarray,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return the least relative change found for which [A' - λI; rows] loses full column rank,
-    (K,).
+    """Return the smallest relative change found that makes [A' - λI; rows] rank-deficient, (K,).
 
-    The result is an upper bound, at most 1. λ and the singular vector of the smallest singular
-    value are searched for together. Each row is divided by the magnitude of its terms, so that fast
-    states do not hide entries of slow states.
+    Rank-deficient means less than full column rank. The result is an upper bound of the smallest
+    change, at most 1. λ and the singular vector of the smallest singular value are searched for
+    together. Each row is divided by the magnitude of its terms. Fast states therefore do not hide
+    entries of slow states.
 
     Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager).
 
     A: (K, n, n)
     rows: (K, p, n)
     values: (K,), initial λ of the search
-    nearest: numbers -> nearest permitted λ
+    nearest: function that maps numbers to the nearest permitted λ
     """
     n = A.shape[-1]
     both = np.concatenate([A.mT, rows], axis=1)

@@ -14,10 +14,13 @@ def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """Return an orthonormal basis (2n, n) of the stable subspace, and its separation.
+    """Return an orthonormal basis (2n, n) of the stable subspace of a matrix, and its separation.
 
-    The basis is None if the dimension is not n or the Schur form fails. The separation is computed
-    only for the LAPACK job "V".
+    The basis is None if the dimension of the subspace is not n, or if the Schur form fails. The
+    separation is that of the stable and unstable blocks of the Schur form.
+
+    matrix: (2n, 2n)
+    job: LAPACK job, b"N" for the basis alone, b"V" to compute the separation too
     """
     from scipy.linalg.lapack import dgees, dtrsen
 

@@ -33,14 +33,15 @@ _NEAR_AXIS = 1e-6
 
 
 class DeltaMin(NamedTuple):
-    """Bracket refused < delta_min <= value, with delta_min = inf{δ : a solution exists}.
+    """Bounds of delta_min = inf{δ : a solution exists}: refused < delta_min <= value.
 
-    value / refused <= 1 + 1e-6, or more if rounding hides the minimum (`uncertain`). Both are 0 if
-    the disturbance does not affect the cost.
+    value / refused is at most 1 + 1e-6, or more if rounding hides the minimum (`uncertain`). Both
+    are 0 if the disturbance does not affect the cost.
 
     value: smallest delta found to have a solution
-    refused: largest delta shown to have no solution
-    condition: for a generalized plant, the condition that fails just below `value`, or "none"
+    refused: largest delta below `value` shown to have no solution, or 0 if there is none
+    condition: for a generalized plant, the condition that fails just below `value`, or "none"; ""
+        for other games
     """
 
     value: float
@@ -48,21 +49,24 @@ class DeltaMin(NamedTuple):
     condition: str = ""
 
     def margin(self, delta: float) -> float:
-        """Return delta / delta_min, or inf if delta_min is 0.
+        """Return the ratio delta / delta_min, or inf if delta_min is 0.
 
-        The game has a value if the result is above 1.
+        If the ratio is above 1, the game with this delta has a value.
         """
         return delta / self.value if self.value > 0.0 else math.inf
 
     @property
     def uncertain(self) -> bool:
-        """True if rounding leaves delta_min uncertain by more than the tolerance of the search."""
+        """True if rounding leaves delta_min uncertain by more than the tolerance of the search.
+
+        This is also True if no delta was shown to have no solution.
+        """
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
     def advice(self, delta: float) -> str:
-        """Return a sentence that compares delta with delta_min.
+        """Return a clause for an error message that compares a delta with delta_min.
 
-        The sentence recommends a larger delta unless delta exceeds delta_min by at least `CLOSE`
+        The clause recommends a larger delta unless delta exceeds delta_min by at least `CLOSE`
         (relative).
         """
         what = "; choose a larger delta"
@@ -83,7 +87,7 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Return a bracket of the smallest δ for which a game has a value, to 1e-6 relative.
+    """Return bounds of the smallest δ for which a game has a value, to 1e-6 relative.
 
     The delta of the game itself does not affect the result.
 
@@ -102,12 +106,18 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
 
 def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> DeltaMin:
-    """Return a bracket of the smallest δ of a normal form, by bisection of log δ on `existence`.
+    """Return bounds of the smallest δ for which a game has a value, by bisection of log δ on
+    `existence`.
 
     The set of δ with a value is an interval (delta_min, inf], because a larger δ makes the
     disturbance more expensive. The search begins at twice the L2 gain of the LQR policy, an upper
-    bound of delta_min, or of the policy of the game if the LQR policy cannot be certified. Source:
-    Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+    bound of delta_min. If the LQR policy cannot be certified, the policy of the game is used
+    instead.
+
+    form: normal form of the game
+    progress: called during the search
+
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     Raises NoSolutionError if no δ has a solution.
     """
@@ -143,10 +153,11 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
 
 
 def why_refused(form: NormalForm, failure: str, progress: Progress | None = None) -> str:
-    """Return a sentence with the reason why a game has no certified solution, and the change to
-    make.
+    """Return the reason why a game has no certified solution, and what to change, as one sentence.
 
-    failure: the failed test of the certificate
+    form: normal form of the game
+    failure: text of the failed test of the certificate
+    progress: called by the search for delta_min
 
     Raises NoSolutionError if no delta has a solution.
     """
@@ -158,7 +169,7 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
 
 def _some_solution(form: NormalForm) -> Certified:
-    """Return the solution for delta = inf or, if it cannot be certified, for the delta of the game.
+    """Return the certified solution of the game for delta = inf, or otherwise for its own delta.
 
     Raises NoSolutionError with the reason if neither solution is certified.
     """
@@ -176,10 +187,12 @@ def _some_solution(form: NormalForm) -> Certified:
 
 
 def lqr_obstacle(form: NormalForm, failure: str) -> str:
-    """Return the reason why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution, as one
-    line.
+    """Return the reason why A'P + P A + Q - P B R⁻¹ B' P = 0 has no certified stabilizing solution.
 
-    failure: the failed test of the certificate
+    The reason is one line of text with the change to make, if one is known.
+
+    form: normal form of the game
+    failure: text of the failed test of the certificate, for the case that no other reason is found
     """
     unreached = (
         "within rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave"
@@ -197,13 +210,15 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
 
 
 class Obstacle(NamedTuple):
-    """Reason why no delta has a solution, and the modes nearest to such a reason.
+    """Reason why no delta has a solution, and the modes for which the conditions nearly fail.
 
     sentence: the reason, or "" if there is none
-    reach: least relative change of A and B that makes an unstable mode uncontrollable
+    reach: smallest relative change of A and B that makes an unstable mode uncontrollable, 1 if
+        there
+        is no such mode
     mode: name of this mode
-    shown: least relative change of A and Q^½ that leaves an eigenvalue on the axis without cost
-    undamped: name of the mode of this eigenvalue
+    shown: smallest relative change of A and Q^½ that puts a mode without cost on the imaginary axis
+    undamped: name of this second mode
     """
 
     sentence: str
@@ -213,9 +228,10 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return a clause on the mode with the smallest reach or cost.
+        """Return a clause on the mode that the inputs barely reach, or that barely has a cost.
 
-        The clause is "" if both `reach` and `shown` of the obstacle are above `BARELY`.
+        The clause describes the mode with the smaller of `reach` and `shown`. It is "" if both are
+        above `BARELY`.
 
         reach: subject and verb for the reach, such as "the inputs reach"
         show: subject and verb for the cost, such as "Q shows"
@@ -229,7 +245,7 @@ class Obstacle(NamedTuple):
 
 
 def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
-    """Return the reason why no solution exists without disturbance.
+    """Return the reason why a game has no solution even without disturbance, if a reason is found.
 
     The Riccati equation without disturbance has a stabilizing solution if and only if two matrices
     have full column rank:
@@ -241,6 +257,7 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     for which the state converges to 0. A mode that rounding may have moved off the axis is also
     treated as a mode on the axis. Source: Zhou, Doyle and Glover, Theorem 13.7.
 
+    form: normal form of the game
     unreached, hidden: sentences with {} for the name of the mode
     """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
@@ -271,11 +288,15 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
-    """Return each eigenvalue of A with a bound of its change by rounding of A, to first order.
+    """Return the eigenvalues of A, each with a bound of its error due to rounding of A, to first
+    order.
 
-    The bound is y'|D|x / |y'x| for a change D of the entries by rounding, at most `_NEAR_AXIS`
-    times the norm `size` of A. For a defective A every bound has this largest value. Source: Golub
-    and Van Loan, Section 7.2.2.
+    The bound is y'|D|x / |y'x| for a change D of the entries by rounding. It is at most
+    `_NEAR_AXIS` times the norm of A, and has this value for a defective A. Source: Golub and Van
+    Loan, Section 7.2.2.
+
+    A: (n, n)
+    size: norm of A
     """
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size
@@ -289,9 +310,10 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
 
 
 def _mode_text(eigenvalue: complex, error: float) -> str:
-    """Return "mode with eigenvalue 0.5 ± 1i" for a message.
+    """Return the name of a mode for a message, "mode with eigenvalue 0.5 ± 1i".
 
-    A real or imaginary part of at most `error` is treated as 0.
+    eigenvalue: 1/s
+    error: real and imaginary parts up to this magnitude are shown as 0
     """
     real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
@@ -301,10 +323,15 @@ def _mode_text(eigenvalue: complex, error: float) -> str:
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
-    """Return the smallest singular value of [A' - λI; rows], divided by the norm `size` of A.
+    """Return the smallest singular value of [A' - λI; rows], relative to the norm of A.
 
     The rows are first scaled to the norm of A. If the matrix does not have full column rank, the
     result is of the order of rounding.
+
+    A: (n, n)
+    value: λ
+    rows: (p, n)
+    size: norm of A
     """
     scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
     stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])

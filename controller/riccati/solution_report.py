@@ -49,16 +49,16 @@ class AnalysedGame(Solution):
     disk_margin: DiskMargin
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Yield K, P and the poles: K, P, poles = hfa.lqr(A, B, Q, R)."""
+        """Yield K, P and the poles, for the assignment K, P, poles = hfa.lqr(A, B, Q, R)."""
         return iter((self.K, self.P, self.poles()))
 
     def __getitem__(self, place: int) -> np.ndarray:
-        """Return K (0), P (1) or the poles (2)."""
+        """Return K for place 0, P for 1, and the poles for 2."""
         return (*self,)[place]
 
     @property
     def delta_min(self) -> float:
-        """Smallest delta found to have a solution, an upper bound of the minimum."""
+        """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
         return self.smallest.value
 
     @property
@@ -68,7 +68,7 @@ class AnalysedGame(Solution):
 
     @property
     def loop_margins(self) -> dict[str, dict[str, float]]:
-        """Input -> margins of the loop at this input (`named_margins`)."""
+        """Stability margins, input -> name of the margin -> value (`named_margins`)."""
         return named_margins(self.names.inputs, self.loops)
 
     def report(self) -> Report:
@@ -98,7 +98,7 @@ class AnalysedGame(Solution):
 
     @property
     def solution(self) -> Solution:
-        """This object. Version 0.3 stored the solution under this name."""
+        """The object itself, under the name that version 0.3 used for the solution."""
         return self
 
 
@@ -139,10 +139,10 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
 @checks_arguments
 def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> AnalysedGame:
-    """Return the linear-quadratic regulator u = -K z, called as lqr(linear, Q, R) or lqr(A, B, Q,
-    R).
+    """Return the linear-quadratic regulator u = -K z of a linear model, or of A and B.
 
-    The regulator is the solution of the game without disturbance, `hfa.game(linear, Q, R)`.
+    The function is called as lqr(linear, Q, R) or lqr(A, B, Q, R). The regulator is the solution of
+    the game without disturbance, `hfa.game(linear, Q, R)`.
 
     linear: the linear model, or A
     more: B after A, then Q and R, as for `hfa.game`
@@ -166,7 +166,7 @@ def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Analysed
 
 @checks_arguments
 def regulator(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
-    """Return the solution of the game without disturbance on a linear model.
+    """Return the linear-quadratic regulator of a linear model with A and B, as an exact solution.
 
     Q, R: as for `hfa.game`
     """
