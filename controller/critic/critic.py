@@ -116,8 +116,7 @@ class Critic(Reported):
 
     @property
     def symbols(self) -> ca.SX:
-        """New CasADi symbols z (n,), as arguments for the functions of the critic (`symbols_for`).
-        """
+        """New CasADi symbols z (n,), as arguments of the critic's functions (`symbols_for`)."""
         return symbols_for(self.network.values(), self.K.shape[1])
 
     @cached_property

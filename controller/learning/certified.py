@@ -314,7 +314,8 @@ MOST_SAMPLES = 100_000
 
 
 def enough_for(weights: int, least: int) -> int:
-    """Return the default number of samples: `least`, or 1.5 times the number of weights if larger.
+    """Return the default number of samples: the larger of `least` and 1.5 times the weights'
+    number.
     """
     return max(least, weights + (weights + 1) // 2)
 
