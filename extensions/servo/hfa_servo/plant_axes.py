@@ -33,7 +33,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def of(cls, A: np.ndarray) -> Self:
-        """Return the coordinates of the Schur form of the balanced matrix A, (n, n)."""
+        """Return the coordinates of the Schur form of A after balancing, for A (n, n)."""
         from scipy.linalg import schur
 
         matrix, units = balanced(A)

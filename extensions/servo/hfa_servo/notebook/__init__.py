@@ -1,1 +1,1 @@
-"""Convenience calls for notebooks: responses of linear models, and names used by other tools."""
+"""Calls for notebooks: responses of linear models, and calls under the names of other tools."""

@@ -1,4 +1,6 @@
-"""Methods added to results: conversion to tables, files and pictures of other packages."""
+"""Methods that are added to results, for conversion to tables, files and pictures of other
+packages.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 def _to_json(value: Any) -> Callable[..., Any] | None:
     """Return the method `to_json` of a result, or None if the value is not a result.
 
-    The method returns JSON text. With a path, the method writes the file.
+    The method returns JSON text. If a path is given, it writes the JSON file instead.
     """
     if not isinstance(value, Reported):
         return None
@@ -82,8 +84,13 @@ def _to_scipy(value: Any) -> Callable[[], Any] | None:
 def _plot(value: Any) -> Callable[[], Any] | None:
     """Return the method `plot` of a result, or None for a result without a picture.
 
-    The method draws the poles of a solution, the weights of a training run, or the first picture of
-    another result's report. Raises AttributeError for a Model.
+    The method draws
+
+    - the poles of a solution,
+    - the weights of a training run over time,
+    - the first picture in the report of another result.
+
+    Raises AttributeError for a Model.
     """
     if isinstance(value, Model):
         raise AttributeError("a Model has no picture; write model.trim().plot()")
@@ -107,7 +114,7 @@ def _draw_poles(solution: Solution) -> Axes:
 
 
 def _draw_weights(run: TrainingRun) -> Axes:
-    """Draw the weights over time in a new pyplot figure and return its Axes."""
+    """Draw the weights of a training run over time in a new pyplot figure and return its Axes."""
     from matplotlib import pyplot
 
     axes: Axes = pyplot.figure(layout="constrained").subplots()
@@ -128,19 +135,27 @@ def _replace(value: Any) -> Callable[..., Any] | None:
 
 
 def _history(value: Any) -> Any:
-    """Return the pandas table of a training run over time, or None for another value."""
+    """Return the attribute `history` of a training run, a pandas table over time.
+
+    Returns None if the value is not a training run.
+    """
     return value.to_pandas() if isinstance(value, TrainingRun) else None
 
 
 def _to_pandas(value: Any) -> Callable[[], Any] | None:
-    """Return the method `to_pandas` of named entries, such as modes, or None for another value."""
+    """Return the method `to_pandas` of a list of named entries, such as modes, or None for another
+    value.
+
+    The method returns a table with one row for each entry.
+    """
     return partial(entries_frame, value) if isinstance(value, ByName) else None
 
 
 def _linearize(value: Any) -> Callable[..., LinearModel] | None:
     """Return the method `linearize` of a linear model, or None for another value.
 
-    The method returns the linear model itself, or with options a linear model at the same point.
+    Without options, the method returns the linear model itself. With options, it linearizes again
+    at the same operating point.
     """
     if not isinstance(value, LinearModel):
         return None
@@ -152,12 +167,14 @@ def _linearize(value: Any) -> Callable[..., LinearModel] | None:
 
 
 def _root_locus(value: Any) -> Callable[[], Any] | None:
-    """Return the method `root_locus` of a sweep, or None for another value."""
+    """Return the method `root_locus` of a sweep, which draws the sweep, or None for another
+    value.
+    """
     return value.plot if isinstance(value, Sweep) else None
 
 
 def _game_of(linear: LinearModel) -> Game:
-    """Return a game with the matrices of a linear model and arbitrary weights."""
+    """Return a game on a linear model, for functions that use only A and B of the game."""
     n, m = linear.B.shape
     return game(linear, np.eye(n), np.eye(m), E=np.eye(n))
 
@@ -185,7 +202,7 @@ def _policy_values(value: Any) -> Callable[[Any], np.ndarray] | None:
 def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
     """Return the method `closed_loop` of a linear model, or None for another value.
 
-    The method returns z' = (A - B K) z + B v as a system of python-control.
+    Called with a gain K, the method returns z' = (A - B K) z + B v as a system of python-control.
     """
     if not isinstance(value, LinearModel):
         return None
@@ -201,8 +218,8 @@ def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
 def _margins(value: Any) -> Callable[..., Any] | None:
     """Return the method `margins` of a linear model, or None for another value.
 
-    - With a gain K: the margins of each input.
-    - Without a gain: python-control's margins of a single loop.
+    - Called with a gain K, the method returns the margins of the loop at each input.
+    - Otherwise it returns python-control's margins of a single loop.
     """
     if not isinstance(value, LinearModel):
         return None

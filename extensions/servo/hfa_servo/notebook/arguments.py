@@ -1,8 +1,8 @@
-"""Interpretation of call arguments given in other forms than a function declares.
+"""Conversion of call arguments that are given in other forms than a function declares.
 
 Accepted are keywords of other tools, another order, and an earlier member of the chain Model ->
-OperatingPoint -> LinearModel -> Game. A function that needs one of these classes also accepts an
-earlier one, and keywords, from which the needed object is made.
+OperatingPoint -> LinearModel -> Game. For an earlier member, the declared argument is computed from
+it and from keywords.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ _ELSEWHERE = {"minimize": "optimize minimizes the cost; quickest_flight minimize
 
 
 def keywords(known: Sequence[str], named: dict[str, Any]) -> dict[str, Any]:
-    """Return the keywords of a call, with names used by other tools replaced by this project's
-    names.
+    """Return the keywords of a call, renamed from the names of other tools to those of the
+    function.
 
     known: argument names of the function
     named: keywords of the call
@@ -88,9 +88,11 @@ def call_meant(
 ) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
     """Return the arguments of a failed call in the form that the function accepts.
 
-    Returns None if no other form is known. Raises BadInputError for a keyword that belongs to
-    another call, and for a labelled array whose labels are not those of the plant.
+    Returns None if no conversion is known. Raises BadInputError for a keyword that belongs to
+    another call, and for an array whose labels are not names of the plant's states or inputs.
 
+    function: the called function
+    arguments: positional arguments of the call
     named: keywords of the call
     """
     signature = inspect.signature(function)
@@ -113,15 +115,18 @@ def call_meant(
 def _identities(
     arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> tuple[list[int], dict[str, int]]:
-    """Return the identities (`id`) of all arguments, which are comparable even for arrays."""
+    """Return the identity (`id`) of each argument and keyword. Identities of arrays are
+    comparable.
+    """
     return [*map(id, arguments)], {name: id(value) for name, value in named.items()}
 
 
 def _game_meant(
     arguments: tuple[Any, ...], words: dict[str, Any]
 ) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
-    """Return the arguments of Game(linear, Q, R, delta) as fields of Game, or None for another
-    call.
+    """Return the arguments of Game(linear, Q, R, delta) as the fields of a game.
+
+    Returns None if the first argument is not a linear model.
     """
     linear = linear_of(arguments[1]) if len(arguments) > 1 else None
     if linear is None:
@@ -136,12 +141,13 @@ def _transfer_meant(
     named: dict[str, Any],
     words: dict[str, Any],
 ) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
-    """Return a call such as step("elevator", "pitch") with the keywords inputs= and outputs=.
+    """Return the arguments of a call such as step("elevator", "pitch"), with inputs= and outputs=
+    instead.
 
     Returns None if the call needs no change.
 
     named: keywords of the call
-    words: these keywords with this project's names
+    words: the keywords, renamed to the function's names
     """
     names, others = leading_names(arguments[1:])
     if names and {"inputs", "outputs"} <= {*signature.parameters} - {*words}:
@@ -153,7 +159,7 @@ def _transfer_meant(
 def leading_names(arguments: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Return the leading arguments that are names, at most two, and the remaining arguments.
 
-    A name is a text or a list of texts.
+    A text or a list of texts counts as a name.
     """
     names = list(takewhile(_is_names, arguments[:2]))
     return names, list(arguments[len(names) :])
@@ -165,8 +171,8 @@ def _is_names(value: Any) -> bool:
 
 
 def accepts(function: Callable[..., Any], value: Any) -> bool:
-    """Return whether a function accepts the value as its first argument, or can make this argument
-    from the value.
+    """Return whether a value can be the first argument of a function, possibly after a
+    conversion.
     """
     function = inspect.unwrap(function)
     first = next(iter(inspect.signature(function).parameters.values()), None)
@@ -180,7 +186,7 @@ def accepts(function: Callable[..., Any], value: Any) -> bool:
 
 
 def _classes(function: Callable[..., Any], parameter: inspect.Parameter) -> tuple[Any, ...]:
-    """Return the classes in the annotation of an argument."""
+    """Return the classes in the annotation of a function's parameter."""
     annotation = evaluated(parameter.annotation, function)
     return get_args(annotation) or (annotation,)
 
@@ -191,14 +197,17 @@ def _link(classes: Sequence[Any]) -> Any:
 
 
 def _axes(value: object) -> int:
-    """Return the number of axes of a value as an array. Rows may have different lengths."""
+    """Return the number of axes of an array-like value. The rows of the value may differ in
+    length.
+    """
     return np.asarray(value, dtype=object).ndim
 
 
 def _is_gain(value: Any, linear: LinearModel | None = None) -> bool:
-    """Return whether a value has the shape of a gain: a matrix that is not square.
+    """Return whether a value can be a gain K: a matrix that is not square, of shape (m, n) if
+        known.
 
-    linear: linear model with the inputs and states of the gain, if known
+    linear: linear model with m inputs and n states, or None if it is not known
     """
     shape = np.shape(value) if _axes(value) == 2 else (0, 0)
     return shape[0] != shape[1] and (linear is None or shape == linear.B.T.shape)
@@ -234,9 +243,12 @@ class _Reading:
         self.words = {**found, **words}
 
     def _read(self, name: str, parameter: inspect.Parameter, found: dict[str, Any]) -> None:
-        """Determine one argument: as given, given at another place, or made from other arguments.
+        """Determine the argument `name` and add it to the arguments found so far.
 
-        found: results so far, to which the argument is added
+        The argument is taken as given, from another place of the call, or made from other
+        arguments.
+
+        found: arguments determined so far, by name
         """
         holds = self.tests.get(name)
         link = _link(_classes(self.function, parameter))
@@ -272,8 +284,9 @@ class _Reading:
             self.is_complete &= made is not None
 
     def _has_others(self, name: str) -> bool:
-        """Return whether enough arguments remain for later required parameters that cannot be
-        made.
+        """Return whether more values remain than the later parameters of the function require.
+
+        name: parameter of the function
         """
         names = list(self.parameters)
         needed = [
@@ -287,10 +300,10 @@ class _Reading:
         return len(self.rest) > len(needed)
 
     def _made(self, name: str, link: Any, value: Any, found: Mapping[str, Any]) -> Any:
-        """Return the argument `name`, made from a value, or None if the value cannot make it.
+        """Return the argument `name`, converted from a value, or None if no conversion is known.
 
-        link: class of the chain that the argument needs, or None
-        found: arguments determined so far
+        link: class of the chain Model, OperatingPoint, LinearModel, Game that is needed, or None
+        found: arguments determined so far, by name
         """
         is_file = isinstance(value, (str, Path))
         model = found.get("model", self.words.get("model"))
@@ -318,9 +331,10 @@ class _Reading:
         return None
 
     def _loaded(self, file: str) -> Any:
-        """Return the model of an aircraft file.
+        """Return the model in an aircraft file.
 
-        The error for another file states the order of the arguments, if the next one is a record.
+        Raises BadInputError if the file contains no aircraft. For a function with flight records,
+        the message also states the order of the arguments.
         """
         try:
             return public().load_model(file)
@@ -331,10 +345,11 @@ class _Reading:
             raise BadInputError(f"{error}; the arguments are {name}(aircraft, records)") from error
 
     def _game(self, value: Any, is_file: bool) -> Any:
-        """Return the game of a file or of a solution, or the game on a linear model with the
-        keywords Q, R and delta.
+        """Return the game made from a value, or None for another value.
 
-        Returns None if the value makes none of these.
+        - a solution: its game
+        - a file: the game in the file, with weights from the keywords Q, R and delta
+        - a linear model: the game with these weights, or with the matrices that follow in the call
         """
         if isinstance(value, Solution):
             return value.game
@@ -370,27 +385,32 @@ class _Reading:
         return linear_of(self._trim(value) if isinstance(value, Model) else value)
 
     def _trim(self, model: Model) -> OperatingPoint:
-        """Return the trim of a model at the values given as keywords."""
+        """Return the trim of a model with those states, inputs and parameters held that the
+        keywords give.
+        """
         point: OperatingPoint = public().find_operating_point(
             model, **self._held(model, "hold", "free", "condition")
         )
         return point
 
     def _held(self, model: Model, *more: str) -> dict[str, Any]:
-        """Return the keywords that are names of values of a model, or in `more`, and remove them
-        from the call.
+        """Return the keywords that name values of a model, and remove these keywords from the call.
+
+        more: further names that are accepted
         """
         known = {*model.holdable, *model.rates, *model.parameters, *more}
         known -= {*self.parameters, *_OF_GAME}
         return {name: self.words.pop(name) for name in list(self.words) if name in known}
 
     def _weights(self) -> dict[str, Any]:
-        """Return the keywords that specify a game, and remove them from the call."""
+        """Return the keywords that specify a game, such as Q, and remove these keywords from the
+        call.
+        """
         names = [name for name in _OF_GAME if name in self.words and name not in self.parameters]
         return {name: self.words.pop(name) for name in names}
 
     def _changed(self, game: Game) -> Game:
-        """Return the game with Q, R, delta and E replaced by keywords, as in solve_game(game,
+        """Return a game with the fields that the keywords change, as in solve_game(game,
         delta=40).
         """
         weights = self._weights()
@@ -399,8 +419,8 @@ class _Reading:
     def _derived(self, link: Any, found: Mapping[str, Any]) -> Any:
         """Return a missing model or operating point, derived from other arguments, or None.
 
-        A missing model is the model of a given point. A missing point is the trim of the model at
-        the values given as keywords.
+        A missing model is that of a given operating point. A missing operating point is the trim of
+        the given model at the values in the keywords.
         """
         if link is Model:
             given = (*self.rest, *self.words.values())
@@ -416,9 +436,11 @@ class _Reading:
         return self._trim(model) if is_trim else None
 
     def _trims(self, found: Mapping[str, Any]) -> None:
-        """Make the argument `points` from keywords that are values of the model.
+        """Add the argument `points`: the trims of the model at the values in the keywords.
 
         An example is environment(model, speed=[150, 176]).
+
+        found: arguments determined so far, by name
         """
         model = found.get("model")
         if not isinstance(model, Model) or "points" not in self.parameters:
@@ -434,9 +456,11 @@ class _Reading:
             ]
 
     def _read_critic(self, found: dict[str, Any]) -> None:
-        """Read a critic given as a file, with keywords of `hfa.read_critic`.
+        """Replace a critic file by the critic in it, if keywords of `hfa.read_critic` are given.
 
         An example is verify(game, FILE, activation="tanh").
+
+        found: arguments determined so far, by name
         """
         place = found if "critic" in found else self.words
         file = place.get("critic")
@@ -447,9 +471,12 @@ class _Reading:
             place["critic"] = read_critic(file, found.get("game"), **settings)
 
     def _build(self, found: dict[str, Any]) -> None:
-        """Make a missing dataclass argument from keywords that are its fields.
+        """Add a missing argument that is a dataclass, made from keywords that are fields of the
+        class.
 
-        An example is fly(..., gust=gust), which makes the scenario with this gust.
+        An example is fly(..., gust=gust), in which the scenario is made with this gust.
+
+        found: arguments determined so far, by name
         """
         unknown = {name for name in self.words if name not in self.parameters}
         if not unknown:

@@ -1,4 +1,6 @@
-"""Attributes of results under the names of other tools, and functions of `hfa` as methods."""
+"""Attributes of results under names of other tools, and functions of `hfa` as methods of
+results.
+"""
 
 from __future__ import annotations
 
@@ -94,7 +96,9 @@ _SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loo
 
 
 class _Number(float):
-    """A number that returns itself when called, so that game.delta_min() equals game.delta_min."""
+    """Number that returns its value when called. Hence game.delta_min and game.delta_min() are
+    equal.
+    """
 
     def __call__(self) -> float:
         """Return the number."""
@@ -102,13 +106,13 @@ class _Number(float):
 
 
 def attribute(value: Any, name: str, *more: str) -> Any:
-    """Return an attribute of a result that the result's class does not define.
+    """Return an attribute of a result that the class of the result does not define.
 
-    The first function of `_SOURCES` that finds the attribute decides.
+    The attribute is that of the first function in `_SOURCES` that finds one.
 
-    more: further attribute names for the message
+    more: further attribute names that the message may suggest
 
-    Raises AttributeError with the most similar attributes if no function finds it.
+    Raises AttributeError with the most similar names if no function finds the attribute.
     """
     for source in _SOURCES:
         found = source(value, name)
@@ -128,35 +132,38 @@ def _known(value: Any) -> list[str]:
 
 
 def _added(value: Any, name: str) -> Any:
-    """Return the added method (`ADDED`) with this name, or None."""
+    """Return the method of this name that `ADDED` defines for a result, or None."""
     return ADDED[name](value) if name in ADDED else None
 
 
 def _of_control(value: Any, name: str) -> Any:
-    """Return the function of python-control with this name for a linear model, or None."""
+    """Return the function of python-control with this name for a linear model.
+
+    Returns None if the function does not exist, or if the value is not a linear model.
+    """
     return of_control(value, name) if isinstance(value, LinearModel) else None
 
 
 def _of_same_meaning(value: Any, name: str) -> Any:
-    """Return the attribute for which another tool uses this name, or None."""
+    """Return the attribute that has this name in other tools, or None."""
     same = ATTRIBUTES.get(name)
     return None if same is None else getattr(value, same, None)
 
 
 def _mode(value: Any, name: str) -> Any:
-    """Return the mode with this name, as in linear.short_period, or None."""
+    """Return the mode of a linear model with this name, as in linear.short_period, or None."""
     modes = value.modes if isinstance(value, LinearModel) else ()
     return next((mode for mode in modes if mode.name.replace(" ", "_") == name), None)
 
 
 def _of_entries(value: Any, name: str) -> Any:
-    """Return an array of this attribute of all named entries, as in modes.damping, or None."""
+    """Return an attribute of all entries of a list as an array, as in modes.damping, or None."""
     is_attribute = isinstance(value, ByName) and value and hasattr(value[0], name)
     return np.array([getattr(entry, name) for entry in value]) if is_attribute else None
 
 
 def _by_key(value: Any, name: str) -> Any:
-    """Return the value that the result's files store under this key, as in point.delay_limit, or
+    """Return the value that files of a result store under this key, as in point.delay_limit, or
     None.
     """
     entries = declared_entries(type(value)) if isinstance(value, Result) else ()
@@ -165,8 +172,10 @@ def _by_key(value: Any, name: str) -> Any:
 
 
 def _analysed(value: Any, name: str) -> Any:
-    """Return an attribute that `hfa.solve` adds to a solution, the smallest delta of a game, or
-    None.
+    """Return an attribute of a solution or of a game that requires further computation, or None.
+
+    - a solution: an attribute that `hfa.solve` adds
+    - a game: its smallest delta
 
     Raises AttributeError if an attribute of a solution is requested from a game.
     """
@@ -181,8 +190,8 @@ def _analysed(value: Any, name: str) -> Any:
 def _of_closed_loop(value: Any, name: str) -> None:
     """Raise AttributeError if a function of python-control is requested from a solution.
 
-    The input of the solution's closed loop is the disturbance, so `solution.step` would be
-    ambiguous.
+    The input of the solution's closed loop is the disturbance. A call such as `solution.step` would
+    therefore be ambiguous.
     """
     if isinstance(value, Solution) and name in names_of_control():
         kind = type(value).__name__
@@ -193,7 +202,7 @@ def _of_closed_loop(value: Any, name: str) -> None:
 
 
 def _in_degrees(value: Any, name: str) -> Any:
-    """Return an angle in degrees, as in point.alpha_deg, or None."""
+    """Return an angle of a result in degrees, as in point.alpha_deg, or None."""
     angle = name.removesuffix("_deg")
     model = _declared(value, "model")
     if angle == name or angle not in getattr(model, "signals", ()):
@@ -202,9 +211,10 @@ def _in_degrees(value: Any, name: str) -> Any:
 
 
 def _of_table(value: Any, name: str) -> Any:
-    """Return the method of a pandas table that has this name, or None.
+    """Return the method of this name of a result's pandas table, or None.
 
-    The table is that of a sweep or flight. For any other result, only methods `to_...` are found.
+    For a sweep or flight, every method of the table is found. For any other result, only methods
+    `to_...` are found.
     """
     if not isinstance(value, Reported) or find_spec("pandas") is None:
         return None
@@ -219,7 +229,10 @@ def _of_table(value: Any, name: str) -> Any:
 
 
 def _of_only_point(value: Any, name: str) -> Any:
-    """Return an attribute of the point of an assessment with exactly one point, or None."""
+    """Return an attribute of an assessment's only trim.
+
+    Returns None if the assessment has several trims, or if the trim has no such attribute.
+    """
     points = _declared(value, "points") if isinstance(value, Reported) else None
     if not isinstance(points, tuple) or len(points) != 1:
         return None
@@ -229,14 +242,15 @@ def _of_only_point(value: Any, name: str) -> Any:
 
 
 def _declared(value: Any, name: str) -> Any:
-    """Return a field or property that the class of a value declares, or None."""
+    """Return the attribute of a value that its class or the value itself declares, or None."""
     is_declared = hasattr(type(value), name) or name in getattr(value, "__dict__", ())
     return getattr(value, name) if is_declared else None
 
 
 def _method(value: Any, name: str) -> Callable[..., Any] | None:
-    """Return a function of `hfa` with the value as its first argument, or None if it does not
-    accept the value.
+    """Return a function of `hfa` with the value as its first argument.
+
+    Returns None if the function does not exist or does not accept the value.
     """
     function = getattr(public(), name, None) if name in dir(public()) else None
     if not inspect.isfunction(function):

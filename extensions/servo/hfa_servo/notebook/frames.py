@@ -1,4 +1,4 @@
-"""Results as pandas tables and as curves."""
+"""Pandas tables and drawn curves of results."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def sweep_frame(swept: Sweep) -> pandas.DataFrame:
 
 
 def frame(value: Any) -> pandas.DataFrame:
-    """Return the pandas table of a result. The table of a sweep is indexed by the varied values."""
+    """Return the pandas table of a result. For a sweep, the index contains the varied values."""
     table: pandas.DataFrame = value.to_pandas()
     return table.set_index(list(value.variables)) if isinstance(value, Sweep) else table
 
@@ -52,16 +52,16 @@ def entries_frame(entries: Any) -> pandas.DataFrame:
 
 
 def _values(entry: Any) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of each field of an entry."""
+    """Yield the name and the value of each field of a named entry."""
     yield from (entry._asdict() if hasattr(entry, "_asdict") else vars(entry)).items()
 
 
 def draw_curves(value: Any, *names: Any) -> np.ndarray:
-    """Draw named values in a new pyplot figure and return its Axes.
+    """Draw named values of a flight or sweep in a new pyplot figure and return its Axes.
 
-    The horizontal axis is the time of a flight, or the last variable of a sweep.
+    The horizontal axis is the time of the flight, or the last variable of the sweep.
 
-    names: texts, or one list of texts
+    names: names of values, or one list of names
 
     Raises BadInputError if no names are given, or if a sweep does not form complete lines.
     """
@@ -95,12 +95,12 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
 
 
 def _label(name: str, unit: str) -> str:
-    """Return the label of an axis: the name, and the unit unless the unit is 1."""
+    """Return the label of an axis: the name with its unit, or the name alone if the unit is 1."""
     return name if unit == "1" else f"{name}, {shown_unit(unit)}"
 
 
 def _lines(swept: Sweep) -> list[Any]:
-    """Return a slice of points for each line of a sweep along its last variable.
+    """Return a slice of the points of a sweep for each line along its last variable.
 
     Raises BadInputError if the points do not form complete lines.
     """

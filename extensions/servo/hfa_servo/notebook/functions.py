@@ -1,4 +1,6 @@
-"""Further functions of `hfa`: names used by other tools, and methods of results as functions."""
+"""Further functions of `hfa`: functions under names of other tools, and results' methods as
+functions.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,8 @@ FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines
 def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
     """Return the function for a name that `hfa` does not define, or None.
 
-    A method or property of results becomes a function, as in hfa.save(linear, FILE) and
-    hfa.modes(linear).
+    The function is one with another name in other tools, or a method or property of results, as in
+    hfa.save(linear, FILE) and hfa.modes(linear).
 
     get: function from a public name to its object
 
@@ -64,9 +66,10 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
         return None
 
     def of_result(*arguments: Any, **named: Any) -> Any:
-        """Return the property, or the value of the method, of the first argument.
+        """Return a property, or the value of a method, of the first argument.
 
-        Raises BadInputError if the first argument is not a result.
+        The other arguments are arguments of the method. Raises BadInputError if the first argument
+        is not a result.
         """
         result = arguments[0] if arguments else None
         if not isinstance(result, (Reported, Mode, ByName)):
@@ -84,9 +87,9 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
 
 
 def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
-    """Return whether a result has this attribute, or python-control a function with this name.
+    """Return whether a name is an attribute of a result or a function of python-control.
 
-    The result is False for a name that differs from a public one only in capitals.
+    Returns False if a public name of `hfa` differs from the name only in capitals.
     """
     import control
     from control import matlab
@@ -100,11 +103,10 @@ def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
 
 
 def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
-    """Return the proof for a critic, or without a critic the proof for the exact solution of a
-    game.
+    """Return the proof for a critic or, without a critic, for the exact solution of a game.
 
-    game: a game, or a value from which one is made
-    critic: a critic, or a gain K
+    game: a game, or a value from which a game is made
+    critic: a critic, a gain K, or None
     more, named: further arguments of `hfa.prove_critic` or `hfa.prove_solution`
     """
     hfa = public()
@@ -114,7 +116,7 @@ def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
 
 
 def _with_units(linear: LinearModel, stored: Mapping[str, Any]) -> LinearModel:
-    """Return the linear model with the name and the units stored in the file."""
+    """Return a linear model with the name of the dynamics and the units that its file stores."""
     changes: dict[str, Any] = {}
     if "dynamics" in stored:
         changes["name"] = f"{linear.model.name} of {stored['dynamics']}"

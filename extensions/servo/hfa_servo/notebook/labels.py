@@ -32,13 +32,15 @@ def has_labels(value: Any) -> bool:
 def aligned(
     function: Callable[..., Any], arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> _Arguments | None:
-    """Return the arguments of a call with its labelled arrays in the order of states and inputs.
+    """Return the arguments of a call, with its labelled arrays in the order of the states and
+    inputs.
 
-    - Texts are names of states or inputs. Other labels, such as times, are ignored.
+    - Labels that are texts are names of states or inputs. Other labels, such as times, are ignored.
     - A labelled vector becomes a dictionary if the function accepts values by name.
-    - The rows and columns of labelled A and B name the states and inputs if nothing else does.
+    - If no argument names the states and inputs, the rows and columns of labelled A and B name
+      them.
 
-    Returns None if no argument is labelled, or the function reads tables as flight records.
+    Returns None if no argument is labelled, or if the function reads tables as flight records.
 
     named: keywords of the call
 
@@ -70,14 +72,18 @@ def aligned(
 
 
 def _accepts_names(function: Callable[..., Any]) -> bool:
-    """Return whether a parameter of a function accepts a dictionary, or any value."""
+    """Return whether a function accepts a dictionary for at least one of its parameters."""
     tests = {name: holds for _, name, holds, _ in argument_tests(function, 0)}
     parameters = [name for name in inspect.signature(function).parameters if name != "self"]
     return any(name not in tests or tests[name]({"": 0.0}) for name in parameters)
 
 
 def _orders(value: Any) -> tuple[tuple[str, ...], ...]:
-    """Return the names of the states and of the inputs that an argument defines, in order."""
+    """Return the names of the states and of the inputs of an argument, each in order.
+
+    For an aircraft or operating point, the names of the states of the nonlinear aircraft follow.
+    For another value, the result is empty.
+    """
     if isinstance(value, Solution):
         value = value.game
     if isinstance(value, Game):
@@ -91,9 +97,11 @@ def _orders(value: Any) -> tuple[tuple[str, ...], ...]:
 
 
 def _own_orders(given: Sequence[Any]) -> list[tuple[str, ...]]:
-    """Return the states and the inputs named by labelled matrices A and B.
+    """Return the names of the states and of the inputs in the labels of the matrices A and B.
 
-    The first array of the call must be A.
+    Returns an empty list if the first array of the call is not a labelled A.
+
+    given: arguments of the call
     """
     arrays = [
         value for value in given if has_labels(value) or isinstance(value, (list, np.ndarray))
@@ -109,7 +117,8 @@ def _own_orders(given: Sequence[Any]) -> list[tuple[str, ...]]:
 
 
 def _labels(value: Any) -> list[list[str]]:
-    """Return the labels along each axis of a labelled array, or [] for an axis without texts.
+    """Return the labels along each axis of a labelled array. An axis without texts has the labels
+    [].
 
     Raises BadInputError if the labels of a matrix are the numbers 0, 1, ... in another order.
     """
@@ -128,12 +137,11 @@ def _labels(value: Any) -> list[list[str]]:
 
 
 def _in_order(what: str, value: Any, orders: Sequence[Sequence[str]], by_name: bool) -> Any:
-    """Return a labelled array as an array in the order of the states and inputs.
-
-    A vector with names is returned as a dictionary if `by_name` is True.
+    """Return a labelled array as a NumPy array in the order of the states and inputs.
 
     what: name of the argument, for messages
-    orders: names of states and of inputs
+    orders: names of the states, and of the inputs
+    by_name: whether a vector with names is returned as a dictionary instead
     """
     labels = _labels(value)
     array = np.asarray(value)
@@ -146,11 +154,13 @@ def _in_order(what: str, value: Any, orders: Sequence[Sequence[str]], by_name: b
 
 
 def _places(what: str, names: list[str], orders: Sequence[Sequence[str]]) -> list[int]:
-    """Return the position among `names` of each state, or of each input.
+    """Return the index in the labels of an axis of each state, or of each input.
 
     what: name of the argument, for messages
+    names: labels of the axis
+    orders: names of the states, and of the inputs
 
-    Raises BadInputError unless the names are those of all states, or of all inputs.
+    Raises BadInputError unless the labels are the names of all states, or of all inputs.
     """
     remedy = f"write {what}.to_numpy() to read it by position"
     if not orders:

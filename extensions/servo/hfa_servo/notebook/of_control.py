@@ -14,13 +14,15 @@ from trim.linear.reduction import Names, chosen
 
 
 def of_control(model: LinearModel, name: str) -> Any:
-    """Return the function or attribute of python-control with this name for a model, or None.
+    """Return the function or attribute of python-control with this name for a linear model, or
+    None.
 
-    The name is looked up in StateSpace, python-control and its MATLAB interface. A call of the
-    returned function accepts inputs= and outputs=, which select transfer functions. The first texts
-    of a call are also inputs and outputs. A function whose first parameters are matrices, as in
-    ctrb(A, B), receives the matrices of the model. An error of python-control becomes a
-    BadInputError.
+    The name is looked up in StateSpace, python-control and its MATLAB interface. A returned
+    function
+
+    - selects transfer functions by inputs= and outputs=, or by the first texts of the call,
+    - receives the matrices of the model if its first parameters are matrices, as in ctrb(A, B),
+    - raises BadInputError for an error of python-control.
     """
     import control
     from control import matlab
@@ -60,8 +62,8 @@ def names_of_control() -> list[str]:
 
 
 def _leading_matrices(names: Iterable[str]) -> list[str]:
-    """Return the leading argument names of a function that are A, B, C or D, such as A and B of
-    ctrb.
+    """Return the leading parameters of a function that are matrices A, B, C or D, as in ctrb(A,
+    B).
     """
     leading = []
     for name in names:

@@ -9,6 +9,7 @@ from typing import Any
 def public() -> Any:
     """Return the module `hfa`.
 
-    The import is inside the function, because this extension may be loaded while `hfa` is imported.
+    The module is imported at the call, because this extension may be loaded while `hfa` is
+    imported.
     """
     return import_module("hfa")

@@ -105,8 +105,10 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
 
 
 def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[np.ndarray]:
-    """Return the value of each of `names` in order, 0 for a name that is not in `named`.
+    """Return the value of each of `names` as an array. A name without a given value has the value
+    0.
 
+    named: name -> value
     kind: "input" or "state", for the message
 
     Raises BadInputError if `named` contains an unknown name.
@@ -140,7 +142,7 @@ def draw_poles(model: LinearModel) -> Axes:
 
 
 def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model with one input and one output.
+    """Return a linear model reduced to one selected input and one selected output.
 
     Raises BadInputError if the selection contains several inputs or outputs.
     """
