@@ -61,7 +61,9 @@ NEWTON = Newton()
 
 
 class Lag(NamedTuple):
-    """Response 1 - Σ A_i exp(-b_i s) to a unit step, s = V t / b in half chords b.
+    """Step response of the lift, 1 - Σ A_i exp(-b_i s).
+
+    s = V t / b is the distance travelled in half chords b after a unit step at t = 0.
 
     shares: A_1, A_2
     rates: b_1, b_2
@@ -106,11 +108,11 @@ class _PanelMotion(NamedTuple):
 class _Strip(NamedTuple):
     """Wing or tail of a panel.
 
-    name: one of `STRIPS` except "tip"
+    name: "center" or "outer" for the wing, "tail_center" or "tail_outer" for the tail
     control: change of the angle of attack equivalent to the control deflection, rad
     behind: distance from the wing's quarter chord back to the strip's three-quarter chord, ft
     downwash: downwash angle, rad
-    chord: ft
+    chord: chord of the wing or tail, ft
     """
 
     name: str
@@ -121,11 +123,11 @@ class _Strip(NamedTuple):
 
 
 class _LaggedPanel(NamedTuple):
-    """Lagged loads on one panel, with the rates of its lag states.
+    """Loads on one panel with lagged lift, and the rates of the panel's lag states.
 
     loads: sum of the loads on wing and tail
     lift_coefficient: lift coefficient of the wing
-    rates: rates of the panel's lag states, by name
+    rates: name of a lag state -> rate, rad/s
     """
 
     loads: PanelLoads[Quantity]
@@ -137,9 +139,9 @@ class _Plate(NamedTuple):
     """Wing or tail as a plate that accelerates the air around it.
 
     mass: apparent mass, slug
-    half_chord: ft
-    span: ft
-    aft: distance from the wing's quarter chord back to the mid-chord, ft
+    half_chord: half of the chord, ft
+    span: span of the plate, ft
+    aft: distance from the wing's quarter chord back to the plate's mid-chord, ft
     """
 
     mass: Quantity
@@ -151,12 +153,12 @@ class _Plate(NamedTuple):
 class _CarriedAir(NamedTuple):
     """Loads of the air accelerated by a plate.
 
-    The loads are their values at zero acceleration minus M_a a, with the accelerations
-    a = (w_b', q', η'') and w_b = V sin α.
+    The loads are those at zero acceleration minus M_a a. The accelerations are a = (w_b', q', η''),
+    with w_b = V sin α.
 
-    forward: force at zero acceleration along the x axis of the body, lbf
-    downward: force at zero acceleration along the z axis, lbf
-    pitching_moment: at zero acceleration, ft lbf
+    forward: force along the x axis of the body at zero acceleration, lbf
+    downward: force along the z axis of the body at zero acceleration, lbf
+    pitching_moment: pitching moment at zero acceleration, ft lbf
     hinge_moment: hinge moment of one outer panel at zero acceleration, ft lbf
     mass: M_a, (3, 3)
     """
@@ -180,7 +182,7 @@ class UnsteadyEquations:
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return the rates by state and the outputs by name.
+        """Return the rates of the states and the outputs, each as name -> value.
 
         x: states: the seven of `newton`, then `LAG_STATES`
         u: inputs
@@ -249,13 +251,14 @@ def _tail_chord(p: Any) -> Quantity:
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Return Σ A_i (a - z_i), rad, the part of the angle a of a strip that is still delayed.
+    """Return Σ A_i (a - z_i), rad: the part of an angle of attack that does not yet act on the
+    lift.
 
-    kind: "lag" or "gust", the prefix of the names of the states z_i
+    kind: "lag" for motion and controls, "gust" for gusts
     strip: one of `STRIPS`
-    lag: A_i and b_i
-    angle: a, rad
-    x: states
+    lag: coefficients A_i and b_i of the step response
+    angle: angle of attack a of the strip, rad
+    x: states, with the lag states z_i
     """
     pairs = zip(lag.shares, (1, 2), strict=True)
     return sum(share * (angle - getattr(x, f"{kind}_{strip}_{i}")) for share, i in pairs)
@@ -280,12 +283,15 @@ def lag_rates(
 def _lagged_panel(
     motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity, ground_drag: bool
 ) -> _LaggedPanel:
-    """Return the loads on a panel with lagged lift, and the rates of its lag states.
+    """Return the loads on a panel with lagged lift, and the rates of the panel's lag states.
 
-    The lift lags behind motion, controls and gusts. The lagged angle of attack also turns the
-    direction of the lift, because the induced velocity of the wake is part of the flow.
+    The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
+    lagged angle of attack, because the induced velocity of the wake is part of the flow.
 
-    motion: motion of the panel
+    motion: motion of the panel relative to the air
+    x: states
+    u: inputs
+    p: parameters
     air: density, slug/ft^3
     ground_drag: whether the drag uses the speed over ground in place of the airspeed
     """
@@ -352,13 +358,15 @@ def _lagged_alpha(
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the hinge moment of the lift due to the hinge motion, ft lbf, and the rates of the lag
-    states of the tip.
+    """Return a hinge moment, ft lbf, and the rates of the lag states of the strip "tip", rad/s.
 
-    The hinge rate changes the angle of attack linearly along an outer wing.
+    The hinge moment is that of the lift due to the hinge rate, which varies the angle of attack
+    linearly along an outer wing.
 
-    speed: V, ft/s
-    air: ρ, slug/ft^3
+    x: states
+    p: parameters
+    speed: airspeed V of the outer panel without gusts, ft/s
+    air: density ρ, slug/ft^3
     """
     angle = -p.local_motion * x.dihedral_rate * p.panel_span / (2 * speed)
     tip = angle - p.lift_lag * missing("lag", "tip", WAGNER, angle, x)
@@ -491,9 +499,10 @@ def _with_forces(
     pitching_moment: Quantity,
     hinge_moment: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads with body-axis forces, lbf, added to lift and drag, and with new moments.
+    """Return the loads with added body-axis forces and replaced moments.
 
-    pitching_moment, hinge_moment: moments in place of those of `loads`, ft lbf
+    forward, downward: forces along the x and z axes of the body, lbf, added to lift and drag
+    pitching_moment, hinge_moment: moments, ft lbf, which replace those of `loads`
     """
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
@@ -533,7 +542,11 @@ _RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:
-    """Return the identified parameters, the effects (all 1) and `tail_aspect_ratio` as signals."""
+    """Return the parameters of the model, name -> signal.
+
+    The parameters are the identified parameters of the aircraft, the effects with start value 1,
+    and `tail_aspect_ratio` with start value 10.
+    """
     values = default_parameters().values._asdict()
     identified = {
         name: signal._replace(start=float(values[name]))
@@ -570,5 +583,5 @@ UNSTEADY = replace(
 
 
 def unsteady_aircraft(parameters: Parameters) -> Model:
-    """Return the unsteady aircraft with these parameters and all effects at 1."""
+    """Return the aircraft with `unsteady` dynamics, the given parameters and all effects at 1."""
     return UNSTEADY.with_parameters(**parameters._asdict())

@@ -39,9 +39,11 @@ _MOST_BOXES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class BoxWitness:
-    """Evidence for a region, not part of the claim.
+    """Data for the proof of a region, not part of the claim.
 
-    multipliers: (n, 2), nonnegative factors of rho - V in the proofs of the lowest and highest z
+    The bounds of the deviations z are proved with multiples of rho - V.
+
+    multipliers: (n, 2), nonnegative factors of rho - V for the lower and upper bound of each z_i
     boxes: number of boxes after which the checker stops
     """
 
@@ -55,7 +57,7 @@ class VerifiedBoxes:
 
     statement: the proved statement
     boxes: number of boxes that the proof evaluated
-    written: version, command and date in the file, not verified
+    written: version, command and date stored in the certificate, not verified
     """
 
     statement: BoxStatement
@@ -107,11 +109,11 @@ def read_content(
     """Return the statement and the witness of a certificate.
 
     content: the entries of the file
-    model: the user's aircraft, if the certificate concerns one
-    policy: the user's policy, or None if the certificate stores the coefficients
+    model: the user's aircraft, or None if the certificate concerns a built-in model
+    policy: the user's policy, or None if the certificate stores the coefficients of the policy
 
-    Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
-    another model or policy.
+    Raises Malformed for the first invalid entry.
+    Raises BadInputError if the certificate concerns another model or policy.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)
@@ -129,8 +131,11 @@ def read_content(
 def write_certificate(
     path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate.
+    """Write a certificate of a region of attraction.
 
+    path: file of the certificate
+    statement: the claim
+    witness: data for the proof
     origin: version, command and date, which the digest of the file does not cover
     """
     evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}

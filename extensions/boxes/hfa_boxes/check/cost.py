@@ -37,10 +37,11 @@ _SMALLEST_HOLE = 24
 
 
 class Guess(NamedTuple):
-    """Estimates of the minimizing inputs on boxes, v = value + slopes s.
+    """Affine estimates v = value + slopes s of the minimizing input deviations, one for each box.
 
-    s: position in the box, |s_i| <= 1
-    value: (boxes, m)
+    s is the position in the box, |s_i| <= 1.
+
+    value: estimates at the centers of the boxes, (boxes, m)
     slopes: (boxes, m, n)
     """
 
@@ -64,7 +65,7 @@ class CostInequality(OnPiece):
 
     @property
     def at_once(self) -> int:
-        """Largest number of boxes in one batch."""
+        """Largest number of boxes that are evaluated in one batch."""
         return self._values.at_once
 
     @cached_property
@@ -110,9 +111,9 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
-        """Program of the second derivatives of g in v, (m m,), and a mask of the inputs, (m,).
+        """Program of the second derivatives of g in v, (m m,), and a mask (m,) of inputs.
 
-        The mask marks the inputs v_i on which the second derivatives depend.
+        The mask marks each input v_i on which the second derivatives depend.
 
         Raises BadInputError if a marked input has no limits.
         """
@@ -138,10 +139,13 @@ class CostInequality(OnPiece):
         return RowFunction(ca.Function("centre", [z, v], [ca.densify(each) for each in outputs]))
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return inputs (N, m) that nearly minimize g at z (N, n), and their Jacobians (N, m, n).
+        """Return input deviations v that nearly minimize g at z, and their derivatives dv/dz.
 
-        The derivatives of a saturated input are 0. Inputs and derivatives that are not finite are
-        replaced by 0. No proof depends on these inputs.
+        z: deviations of the states from the equilibrium, (N, n)
+
+        The input deviations have shape (N, m) and the derivatives (N, m, n). The derivatives of a
+        saturated input are 0. If a value at a point is not finite, all inputs and derivatives at
+        this point are 0. No proof depends on these inputs.
         """
         count = len(z)
         n, m = self.n, self.m
@@ -175,7 +179,9 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Raise Rejected unless the equilibrium states, in doubles, are within the state limits."""
+        """Raise Rejected unless the states at the center of the enclosed equilibrium are within
+        their limits.
+        """
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
         if not np.all((low <= at) & (at <= high)):
@@ -198,7 +204,10 @@ class CostInequality(OnPiece):
     def edges(self, boxes: Boxes) -> np.ndarray:
         """Return for each box the index of the edge to halve, or -1 if the box is decided, (N,).
 
-        Raises RefutedError at a point of the set where g < 0, or that is on a face of the cube.
+        A box is decided if W > c or g >= 0 is proved on the box.
+
+        Raises RefutedError at a point of the set where g < 0, or at a point of the set on a face of
+        the cube.
         """
         edges = np.full(len(boxes.centres), -1)
         near = np.flatnonzero(~super().is_outside(boxes))
@@ -210,9 +219,12 @@ class CostInequality(OnPiece):
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
         """Return for each box the index of the edge to halve, or -1 if the box is decided, (N,).
 
-        - A box within the hole around the equilibrium is decided.
-        - A box that meets no face of the cube is decided if the lowest g at the guessed inputs
-          exceeds the largest decrease of g by other inputs.
+        A box is decided in two cases:
+        - The box is within the hole around the equilibrium.
+        - The box meets no face of the cube, and g is proved positive for all inputs within the
+          limits. The lower bound of g is that at the guessed inputs, minus the bound `_loss`.
+
+        Raises RefutedError as `edges` does.
         """
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
@@ -246,9 +258,11 @@ class CostInequality(OnPiece):
             raise RefutedError("the set extends to a face of the cube", in_set[0])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
-        """Return Taylor models of the symbols on boxes, as coefficients and radii.
+        """Return Taylor models of the symbols (y, z, v, e) on boxes, with v at the guessed inputs.
 
-        The inputs v have their guessed values and slopes.
+        The models are coefficients (symbols, 1 + n, boxes) and radii (symbols, boxes).
+
+        guess: estimates of the minimizing inputs on the boxes
         """
         linear, radius = self.symbols_on(boxes)
         linear[self._of_inputs, 0] = guess.value.T
@@ -257,11 +271,13 @@ class CostInequality(OnPiece):
 
     @property
     def _of_inputs(self) -> slice:
-        """Positions of v in the symbols (y, z, v, e)."""
+        """Indices of the inputs v among the symbols (y, z, v, e)."""
         return slice(2 * self.n, 2 * self.n + self.m)
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
         """Return an upper bound (boxes,) of g(guess) - min g(v) over all v within the limits.
+
+        The bound is the largest decrease of g that the following inequality allows:
 
             g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2)
 
@@ -286,11 +302,11 @@ class CostInequality(OnPiece):
         return np.asarray(loss * (1.0 + ROUNDING) + _TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Return Gershgorin bounds λ, (boxes, m), with Σ λ_i d_i² <= d'H d for every d.
+        """Return bounds λ, (boxes, m), with Σ λ_i d_i² <= d'H d for every d.
 
-        H is the Hessian of g in v.
+        H is the Hessian of g in v. The bounds follow from Gershgorin's theorem.
 
-        least, most: (boxes, m), range of v
+        least, most: lowest and highest input deviations v, (boxes, m)
         """
         program, taken = self._bent
         n, m = self.n, self.m
@@ -314,9 +330,10 @@ class CostInequality(OnPiece):
         """Smallest exponent k with g >= 0 proved for |y_i| <= 2^-k and all inputs within the
         limits.
 
-        g and its slopes are 0 at the equilibrium. Because g is convex in v with a curvature above
-        λ, the best v has Σ λ_i v_i² <= Σ b_i² / λ_i, with b the slopes at v = 0. g >= 0 follows
-        where the Hessian of g in (z, v) is positive definite for all such v.
+        g and its gradient are 0 at the equilibrium. g is convex in v with a curvature of at least
+        λ. Therefore the minimizing v satisfies Σ λ_i v_i² <= Σ b_i² / λ_i, with the gradient b of g
+        in v at v = 0. The inequality g >= 0 follows if the Hessian of g in (z, v) is positive
+        definite for all such v.
 
         Raises Rejected if no k is found.
         """
@@ -331,7 +348,8 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """Return bounds (m,) of |v_i| at the minimizing inputs, on a box about the equilibrium.
+        """Return bounds (m,) of |v_i| at the inputs that minimize g, valid on a box about the
+        equilibrium.
 
         Return None if g is not proved convex in v.
         """
@@ -347,8 +365,11 @@ class CostInequality(OnPiece):
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
         """Return whether the Hessian H of g in (z, v) is proved positive definite on a box.
 
-        The proof covers |v_i| <= radii_i, (m,). J'H J is enclosed instead of H, with J chosen such
-        that J'H J is near 1 at the equilibrium.
+        The proof encloses J'H J instead of H. J is chosen such that J'H J is near the identity at
+        the equilibrium.
+
+        box: box about the equilibrium
+        radii: (m,), the proof covers all inputs with |v_i| <= radii_i
         """
         n, m = self.n, self.m
         size = 2 * n + m
@@ -390,9 +411,11 @@ class CostInequality(OnPiece):
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return a lower bound of b d + curvature d² / 2 over low <= d <= high, with 0 <= low.
+    """Return a lower bound of b d + curvature d² / 2 over all d with low <= d <= high.
 
     The result is 0 if high < low.
+
+    b, curvature, low, high: (boxes, m), with low >= 0
     """
     is_convex = curvature > 0.0
     vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), low, high)
@@ -408,13 +431,13 @@ def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray
 
 
 def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return x (N, m, k) with H x = right in the rows and columns of the free entries.
-
-    H: (N, m, m)
-    right: (N, m, k), 0 in the entries that are not free
-    free: (N, m), mask
+    """Return x (N, m, k), the solution of H x = right in the free rows and columns.
 
     The other entries of x are 0. If the equations of the free entries are singular, x = right.
+
+    H: (N, m, m)
+    right: (N, m, k), 0 in the rows that are not free
+    free: (N, m), mask of the free rows
     """
     m = H.shape[1]
     both = free[:, :, None] & free[:, None, :]

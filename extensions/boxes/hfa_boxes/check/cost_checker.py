@@ -30,10 +30,10 @@ _MOST_BOXES = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class CostWitness:
-    """Evidence for a lower bound, not part of the claim.
+    """Data for the proof of a lower bound of the cost, not part of the claim.
 
-    solved: names of the unknown states and inputs at the equilibrium
-    boxes: number of boxes of each piece after which the checker stops
+    solved: names of the states and inputs that are the unknowns of the equilibrium
+    boxes: number of boxes for each piece after which the checker stops
     """
 
     solved: tuple[str, ...]
@@ -45,9 +45,9 @@ class VerifiedCost:
     """A lower bound of the cost that the checker has proved.
 
     statement: the proved statement
-    witness: the evidence in the file
+    witness: data for the proof, stored in the certificate
     boxes: number of boxes that the proof of each piece evaluated
-    written: version, command and date in the file, not verified
+    written: version, command and date stored in the certificate, not verified
     """
 
     statement: CostStatement
@@ -59,7 +59,9 @@ class VerifiedCost:
 def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
     """Return an enclosure of the equilibrium states and inputs near x (n + m,).
 
-    solved: indices of the unknown entries, as many as there are states
+    solved: indices of the unknown entries of x, as many as there are states
+
+    The other entries keep their values in x.
 
     Raises Rejected if no equilibrium is proved.
     """
@@ -69,7 +71,7 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
-    """Prove the statement and return the number of boxes that the proof of each piece evaluated.
+    """Prove a lower bound of the cost and return the number of boxes evaluated for each piece.
 
     Raises Rejected if the statement is not proved, or if the witness does not name as many unknowns
     as there are states.
@@ -99,10 +101,14 @@ def check_cost_certificate(
     model: Model | None = None,
     agrees: Callable[[CostStatement], object] | None = None,
 ) -> VerifiedCost:
-    """Return the lower bound that a certificate proves.
+    """Return the lower bound of the cost that a certificate proves.
 
+    path: file of the certificate
+    progress: callback for the progress of the proof, or None
     model: the user's aircraft, or None if the certificate concerns a built-in model
-    agrees: called with the statement before the proof, to raise an error if the user's data differ
+    agrees: function of the statement, called before the proof, that raises an error if the user's
+        data
+        differ from the statement, or None
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
     Raises Rejected if an entry is not understood or the statement is not proved.
@@ -118,13 +124,13 @@ def check_cost_certificate(
 
 
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
-    """Return the statement and the witness of a certificate.
+    """Return the statement and the witness of a certificate about a lower bound of the cost.
 
     content: the entries of the file
-    model: the user's aircraft, if the certificate concerns one
+    model: the user's aircraft, or None if the certificate concerns a built-in model
 
-    Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
-    another model.
+    Raises Malformed for the first invalid entry.
+    Raises BadInputError if the certificate concerns another model.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)
@@ -146,8 +152,11 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
 def write_cost_certificate(
     path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate.
+    """Write a certificate of a lower bound of the cost.
 
+    path: file of the certificate
+    statement: the claim
+    witness: data for the proof
     origin: version, command and date, which the digest of the file does not cover
     """
     evidence = {

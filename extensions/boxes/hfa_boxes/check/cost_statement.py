@@ -75,7 +75,7 @@ class CostStatement:
 
     @property
     def level(self) -> float:
-        """Largest level c of the pieces, and upper limit of `bound`."""
+        """Largest level c of the pieces, which is the largest value of `bound`."""
         return max(piece.c for piece in self.pieces)
 
     def bound(self, z: np.ndarray) -> np.ndarray:
@@ -89,7 +89,9 @@ class CostStatement:
 
 
 def _check_limits(plant: Plant) -> None:
-    """Raise Malformed if an input limit differs from the model's, or an output has a limit."""
+    """Raise Malformed if an input limit differs from the model's limit, or if an output has a
+    limit.
+    """
     for name, signal in plant.model.inputs.items():
         stated = plant.limits.get(name, (-np.inf, np.inf))
         require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)

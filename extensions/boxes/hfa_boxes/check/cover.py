@@ -81,7 +81,7 @@ class OpenBoxError(Rejected):
 
 
 class RefutedError(OpenBoxError):
-    """Raised if a function, computed in doubles, is negative at a point of the set."""
+    """Raised at a point of the set where the property is false in double precision."""
 
 
 class SmallestBoxError(OpenBoxError):
@@ -97,7 +97,7 @@ class Question(Protocol):
 
     @property
     def at_once(self) -> int:
-        """Largest number of boxes in one batch."""
+        """Largest number of boxes that are evaluated in one batch."""
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         """Return the mask (N,) of the boxes that are proved to contain no point of the set."""
@@ -112,12 +112,12 @@ class Question(Protocol):
 def refute(
     centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    """Raise RefutedError if a value at a point of the set is negative.
+    """Raise RefutedError if a value is negative at a point of the set.
 
-    The error stores the point with the lowest value.
+    The error stores the point of the set with the lowest value.
 
     centres: points, (N, n)
-    values: (N,)
+    values: value at each point, (N,)
     within: points (N, n) -> mask (N,) of the points in the set
     """
     negative = np.flatnonzero(values < 0.0)

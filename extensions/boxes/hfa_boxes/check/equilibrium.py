@@ -26,7 +26,11 @@ _DOUBLINGS = 30
 class Equilibrium:
     """Enclosure of an equilibrium.
 
-    The interval x (n,) ± radius (n,) contains exactly one equilibrium.
+    The box x ± radius contains exactly one equilibrium. The arrays hold the states, or the states
+    and inputs.
+
+    x: center, (n,) or (n + m,)
+    radius: half-widths, 0 for entries that are not unknowns
     """
 
     x: np.ndarray
@@ -36,14 +40,16 @@ class Equilibrium:
 def zero_near(
     program: Program, x: np.ndarray, nominal: np.ndarray, solved: Sequence[int]
 ) -> Equilibrium:
-    """Return an enclosure of the zero of a program F that Newton's method finds from x.
+    """Return an enclosure of a zero of a program F near x.
 
-    x: inputs of the program, (k,)
+    The enclosure is proved by Krawczyk's test (1969): |C F(x)| + |1 - C F'| r < r with a radius r,
+    at the point x to which Newton's method converges. C is an approximate inverse of F'.
+
+    x: first values of the inputs of the program, (k,)
     nominal: nominal values of the inputs, (k,)
     solved: indices of the unknown inputs, as many as the program has outputs
 
-    Raises Rejected unless |C F(x)| + |1 - C F'| r < r is proved at the zero x for a radius r, with
-    C near the inverse of F' (Krawczyk 1969).
+    Raises Rejected if no zero is proved.
     """
     point = np.array(x, dtype=float)
     columns = list(solved)
@@ -85,9 +91,13 @@ def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
 
 
 def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
-    """Raise Rejected unless an equilibrium is within `SAME_TRIM` nominal values of stated values.
+    """Raise Rejected unless an enclosed equilibrium is within `SAME_TRIM` nominal values of stated
+    values.
 
-    what: name of the stated values, for the message
+    at: enclosure of the equilibrium
+    stated: stated values, in the order of the enclosure
+    nominal: nominal values, in the same order
+    what: name of the stated values in the message
     """
     distance = np.abs(at.x - stated) + at.radius
     if not np.all(distance <= SAME_TRIM * nominal):
@@ -95,7 +105,7 @@ def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: s
 
 
 def open_rates(plant: Plant) -> Program:
-    """Return the program (x, u) -> rates of the moving states."""
+    """Return the program (x, u) -> rates of the moving states, for a plant without feedback."""
     n = len(plant.states)
     both = ca.SX.sym("x", n + len(plant.inputs))
     rates, _ = plant.rates_at(both[:n], both[n:])

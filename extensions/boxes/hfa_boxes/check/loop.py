@@ -36,7 +36,11 @@ class Loop(Plant):
     policy: ca.Function
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return the rates of the moving states at x (n,), and the outputs that have limits."""
+        """Return the rates of the moving states in the closed loop, and the outputs that have
+        limits.
+
+        x: values of the moving states, (n,)
+        """
         return self.rates_at(x, self.commands(x))
 
     def commands(self, x: ca.SX) -> ca.SX:
@@ -78,12 +82,13 @@ def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
 
 @dataclass(frozen=True, eq=False)
 class Decrease(OnPiece):
-    """Decrease of W, limits and extents in the set, as a property that `cover` proves.
+    """Claims about a closed loop on the set of a piece, as a property that `cover` proves.
 
-    W' < 0 except at the equilibrium, and the states and outputs are within limits and extents.
+    The claims are W' < 0 except at the equilibrium, deviations within the extents, and states and
+    outputs within the limits.
 
     plant: the loop
-    extents: (n, 2), lowest and highest z in the set
+    extents: (n, 2), lowest and highest state deviations z in the set
     multipliers: (n, 2), nonnegative factors of c - W in the proofs of the extents
     """
 
@@ -93,11 +98,11 @@ class Decrease(OnPiece):
 
     @property
     def at_once(self) -> int:
-        """Largest number of boxes in one batch."""
+        """Largest number of boxes that are evaluated in one batch."""
         return self._functions.at_once
 
     def check_limits(self) -> None:
-        """Raise Rejected unless all state values within the extents are within the state limits."""
+        """Raise Rejected unless every state within its extents is within its limits."""
         at = self.equilibrium
         limits = self.plant.ends(self.plant.states)
         for i, name in enumerate(self.plant.states):
@@ -111,7 +116,7 @@ class Decrease(OnPiece):
     def edges(self, boxes: Boxes) -> np.ndarray:
         """Return for each box the index of the edge to halve, or -1 if the box is proved, (N,).
 
-        Raises RefutedError at a point where a function is negative.
+        Raises RefutedError at a point of the set where one of `_functions` is negative.
         """
         traced = self._functions.traced(*self.symbols_on(boxes))
         models = traced.outputs
@@ -135,10 +140,11 @@ class Decrease(OnPiece):
 
     @cached_property
     def _functions(self) -> TaylorProgram:
-        """Program of -W' and of the functions that are positive where limits and extents hold.
+        """Program of the functions that must be positive in the set {W <= c}.
 
-        The upper extent h of z_i holds in the set {W <= c} if h - z_i > k (c - W) with k >= 0. The
-        lower extent is proved in the same way.
+        The functions are -W', the distances of the outputs from their limits, and one function for
+        each bound of a deviation z_i. The upper bound h of z_i holds in the set if h - z_i > k (c -
+        W) with k >= 0. The lower bound is proved in the same way.
         """
         rates, outputs = self._rates
         W, slopes = self.piece.W.expressions(self.symbols.y)

@@ -1,6 +1,6 @@
 """Polynomial W about an equilibrium, and the set where W is at most c.
 
-With z the deviations of the states from the equilibrium and y = M z, the set is {W(y) <= c} within
+z are the deviations of the states from the equilibrium, and y = M z. The set is {W(y) <= c} within
 the cube |y_i| <= 1. Each proof requires W > c on every box that meets a face of the cube.
 """
 
@@ -75,12 +75,12 @@ class Polynomial(NamedTuple):
 
 
 def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
-    """Return the powers of a monomial divided by the variable `index`."""
+    """Return the powers of a monomial with the power of the variable `index` reduced by 1."""
     return (*powers[:index], powers[index] - 1, *powers[index + 1 :])
 
 
 def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
-    """Return whether each product of the coefficient and a power is exact in doubles."""
+    """Return whether each product of the coefficient and a power is exact in double precision."""
     return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
 
 
@@ -99,7 +99,10 @@ class Piece(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, n: int) -> Piece:
-        """Return the piece of a certificate.
+        """Return the piece stored in a certificate.
+
+        entries: reader of the entry that stores the piece
+        n: number of states
 
         Raises Malformed for the first wrong entry.
         """
@@ -116,12 +119,12 @@ class Piece(NamedTuple):
         return {"M": self.M.tolist(), "W": rows_of(self.W.terms), "c": self.c}
 
     def contains(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations z (N, n) in the set, in doubles."""
+        """Return the mask (N,) of the state deviations z (N, n) in the set, in double precision."""
         y = z @ self.M.T
         return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """Return the lower bound of the cost at deviations z (N, n), in doubles, (N,).
+        """Return lower bounds (N,) of the cost from state deviations z (N, n), in double precision.
 
         The bound is min(W, c) if |y_i| < 1 for all i, and c elsewhere.
         """
@@ -141,10 +144,10 @@ class Symbols(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnPiece(Question):
-    """Property of an aircraft on the set of a piece, decided box by box.
+    """Property of a plant on the set of a piece, decided box by box.
 
-    plant: the aircraft with its limits
-    equilibrium: enclosure of the equilibrium states, or of states and inputs
+    plant: the plant with its limits
+    equilibrium: enclosure of the equilibrium states of a closed loop, or of the states and inputs
     piece: the set
     """
 
@@ -154,17 +157,17 @@ class OnPiece(Question):
 
     @property
     def n(self) -> int:
-        """Dimension of the boxes."""
+        """Number of states, which is the dimension of the boxes."""
         return len(self.piece.M)
 
     @property
     def m(self) -> int:
-        """Number of inputs that are free variables, which is 0 for a closed loop."""
+        """Number of inputs that are free variables, 0 for a closed loop."""
         return len(self.equilibrium.x) - self.n
 
     @abstractmethod
     def check_limits(self) -> None:
-        """Raise Rejected if a limit that is checked without boxes is exceeded."""
+        """Raise Rejected if a limit is exceeded that is checked without subdivision into boxes."""
 
     def proved(self, most: int, progress: Progress | None = None) -> int:
         """Prove the property and return the number of boxes that were evaluated.
@@ -193,9 +196,11 @@ class OnPiece(Question):
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
     def within(self, places: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the points y (N, n) with W <= c and states within their limits.
+        """Return the mask (N,) of the points in the set with all states within their limits.
 
-        The test is done in doubles.
+        A point is in the set if W <= c, computed in double precision.
+
+        places: points y, (N, n)
         """
         low, high = self.plant.ends(self.plant.states).T
         x = self.equilibrium.x[: self.n] + places @ self.inverse[0].T
@@ -211,12 +216,15 @@ class OnPiece(Question):
         """Return the index of the edge to halve for each box, (N,).
 
         - Box about the equilibrium: the longest edge.
-        - Box that meets a face of the cube: the edge that reduces the lower bound of W most.
-        - Other boxes: the edge that reduces the lower bound of the function most.
+        - Box that meets a face of the cube: the edge with the largest effect on the lower bound of
+          W.
+        - Other boxes: the edge with the largest effect on the lower bound of the undecided
+          function.
 
         Edges with more than `_FLATTEST` halvings above the least halved edge are excluded.
 
-        lowered_by: (N, n), reduction of the lower bound of the function that each edge causes
+        lowered_by: (N, n), amount by which each edge lowers the lower bound of the undecided
+            function
         """
         half_widths = boxes.half_widths
         sizes = np.where(np.isfinite(lowered_by), lowered_by, half_widths)
@@ -232,14 +240,14 @@ class OnPiece(Question):
 
     @cached_property
     def _level(self) -> TaylorProgram:
-        """Program y -> W."""
+        """Program y -> W, for Taylor models."""
         y = ca.SX.sym("y", self.n)
         function = ca.Function("W", [y], [self.piece.W.expressions(y)[0]])
         return TaylorProgram(Program(function, self.plant.model.name), self.n)
 
     @cached_property
     def symbols(self) -> Symbols:
-        """Variables of the enclosed functions."""
+        """Symbols in which the functions of the proof are written."""
         sizes = (self.n, self.n, self.m, self.n + self.m)
         return Symbols(*(ca.SX.sym(name, size) for name, size in zip("yzve", sizes, strict=True)))
 

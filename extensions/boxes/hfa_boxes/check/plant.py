@@ -19,7 +19,7 @@ Limits = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """Plant x' = f(x, u) with inputs within their limits.
+    """Plant x' = f(x, u) with limited inputs.
 
     model: the equations. The states of the linear model are the moving states.
     parameters: every parameter of the model -> value
@@ -47,7 +47,9 @@ class Plant:
         return tuple(name for name in self.model.outputs if name in self.limits)
 
     def content(self) -> dict[str, Any]:
-        """Return the entries of a statement, in the form that `read_plant` accepts."""
+        """Return the plant as entries of a certificate's statement, in the form that `read_plant`
+        accepts.
+        """
         return {
             **facts(self.model),
             "parameters": dict(self.parameters),
@@ -67,6 +69,8 @@ class Plant:
         """Return the lowest and highest values of signals, (len(names), 2).
 
         A missing limit is infinite.
+
+        names: names of the signals
         """
         pairs = [self.limits.get(name, (-np.inf, np.inf)) for name in names]
         return np.array(pairs, dtype=float).reshape(-1, 2)
@@ -82,11 +86,11 @@ class Plant:
                 )
 
     def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:
-        """Return the rates of the moving states and the limited outputs.
+        """Return the rates of the moving states, and the outputs that have limits.
 
-        x: (n,), the moving states
-        u: (m,), the inputs
-        w: all disturbances, or None for 0
+        x: values of the moving states, (n,)
+        u: values of the inputs, (m,)
+        w: values of all disturbances, or None for 0
         """
         values = dict(self.held) | dict(zip(self.states, ca.vertsplit(x), strict=True))
         vectors: list[Any] = [
@@ -140,11 +144,13 @@ def _read_limits(entries: Fields, model: Model) -> Limits:
 
 
 def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> dict[str, Terms]:
-    """Return input -> terms of its polynomial, from the entry `name`.
+    """Return the polynomial of each input, input -> terms, read from the entry `name`.
 
-    An input without an entry is omitted. Raises Malformed for the first wrong term.
+    An input without a polynomial is omitted.
 
-    highest: highest degree that is accepted
+    highest: highest accepted degree
+
+    Raises Malformed for the first wrong term.
     """
     rows = entries.fields(name)
     terms = {}
@@ -176,12 +182,14 @@ def check_limits_of_model(plant: Plant) -> None:
 
 
 def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """Return the first signal whose stated limits are not admissible, or None if all are.
+    """Return the first signal with stated limits that are not admissible, or None if all are
+    admissible.
 
     The limits of an input define its saturation and must equal the model's. The limits of a state
     or output must not be wider than the model's.
 
-    stated, own: signal -> lowest and highest value, in the certificate and in the model
+    stated: limits in the certificate, signal -> lowest and highest value
+    own: limits of the model, signal -> lowest and highest value
     inputs: names of the inputs
     """
     unlimited = (-np.inf, np.inf)
@@ -197,10 +205,10 @@ def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | N
 def model_limits(
     model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Return signal -> lowest and highest value, for every limited state, input and output.
+    """Return signal -> (lowest, highest) for every limited state, input and output of a model.
 
-    The limits are the declared min and max, replaced by the limits of the model's envelope at the
-    trim, if there is an envelope.
+    The limits are the declared min and max. If the model has an envelope, the limits of the
+    envelope at the trim replace the declared limits.
 
     states: state -> value at the trim, for all states
     parameters: parameter -> value
@@ -217,7 +225,9 @@ def model_limits(
 
 
 def facts(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, moving states and units."""
+    """Return entries that identify a model: name, source, moving states, and units of states and
+    inputs.
+    """
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

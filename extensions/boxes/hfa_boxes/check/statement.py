@@ -44,7 +44,10 @@ class Gain(NamedTuple):
     terms: Mapping[str, Terms]
 
     def function(self, inputs: tuple[str, ...]) -> ca.Function:
-        """Return the function z (n,) -> input deviations (m,)."""
+        """Return the function from state deviations z (n,) to input deviations (m,).
+
+        inputs: names of the inputs, in order
+        """
         m, n = self.K.shape
         z = ca.SX.sym("z", n)
         deviations = ca.SX.zeros(m)
@@ -77,17 +80,17 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BoxStatement:
-    """Claim: trajectories from the set of the piece converge to the equilibrium.
+    """Claim that the trajectories from a set converge to the equilibrium of a closed loop.
 
-    Every trajectory of the loop that begins in the set exists for all time and stays in the set and
-    within all limits. z are deviations from the equilibrium. For V of degree 2 the set is
-    {V <= rho} without the condition |y_i| <= 1, because V > rho outside the cube.
+    Every trajectory of the loop that begins in the set of the piece exists for all time, stays in
+    the set and within all limits, and converges to the equilibrium. For V of degree 2 the set is {V
+    <= rho} without the condition |y_i| <= 1, because V > rho outside the cube.
 
     loop: the model with its policy and saturated inputs
     policy: SHA-256 of the policy's instructions, or the coefficients
     equilibrium: moving state -> value, within `SAME_TRIM` nominal values of the proved equilibrium
-    piece: V and its level, in coordinates y = M z
-    extents: moving state -> bounds of the deviation in the set
+    piece: V and its level, in coordinates y = M z, with z the deviations from the equilibrium
+    extents: moving state -> lowest and highest deviation in the set
     """
 
     loop: Loop

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ProvedPolicy:
-    """A policy for which a region is proved.
+    """A policy for which a region is to be proved.
 
     function: the policy, as in `Loop.policy`
     words: description of the policy
-    gain: coefficients of the policy if it is a polynomial, else None
-    known: pairs of a description and a matrix P, candidates V = z'P z
+    known: pairs of a description and a matrix P, each of which gives a candidate V = z'P z
     not_covered: effects that the proof neglects, for the title
+    gain: coefficients of the policy if it is a polynomial, otherwise None
     """
 
     function: ca.Function
