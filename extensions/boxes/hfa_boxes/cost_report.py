@@ -21,12 +21,12 @@ _NOT_COVERED = "disturbances"
 
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
-    """Return the report of a proved bound.
+    """Return the report of a proved lower bound of the cost.
 
-    The report lists for each piece the share of the initial conditions at which the piece's bound
-    is below its level.
+    For each piece, the report lists the share of the initial conditions at which the piece's bound
+    is below its level c.
 
-    starts: (N, n), initial conditions, deviations from the trim
+    starts: (N, n), default initial conditions, as deviations from the trim
     """
     statement = found.statement
     rows = []
@@ -46,7 +46,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
 
 
 def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Report:
-    """Return the report of a checked certificate.
+    """Return the report of a checked certificate of a lower bound of the cost.
 
     not_given: parts of the statement that were not compared, because the user did not give them
     """
@@ -70,7 +70,10 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line: the claim, the parts not compared, and the effects not covered.
+    """Return the first line of a report.
+
+    The line states the claim, the parts of the statement that were not compared, and the effects
+    that the proof neglects.
 
     verdict: first words of the line
     not_given: parts of the statement that were not compared

@@ -82,7 +82,7 @@ class LowerBound(ProvedResult):
 class FoundLowerBound(LowerBound):
     """Lower bound that a search has found and proved.
 
-    stopped: why no larger level is proved, or "" if every level that was tried is proved.
+    stopped: reason why no larger level is proved, or "" if every level that was tried is proved.
     """
 
     schema = "hfa.lower-bound/1"

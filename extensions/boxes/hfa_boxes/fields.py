@@ -1,4 +1,6 @@
-"""Fields of the statements that are proved on boxes, and how each is checked."""
+"""Entries of the statements that are proved on boxes, with the user's data that each is compared
+with.
+"""
 
 from __future__ import annotations
 

@@ -12,10 +12,10 @@ from hfa_support.progress import Progress
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Yield an event that is set when Ctrl-C is pressed.
+    """Yield an event that is set by the first Ctrl-C.
 
     A second Ctrl-C has its usual effect. The event is never set outside the main thread, or if
-    SIGINT is ignored. An exception cannot replace the event, because CasADi discards exceptions
+    SIGINT is ignored. An exception could not replace the event, because CasADi discards exceptions
     that are raised during IPOPT.
     """
     asked = threading.Event()
@@ -38,7 +38,10 @@ def interruption() -> Iterator[threading.Event]:
 
 @contextmanager
 def interruptible(progress: Progress) -> Iterator[Progress]:
-    """Yield a progress function that raises KeyboardInterrupt at its first call after Ctrl-C."""
+    """Yield a progress function that raises KeyboardInterrupt when it is called after Ctrl-C.
+
+    progress: the progress function that is called otherwise
+    """
     with interruption() as asked:
 
         def tell(done: float, total: float, what: str = "", /) -> None:

@@ -34,12 +34,15 @@ def found_report(
     not_covered: str = NOT_COVERED,
     reason: str = "",
 ) -> Report:
-    """Return the report of a proved region and of the obstacle to a larger one.
+    """Return the report of a proved region.
+
+    The report includes the obstacle to a larger region, if one was found.
 
     policy: description of the policy
     flight: clause on the outcome of a flight from the obstacle, or None
     not_covered: effects that the proof neglects, for the title
-    reason: why boxes were chosen, or "" if the user chose them
+    reason: reason why the proof uses boxes instead of sums of squares, or "" if the user chose
+        boxes
     """
     statement = region.statement
     level, place, rises = region.bound
@@ -77,7 +80,7 @@ def checked_report(
     not_covered: str = NOT_COVERED,
     not_given: Sequence[str] = (),
 ) -> Report:
-    """Return the report of a checked certificate.
+    """Return the report of a checked certificate of a region.
 
     policy: description of the policy
     not_covered: effects that the proof neglects, for the title
@@ -110,7 +113,10 @@ def checked_report(
 def _title(
     statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
-    """Return the first line: the claim, the parts not compared, and the effects not covered.
+    """Return the first line of a report.
+
+    The line states the claim, the parts of the statement that were not compared, and the effects
+    that the proof neglects.
 
     verdict: first words of the line
     not_covered: effects that the proof neglects
@@ -136,7 +142,11 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
 
 
 def _extents(statement: BoxStatement) -> tuple[Table, str]:
-    """Return a table of the extents of the set, and a note that the set does not fill their box."""
+    """Return a table of the deviations in the set, and the sentence `NO_BOX`.
+
+    Each row has the lowest and highest deviation of a state, its equilibrium and trim, and its
+    limits. The sentence states that the set does not fill the box of these deviations.
+    """
     model = statement.loop.model
     rows = []
     for name, (low, high) in statement.extents.items():
@@ -151,7 +161,7 @@ def _extents(statement: BoxStatement) -> tuple[Table, str]:
 
 
 def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
-    """Return V as text and tables: the matrix P for degree 2, otherwise M and W(y)."""
+    """Return text and tables that define V: the matrix P for degree 2, otherwise M and W(y)."""
     states = statement.loop.states
     P = quadratic_form(statement.piece)
     if P is None:
@@ -161,7 +171,10 @@ def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
 
 
 def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
-    """Return tables and text of the policy's coefficients, or () if only a digest is stored."""
+    """Return tables and text of the policy's coefficients.
+
+    The tuple is empty if the certificate stores only a digest of the policy.
+    """
     if not isinstance(statement.policy, Gain):
         return ()
     loop = statement.loop

@@ -17,7 +17,7 @@ from hfa_support.reporting.results import Matrix, Vector
 
 @dataclass(frozen=True, eq=False)
 class BoxSet(ProvedResult):
-    """Set proved on boxes.
+    """Region of attraction proved on boxes.
 
     statement: the proved statement.
     boxes: number of boxes that the proof evaluated.
@@ -33,7 +33,7 @@ class BoxSet(ProvedResult):
 
     @property
     def subject(self) -> Loop:
-        """The closed loop: model, trim, limits and policy."""
+        """The closed loop of the statement: model, trim, limits and policy."""
         return self.statement.loop
 
     @property

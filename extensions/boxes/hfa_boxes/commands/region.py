@@ -50,18 +50,21 @@ class ProvedPolicy:
     def of_gain(
         cls, gain: Gain, inputs: tuple[str, ...], words: str, P: np.ndarray | None
     ) -> ProvedPolicy:
-        """Return the policy with these coefficients.
+        """Return the policy with the given coefficients.
 
         inputs: names of the inputs, in order
         words: description of the policy
-        P: (n, n), matrix of the game or critic, or None
+        P: matrix of the value function of the game or critic, (n, n), as a candidate for V, or None
         """
         known = [] if P is None else [("P of the game", P)]
         return cls(gain.function(inputs), words, known, gain=gain)
 
 
 def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
-    """Return the closed loop of a policy about the trim of a linear model."""
+    """Return the closed loop of a policy about the trim of a linear model.
+
+    The limits of the loop are those of the model at the trim (`model_limits`).
+    """
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -77,7 +80,7 @@ def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
 
 
 def scalars(policy: ca.Function) -> ca.Function:
-    """Return a policy as a function of scalar operations, whose instructions can be read.
+    """Return an equal policy that is a CasADi function of scalar operations.
 
     Raises BadInputError if the policy is computed iteratively.
     """
@@ -93,12 +96,14 @@ def scalars(policy: ca.Function) -> ca.Function:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Settings of a search.
+    """Settings of a search for a region.
 
-    seconds: limit of the processor time
+    seconds: limit of the processor time, s
     degree: highest degree of V
-    resume: whether to continue the earlier run that wrote the certificate given by -o
-    reason: why boxes were chosen, for the report, or "" if the user chose them
+    resume: whether to continue an earlier run from the certificate in the output file
+    reason: reason why the proof uses boxes instead of sums of squares, for the report, or "" if the
+        user
+        chose boxes
     """
 
     seconds: float
@@ -110,9 +115,13 @@ class SearchSettings:
 def prove(
     request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, settings: SearchSettings
 ) -> int:
-    """Prove a region that is as large as possible, print a report and return the exit code.
+    """Prove a region of attraction that is as large as possible, print a report and return exit
+    code 0.
 
-    If -o is given, the certificate of each larger region is written to that file.
+    The certificate of each larger region is written to the output file of the request, if there is
+    one.
+
+    linear: linear model at the trim of the loop
     """
     loop = loop_of(linear, policy)
     stated = policy.gain or digest_of(loop.policy)
@@ -148,9 +157,11 @@ def prove(
 
 
 def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
-    """Return the verified statement of an earlier run.
+    """Return the proved statement of the certificate that an earlier run wrote.
 
-    Raises BadInputError if the statement concerns another loop.
+    path: file of the certificate
+
+    Raises BadInputError if the statement concerns another loop or policy.
     """
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
@@ -160,7 +171,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
 
 
 def _subject(loop: Loop, policy: str | Gain) -> list[Any]:
-    """Return the entries that identify a loop: parameters, trim, inputs and policy."""
+    """Return the values that identify a loop: parameters, trim, inputs and policy."""
     stated = policy.content() if isinstance(policy, Gain) else policy
     return [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), stated]
 
@@ -172,9 +183,13 @@ def check(
     policy: ProvedPolicy,
     own: Model | None,
 ) -> int:
-    """Verify a certificate for the user's policy, print a report and return the exit code.
+    """Verify the certificate of a region for the user's policy, print a report and return the exit
+    code.
 
-    own: the user's model, if the certificate concerns one
+    path: file of the certificate
+    linear: linear model at the user's trim
+    policy: the user's policy
+    own: the user's model, or None if the certificate concerns a built-in model
     """
     verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
     content = verified.statement.content()
@@ -184,9 +199,9 @@ def check(
 
 
 def _given(loop: Loop, option: str) -> dict[str, Given]:
-    """Return entry path -> the user's value, for every entry that is not part of the claim.
+    """Return entry of a statement -> the user's value, for every entry that describes the loop.
 
-    option: the option that gave the loop, for messages
+    option: the option that defined the loop, for messages
     """
     widths = {name: 1e-6 * signal.nominal for name, signal in loop.model.signals.items()}
     limits = {name: pair_of(ends) for name, ends in loop.limits.items()}

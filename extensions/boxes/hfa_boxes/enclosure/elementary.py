@@ -1,7 +1,8 @@
-"""Elementary functions with proved error bounds, from operations that IEEE 754 rounds correctly.
+"""Elementary functions with proved error bounds.
 
-The error of each function is at most its constant, or the bound that it returns. Arguments outside
-the stated range give nan. u = 2⁻⁵³.
+The functions use only operations that IEEE 754 rounds correctly. The error of a function is at most
+a constant of this module, or the bound that the function returns. Arguments outside the stated
+range give nan. u = 2⁻⁵³.
 """
 
 from __future__ import annotations

@@ -30,7 +30,10 @@ Ranges = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Parabola(NamedTuple):
-    """Enclosure f(t0 + d) = value + slope d + bend d² ± rest."""
+    """Enclosure f(t0 + d) = value + slope d + bend d² ± rest of a function over ranges of d.
+
+    All arrays have the shape of t0.
+    """
 
     value: np.ndarray
     slope: np.ndarray
@@ -46,11 +49,11 @@ class Slopes(NamedTuple):
 
 
 class Enclosed(NamedTuple):
-    """Enclosures of a kind of node over a range.
+    """Functions that enclose one kind of node over ranges of its argument.
 
-    curve: enclosure by a parabola, or None
-    line: enclosure by a line, or None
-    slopes: lowest and highest value -> lowest and highest slope
+    curve: (t0, low, high) -> enclosure by a parabola, or None
+    line: (t0, low, high) -> enclosure by a line, or None
+    slopes: (low, high) -> lowest and highest slope
     """
 
     curve: Callable[[Ranges], Parabola] | None
@@ -72,10 +75,11 @@ def _parabola(
     errors: tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float],
     reach: np.ndarray,
 ) -> Parabola:
-    """Return the Taylor polynomial of degree 2 with its remainder.
+    """Return the enclosure of a function by its Taylor polynomial of degree 2.
 
+    value, slope, bend: coefficients of the polynomial
     third: upper bound of |f'''| / 6 over the range
-    errors: errors of value, slope and bend
+    errors: error bounds of value, slope and bend
     reach: largest |d|
     """
     of_value, of_slope, of_bend = errors
@@ -86,11 +90,12 @@ def _parabola(
 def _by_slopes(
     value: np.ndarray, error: np.ndarray | float, slopes: Slopes, reach: np.ndarray
 ) -> Parabola:
-    """Return the line f(t0 + d) = f(t0) + m d ± w |d| by the mean value theorem.
+    """Return the line f(t0 + d) = f(t0) + m d ± w |d|, by the mean value theorem.
 
     m and w are the center and half-width of the range of slopes.
 
-    value, error: f(t0) and its error
+    value: f(t0)
+    error: error bound of `value`
     reach: largest |d|
     """
     middle = 0.5 * (slopes.low + slopes.high)
@@ -282,9 +287,9 @@ def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclosed:
-    """Return the enclosures of a function f with f'' = -f and |f'| <= 1.
+    """Return the enclosures of a function f with f'' = -f and |f'| <= 1, such as sine and cosine.
 
-    pair: t -> f and f', within `SIN_ERROR`
+    pair: t -> f(t) and f'(t), with errors of at most `SIN_ERROR`
     """
 
     def curve(ranges: Ranges) -> Parabola:
@@ -298,7 +303,7 @@ def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclos
         return _by_slopes(value, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
 
     def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-        """Return the range of f' from f'(m) ± |t - m|, with m the center of the range of t."""
+        """Return the range of f' over [low, high], f'(m) ± |t - m| with the center m."""
         middle = 0.5 * (low + high)
         _, slope = pair(middle)
         width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR

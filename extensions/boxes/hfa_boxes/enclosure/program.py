@@ -53,12 +53,12 @@ _SPARSE = 0.5
 
 
 class Node(NamedTuple):
-    """A nonlinear node.
+    """Nonlinear operation of a program.
 
     kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of one
         variable.
-    rows: rows of its one or two arguments.
-    level: 1 above the highest level of the nodes in its rows.
+    rows: one affine row for each argument, one or two.
+    level: 1 above the highest level of the nodes in `rows`.
     """
 
     kind: str
@@ -67,9 +67,10 @@ class Node(NamedTuple):
 
 
 class Argument(NamedTuple):
-    """Rows of one argument of all nodes of a group, in doubles.
+    """Affine rows that compute one argument of all nodes of a group, in double precision.
 
-    blocks: earlier group -> coefficients (rows, variables of the group), sparse if most are 0.
+    blocks: earlier group -> coefficients (nodes, variables of the earlier group), sparse if most
+        are 0.
     sizes: earlier group -> absolute values of the coefficients
     """
 
@@ -78,7 +79,11 @@ class Argument(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Nodes of the same kind and level, with the rows of each argument."""
+    """Nodes of the same kind and level, which are evaluated together.
+
+    kind: kind of the nodes, as in `Node`
+    arguments: affine rows of each argument
+    """
 
     kind: str
     arguments: tuple[Argument, ...]
@@ -135,15 +140,12 @@ class Program:
 
 
 def _stored(block: np.ndarray) -> Any:
-    """Return the matrix in sparse form if few of its entries are nonzero, else unchanged."""
+    """Return the matrix in sparse form if few of its entries are nonzero, otherwise unchanged."""
     return csr_array(block) if np.count_nonzero(block) < _SPARSE * block.size else block
 
 
 class _Reader:
-    """Reader of a CasADi function.
-
-    Affine operations become rows, nonlinear operations become nodes.
-    """
+    """Converter of a CasADi function into affine rows and nonlinear nodes."""
 
     def __init__(self, inputs: int, name: str) -> None:
         self.nodes: list[Node] = []
@@ -268,17 +270,18 @@ class _Reader:
         return _plus({0: _ONE}, first, -_ONE)
 
     def _less_one(self, first: Row, _: Row) -> Row:
-        """Return the row of exp(first) - 1."""
+        """Return the row of expm1(first) = exp(first) - 1."""
         return _plus(self._node("exp", first), {0: _ONE}, -_ONE)
 
     def _of_one_more(self, first: Row, _: Row) -> Row:
-        """Return the row of log(1 + first)."""
+        """Return the row of log1p(first) = log(1 + first)."""
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
-        """Return the row of a node, or an empty row if the function of the constant 0 is 0.
+        """Return the row of a node with the given kind and arguments.
 
-        A node with the same kind and rows is reused.
+        If all arguments are the constant 0 and the function of 0 is 0, the row is empty. A node
+        with the same kind and arguments is reused.
 
         Raises BadInputError if there are more than `MOST_NODES` nodes.
         """

@@ -69,7 +69,7 @@ def between(low: np.ndarray, high: np.ndarray) -> Intervals:
 def jacobian(program: Program, box: Intervals) -> Jacobian:
     """Return enclosures of the outputs of a program and of their Jacobian over a box.
 
-    box: (inputs,), intervals of the inputs
+    box: intervals of the inputs, (inputs,)
     """
     n = program.inputs
     with np.errstate(all="ignore"):

@@ -40,7 +40,7 @@ _MOST_BOXES = 512
 
 
 class Pairs(NamedTuple):
-    """Indices of the coefficients of s_i s_j, i <= j.
+    """Indices of the products s_i s_j with i <= j, in the order of their coefficients.
 
     first, second: i and j of each product
     factor: (pairs, 1), 2 for i < j, else 1
@@ -53,7 +53,10 @@ class Pairs(NamedTuple):
 
 @lru_cache(maxsize=16)
 def pairs_of(n: int) -> Pairs:
-    """Return the index pairs in the order (0, 0), (0, 1), .., (1, 1), .."""
+    """Return the index pairs (i, j) with i <= j, in the order (0, 0), (0, 1), .., (1, 1), ..
+
+    n: number of variables s_i
+    """
     first, second = np.triu_indices(n)
     return Pairs(first, second, np.where(first < second, 2.0, 1.0)[:, None])
 
@@ -61,10 +64,11 @@ def pairs_of(n: int) -> Pairs:
 class Models(NamedTuple):
     """Taylor models of values over boxes.
 
-    c: (values, 1 + n + n (n + 1) / 2, boxes), coefficients
-    radius: (values, boxes), radii
-    own: (values, boxes), the part of each radius that the last operation adds, besides the part
-        from the radii of the arguments
+    c: coefficients, (values, 1 + n + n (n + 1) / 2, boxes)
+    radius: radii, (values, boxes)
+    own: (values, boxes), the part of each radius that is caused by the last operation itself, not
+        by
+        the radii of its arguments
     """
 
     c: np.ndarray
@@ -73,7 +77,7 @@ class Models(NamedTuple):
 
     @property
     def value(self) -> np.ndarray:
-        """Values at the centers of the boxes, without the radii."""
+        """Values at the centers of the boxes without the radii, (values, boxes)."""
         return self.c[:, 0]
 
     def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:
@@ -86,11 +90,12 @@ class Models(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Models of the nodes of a group.
+    """Models of a group of nodes and of their arguments.
 
     arguments: models of the rows of each argument
-    factors: for each argument, (values, boxes), the factor by which its error enters the nodes'
-        error
+    factors: for each argument, (values, boxes), the derivative by which an error of the argument
+        enters
+        the node
     nodes: models of the nodes
     """
 
@@ -100,7 +105,12 @@ class Step(NamedTuple):
 
 
 class Traced(NamedTuple):
-    """Models of the inputs, of the nodes of each group, and of the outputs of a program."""
+    """Models of all values of a program.
+
+    inputs: models of the inputs
+    steps: models of each group of nodes, in the order of evaluation
+    outputs: models of the outputs
+    """
 
     inputs: Models
     steps: Sequence[Step]
@@ -110,8 +120,8 @@ class Traced(NamedTuple):
 class Sharpened(NamedTuple):
     """Lower bounds of one output on each box.
 
-    lowest: (boxes,)
-    lowered_by: (boxes, n), approximate amount by which each s_i reduces the bound
+    lowest: lower bounds, (boxes,)
+    lowered_by: (boxes, n), approximate amount by which the range of each s_i lowers the bound
     """
 
     lowest: np.ndarray
@@ -119,7 +129,12 @@ class Sharpened(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Upper bounds of |Σ c_i s_i|, of |Σ c_ij s_i s_j|, and of the absolute value."""
+    """Bounds on the size of Taylor models, each (values, boxes).
+
+    linear: upper bounds of |Σ c_i s_i|
+    square: upper bounds of |Σ c_ij s_i s_j|
+    whole: upper bounds of the absolute value
+    """
 
     linear: np.ndarray
     square: np.ndarray
@@ -152,9 +167,9 @@ class TaylorProgram:
         self.at_once = int(np.clip(_NUMBERS // numbers, 16, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
-        """Return models of the outputs over input boxes.
+        """Return Taylor models of the outputs over boxes of the inputs.
 
-        centres, half_widths: (boxes, n)
+        centres, half_widths: centers and half-widths of the boxes, (boxes, n)
         """
         n = self.n
         linear = np.zeros((n, 1 + n, len(centres)))
@@ -163,20 +178,20 @@ class TaylorProgram:
         return self.of(linear, np.zeros((n, len(centres))))
 
     def of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
-        """Return models of the outputs for inputs c_0 + Σ c_i s_i ± radius.
+        """Return Taylor models of the outputs for inputs c_0 + Σ c_i s_i ± radius.
 
-        An output whose radius is infinite or nan has no bound.
+        An output with an infinite or nan radius has no bound.
 
-        linear: (inputs, 1 + n, boxes), coefficients c
-        radius: (inputs, boxes)
+        linear: coefficients c of the inputs, (inputs, 1 + n, boxes)
+        radius: radii of the inputs, (inputs, boxes)
         """
         return self.traced(linear, radius).outputs
 
     def traced(self, linear: np.ndarray, radius: np.ndarray) -> Traced:
-        """Return models of the inputs, of all nodes and of the outputs.
+        """Return Taylor models of the inputs, of all nodes and of the outputs.
 
-        linear: (inputs, 1 + n, boxes), coefficients c
-        radius: (inputs, boxes)
+        linear: coefficients c of the inputs, (inputs, 1 + n, boxes)
+        radius: radii of the inputs, (inputs, boxes)
         """
         with np.errstate(all="ignore"):
             return self._traced(linear, radius)
@@ -205,14 +220,15 @@ class TaylorProgram:
         return self._function(group.kind, arguments[0])
 
     def sharpened(self, traced: Traced, which: np.ndarray, boxes: np.ndarray) -> Sharpened:
-        """Return lower bounds of one output on each box.
-
-        which: (N,), index of the output for each box
-        boxes: (N,), indices of boxes
+        """Return sharper lower bounds of one output on each box.
 
         The error of an output is the sum over all nodes of the node's own error times its weight.
-        The weight is the sum, over all paths from the node to the output, of the signed products of
-        factors. The bounds are at least as high as the bounds by `lowest`.
+        The weight is the sum of the signed products of factors over all paths from the node to the
+        output. The bounds are at least as high as the bounds by `lowest`.
+
+        traced: models of all values of the program
+        which: (N,), index of the output for each box
+        boxes: (N,), indices of the boxes
         """
         n = self.n
         with np.errstate(all="ignore"):
@@ -226,10 +242,15 @@ class TaylorProgram:
     def _errors(
         self, traced: Traced, which: np.ndarray, boxes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sums of the own errors times the absolute values of their weights.
+        """Return bounds of the errors of outputs, and the parts of these bounds that each s_i
+        causes.
 
-        The first array, (N,), contains the sums. The second array, (n, N), contains the approximate
-        part of each sum that each s_i causes.
+        The first array, (N,), is the sum over all operations of the own error times the absolute
+        value of its weight. The second array, (n, N), is approximate.
+
+        traced: models of all values of the program
+        which: (N,), index of the output for each box
+        boxes: (N,), indices of the boxes
         """
         total = traced.outputs.own[which, boxes]
         causes = np.zeros((self.n, len(boxes)))
@@ -258,10 +279,10 @@ class TaylorProgram:
     def _rows(
         self, argument: Argument, known: Sequence[Models], sizes: Sequence[np.ndarray]
     ) -> Models:
-        """Return models of the rows of an argument.
+        """Return models of the affine rows of an argument.
 
         known: models of the earlier groups
-        sizes: for each group, the sum of all |c| plus the radius, (variables, boxes)
+        sizes: for each earlier group, the sum of all |c| plus the radius, (variables, boxes)
         """
         c: np.ndarray | float = 0.0
         radius: np.ndarray | float = 0.0
@@ -302,9 +323,13 @@ class TaylorProgram:
         return Step((a, b), (b.value, a.value), Models(c, radius, own))
 
     def _function(self, kind: str, a: Models) -> Step:
-        """Return models of a function of one variable, by its parabola or its line.
+        """Return models of a function of one variable.
 
-        On each box the enclosure with the smaller remainder is chosen.
+        On each box, the function is enclosed by a parabola or a line, whichever has the smaller
+        remainder.
+
+        kind: name of the function
+        a: models of the argument
         """
         n = self.n
         sizes = _sizes(a, n)
@@ -350,12 +375,13 @@ def _dense(block: Any) -> np.ndarray:
 
 
 def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    """Return the part of the sum of errors that each s_i causes, (n, boxes).
+    """Return the approximate part of the sum of errors that each s_i causes, (n, boxes).
 
-    The part is proportional to the absolute value of the coefficient of s_i in the argument.
+    The error of a value is divided in proportion to the absolute coefficients of s_i in the
+    argument.
 
-    errors: (values, boxes)
-    linear: (values, n, boxes), coefficients of the arguments
+    errors: errors of the values, (values, boxes)
+    linear: coefficients of the arguments, (values, n, boxes)
     """
     sizes = np.abs(linear)
     shares = errors / (sizes.sum(axis=1) + _TINY)
@@ -363,20 +389,22 @@ def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
 
 
 def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
-    """Return the curve where its remainder is at most that of the line, and the line elsewhere.
+    """Return the parabola or the line, whichever has the smaller remainder.
 
-    of_square: bound of the part of d² that the models omit
+    The remainder of the parabola includes the terms of d² that Taylor models of degree 2 omit.
+
+    of_square: upper bound of the omitted part of d²
     """
     is_curve = curve.rest + np.abs(curve.bend) * of_square <= line.rest
     return Parabola(*(np.where(is_curve, a, b) for a, b in zip(curve, line, strict=True)))
 
 
 def lowest(models: Models, n: int) -> np.ndarray:
-    """Return lower bounds of the values on the boxes, (values, boxes).
+    """Return lower bounds of Taylor models on the boxes, (values, boxes).
 
-    Each bound is the larger of two. The first bounds each product s_i s_j, i < j, by ±1, the second
-    by ±(s_i² + s_j²) / 2. The remaining terms are a parabola in each s_i, which is minimized
-    exactly.
+    Each bound is the larger of two bounds. In the first, each product s_i s_j with i < j is at
+    least -1 and at most 1. In the second, the product is within ±(s_i² + s_j²) / 2. The remaining
+    terms are a parabola in each s_i, which is minimized exactly.
 
     n: dimension of the boxes
     """
@@ -393,7 +421,7 @@ def lowest(models: Models, n: int) -> np.ndarray:
 
 
 def highest(models: Models, n: int) -> np.ndarray:
-    """Return upper bounds of the values on the boxes, (values, boxes).
+    """Return upper bounds of Taylor models on the boxes, (values, boxes).
 
     n: dimension of the boxes
     """
@@ -401,9 +429,10 @@ def highest(models: Models, n: int) -> np.ndarray:
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Return the minimum of squares_i s² - linear_i s over |s| <= 1 for each i.
+    """Return the minimum of squares s² - linear s over |s| <= 1, entry by entry.
 
-    linear: not negative
+    linear: nonnegative coefficients
+    squares: coefficients of either sign
     """
     inside = 2.0 * squares > linear
     at_vertex = -(linear**2) / (4.0 * np.where(inside, squares, 1.0))
@@ -411,16 +440,20 @@ def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
 
 
 def amounts_by_edge(models: Models, n: int) -> np.ndarray:
-    """Return the amount by which each s_i reduces the second bound of `lowest`, (values, n, boxes).
+    """Return approximate amounts by which each s_i lowers the minimum of Taylor models, (values, n,
+    boxes).
 
-    No proof depends on these amounts.
+    The amounts are those of the second bound in `lowest`. No proof depends on these amounts.
     """
     linear, squares, shares = _parabolas(models, n)
     return -_lowest_parabolas(linear, squares - shares)
 
 
 def _parabolas(models: Models, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return |c_i|, c_ii, and half the sum of |c_ij| over j != i, each (values, n, boxes)."""
+    """Return three arrays of coefficients of Taylor models, each (values, n, boxes).
+
+    The arrays contain |c_i|, c_ii, and half the sum of |c_ij| over j != i.
+    """
     i, j, _ = pairs_of(n)
     is_square = i == j
     second = models.c[:, n + 1 :]
