@@ -1,5 +1,6 @@
-"""Entries of the statements that are proved on boxes, with the user's data that each is compared
-with.
+"""Entries of the statements that are proved on boxes.
+
+Each entry is a claim, or is compared with the user's data.
 """
 
 from __future__ import annotations

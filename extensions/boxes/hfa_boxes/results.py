@@ -43,7 +43,7 @@ class BoxSet(ProvedResult):
 
     @property
     def rho(self) -> float:
-        """Level of V: the set is V <= rho."""
+        """Level of V. The set is {V <= rho}."""
         return self.statement.rho
 
     @property
@@ -53,7 +53,10 @@ class BoxSet(ProvedResult):
 
     @property
     def policy(self) -> str | Mapping[str, Any]:
-        """SHA-256 of the policy, or the coefficients K and terms of the policy u0 - K z + q(z)."""
+        """SHA-256 of the policy's instructions, or the coefficients of a polynomial policy.
+
+        The coefficients are K and the terms of q in u0 - K z + q(z).
+        """
         stated = self.statement.policy
         return stated.content() if isinstance(stated, Gain) else stated
 
@@ -69,12 +72,12 @@ class BoxSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """P (n, n) with V = z'P z, rounded to doubles, or None if V has a degree above 2."""
+        """Matrix P (n, n) of V = z'P z, rounded to doubles, or None if V has a degree above 2."""
         return quadratic_form(self.statement.piece)
 
     @property
     def M(self) -> Matrix:
-        """M (n, n): V is a polynomial in y = M z, and the set lies in |y_i| < 1."""
+        """Matrix M (n, n) of the coordinates y = M z of V. The set is within |y_i| < 1."""
         return self.statement.piece.M
 
     @property
@@ -84,12 +87,15 @@ class BoxSet(ProvedResult):
 
     @property
     def powers(self) -> Sequence[Sequence[int]]:
-        """Powers of each monomial, (terms, n)."""
+        """Powers of each monomial of V, (terms, n)."""
         return [powers for _, powers in self.statement.piece.W.terms]
 
 
 def quadratic_form(piece: Piece) -> Matrix | None:
-    """Return P (n, n) with W(M z) = z'P z, in doubles, or None if W has a degree above 2."""
+    """Return P (n, n) with W(M z) = z'P z, rounded to doubles.
+
+    Return None if W has a degree above 2.
+    """
     M = piece.M
     S = np.zeros((len(M), len(M)))
     for value, powers in piece.W.terms:
@@ -103,13 +109,12 @@ def quadratic_form(piece: Piece) -> Matrix | None:
 
 @dataclass(frozen=True, eq=False)
 class FoundBoxes(BoxSet):
-    """Set that a search has found and proved.
+    """Region of attraction that a search has found and proved.
 
     origin: origin of V.
-    decrease_fails_at: state -> deviation at the first obstacle that was found as the level of V
-        grows,
-        if V' >= 0 there, or None if a limit is the first obstacle or no obstacle was found.
-    stopped: why no larger level is proved.
+    decrease_fails_at: state -> deviation at the first obstacle to a larger level if V' >= 0 there,
+        otherwise None.
+    stopped: reason why no larger level is proved.
     """
 
     schema = "hfa.region-boxes/1"
@@ -123,7 +128,7 @@ class FoundBoxes(BoxSet):
 
 @dataclass(frozen=True, eq=False)
 class CheckedBoxes(BoxSet):
-    """Set that a certificate proves.
+    """Region of attraction that a certificate proves.
 
     written: version, command and date in the file, not verified.
     not_given: parts of the statement that were not compared, because no option gave them.

@@ -125,7 +125,9 @@ def _mass(table: Table) -> float:
 
 
 def _parameters(table: Table) -> dict[str, Signal]:
-    """Return the signals of mass, inertias, gravity and derivatives, by name."""
+    """Return the parameters of the aircraft, name -> signal: mass, inertias, gravity and
+    derivatives.
+    """
     mass_unit = "slug" if table.system == "english" else "kg"
     mass = _mass(table)
     signals = {"mass": Signal(mass_unit, mass, 0.0, start=mass)}
@@ -140,7 +142,7 @@ def _parameters(table: Table) -> dict[str, Signal]:
 
 
 class _Equations:
-    """Equations (x, u, p, w) -> (rates by state, outputs by name) of the aircraft of a table."""
+    """Equations of the aircraft of a table, (x, u, p, w) -> (rates, outputs) by name."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
@@ -154,7 +156,7 @@ class _Equations:
         self._mach = values["speed"] / sound
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the rates by state and the outputs by name."""
+        """Return the rates of the states and the outputs, each as name -> value."""
         sizes = SimpleNamespace(**self._table.values)
         motion = Motion(x, p.gravity, self._table.system)
         rates = ca.mtimes(self._turn.T, motion.rates)
@@ -184,13 +186,14 @@ class _Equations:
         return state_rates, outputs | coefficients
 
     def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
-        """Return the variables in which the coefficients are linear, by the suffix of their
-        derivatives.
+        """Return the variables that the derivatives multiply, suffix of the derivatives -> value.
 
-        The rate of alpha is not included.
+        The variable of the suffix alphadot is not included.
 
-        rates: (3,), angular rates about the axes of the coefficients, rad/s
-        mach: Mach number minus that of the reference condition
+        x: states
+        u: inputs
+        rates: angular rates about the axes of the coefficients, (3,), rad/s
+        mach: Mach number minus the Mach number of the reference condition
         """
         sizes = self._table.values
         half_span = sizes["span"] / (2.0 * x.speed)
@@ -208,10 +211,11 @@ class _Equations:
         }
 
     def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
-        """Return the sum of derivative times argument over the given arguments of a coefficient.
+        """Return an aerodynamic coefficient, the sum of its derivatives times the given variables.
 
         name: the coefficient, such as CL
-        arguments: value of each argument by its suffix
+        p: parameters, with the derivatives
+        arguments: suffix of the derivatives -> value of the variable
         """
         total: Any = 0.0
         for derivative, meaning in self._table.meanings.items():
@@ -220,15 +224,16 @@ class _Equations:
         return total
 
     def _value(self, p: Any, name: str) -> Any:
-        """Return the derivative with this name, or 0 if the table does not contain it."""
+        """Return the derivative with the given name, or 0 if the table does not contain it."""
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """Return the rate of alpha, rad/s, including the lift CL_alphadot times this rate.
+        """Return the rate of alpha, rad/s, including the lift due to this rate (derivative
+        CL_alphadot).
 
-        Drag due to the rate of alpha acts along the flight path and does not change alpha.
+        The drag due to the rate of alpha acts along the flight path and does not change alpha.
 
-        specific: (3,), force per mass without the forces that depend on the rate of alpha
+        specific: force per mass without the forces that depend on the rate of alpha, (3,)
         """
         sizes = self._table.values
         forward, _, down = ca.vertsplit(motion.velocity)

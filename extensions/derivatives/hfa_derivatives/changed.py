@@ -18,11 +18,13 @@ _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
 def changed_aircraft(path: str) -> Model | None:
-    """Return the aircraft of a TOML file with the entries `aircraft` and [parameters].
+    """Return the aircraft of a TOML file that names another aircraft and new values of parameters.
 
-    The parameters are in the units of the named aircraft. Returns None if the file has no entry
-    `aircraft`. Raises BadInputError if an entry is unknown or invalid, or if the named aircraft
-    cannot be loaded.
+    The entry `aircraft` names the other aircraft. The table [parameters] has its units. Return None
+    if the file has no entry `aircraft`.
+
+    Raises BadInputError if an entry is unknown or invalid, or if the other aircraft cannot be
+    loaded.
     """
     with file_faults(path):
         data = read_toml(path)
@@ -50,7 +52,8 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around the estimate.
+    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around the present
+    value.
 
     Each entry must be named like a parameter of the model or a sensor error of the file.
     """
@@ -75,7 +78,7 @@ def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
 
 
 def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the table with this name from the data of a file, or {} if it is missing.
+    """Return the table with the given name from the data of a TOML file, or {} if it is missing.
 
     Raises BadInputError if the entry is not a table.
     """

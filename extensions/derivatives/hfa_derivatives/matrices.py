@@ -31,10 +31,12 @@ def plant_model(
 ) -> Model:
     """Return the model x' = A x + B u, trimmed at the origin.
 
-    names: names of all states and inputs, and their units; a unit that is not known is 1
+    name: name of the model
+    names: names and units of all states and inputs. An empty unit becomes 1.
     A: (n, n)
     B: (n, m)
-    outputs: name -> c (n,) and d (m,) of y = c x + d u; outputs named like a state are ignored
+    outputs: name of an output -> c (n,) and d (m,) of y = c x + d u. Outputs named like a state are
+        ignored.
     """
     shown = {output: row for output, row in (outputs or {}).items() if output not in names.states}
 
@@ -63,7 +65,7 @@ def _product(row: np.ndarray, values: Sequence[Any]) -> Any:
 
 
 def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Signal]:
-    """Return signals without limits by name. A signal without a known unit has the unit 1."""
+    """Return name -> signal without limits. An empty unit becomes 1."""
     return {name: Signal(unit or "1") for name, unit in zip(names, units, strict=True)}
 
 

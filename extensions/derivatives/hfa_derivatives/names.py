@@ -51,7 +51,8 @@ class Derivative:
 
 
 def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
-    """Return the parts of the name of a derivative, or None for any other name.
+    """Return the parts of the name of a derivative, or None if the name is not that of a
+    derivative.
 
     surfaces: names of the control surfaces
     """

@@ -58,11 +58,11 @@ class Table:
     """The checked table of an aircraft, in the table's system of units, with angles in rad.
 
     name: name of the aircraft.
-    system: "english" or "si".
-    source: path of the file and its hash; both "" for a dictionary.
-    values: geometry, mass or weight, reference condition and thrust line, by name.
+    system: system of units, "english" or "si".
+    source: path and hash of the file, both "" for a dictionary.
+    values: geometry, mass or weight, reference condition and thrust line, name -> value.
     derivatives: name -> value, per rad for an angle.
-    meanings: name -> coefficient and argument of a derivative.
+    meanings: name of a derivative -> coefficient and argument.
     surfaces: control surface -> lowest and highest deflection, rad.
     thrust: lowest and highest thrust, lbf or N.
     axes: axes of the rolling and yawing moments and rates, "body" or "stability".
@@ -103,7 +103,7 @@ def table_of(values: Mapping[str, Any]) -> Table:
 
 
 def _of_toml(path: str) -> dict[str, Entry]:
-    """Return the entries of a TOML file by name, including the entries of its groups."""
+    """Return name -> entry of a TOML file, including the entries of its groups."""
     return dict(_flat(read_toml(path), path))
 
 
@@ -124,10 +124,12 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 
 
 def _rows(path: str, content: bytes) -> dict[str, Entry]:
-    """Return the entries of a CSV file with the columns name, value and unit.
+    """Return name -> entry of a CSV file with the columns name, value and unit.
 
-    Limits are written low:high. Raises BadInputError if a value is missing, a name occurs twice or
-    the file is not UTF-8.
+    The limits of an input are written low:high.
+
+    Raises BadInputError if a value is missing, a name occurs twice, or the file is not a CSV file
+    in UTF-8.
     """
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
@@ -206,10 +208,13 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
-    """Return the lowest and highest value of an input, rad for a surface, lbf or N for thrust.
+    """Return the lowest and highest value of an input, rad for a control surface, lbf or N for
+    thrust.
 
-    Raises BadInputError if the entry is not an input with exactly two values, or if the lower limit
-    is not below the upper limit.
+    Raises BadInputError in these cases:
+    - The name is not a valid name of an input.
+    - The entry does not have exactly two values.
+    - The lower limit is not below the upper limit.
     """
     unit = "rad"
     if name == THRUST_INPUT:
@@ -273,7 +278,9 @@ def _unit(name: str, system: str) -> str:
 
 
 def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
-    """Return the error for an entry with an unknown name, or for an input without two limits."""
+    """Return the error for an entry with an unknown name, or with one value where two limits are
+    required.
+    """
     arguments = (*ARGUMENTS, *surfaces)
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
@@ -309,8 +316,10 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raise BadInputError if a size is not positive, both mass and weight are given, or Ixx Izz <=
-    Ixz².
+    """Raise BadInputError if the sizes and inertias of an aircraft are not possible.
+
+    The cases are a size, mass or moment of inertia that is not positive, both mass and weight, and
+    Ixx Izz <= Ixz².
     """
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:

@@ -31,9 +31,9 @@ _CONTINUOUS = "applies only to continuous time; leave it out of a plant with tim
 
 
 def question_of_time(game: Game) -> str:
-    """Return the question whether discrete time was meant, for an error message.
+    """Return the question whether discrete time was meant, as the end of an error message.
 
-    Returns "" if the game has no discrete-time solution either.
+    Return "" if the game has no discrete-time solution either.
 
     game: game without a continuous-time solution
     """
@@ -74,9 +74,9 @@ def learn(request: LearnRequest, named: NamedGame) -> int:
 def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     """Run `hfa verify` for a discrete-time plant on one critic and return the exit code.
 
-    paths: path of a file with W, P, K, L or H, or of a network
+    paths: one path, of a file with W, P, K, L or H or of a network
 
-    Raises BadInputError unless there is exactly one path.
+    Raises BadInputError unless exactly one path is given.
     """
     from hfa.commands.verify import about
     from hfa_discrete.critic_check import check_discrete
@@ -105,7 +105,7 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
 def verify_discounted(
     path: Path, critic: Critic, request: VerifyRequest, game: Game, scope: Scope
 ) -> Verdict:
-    """Return the verdict on a critic for the continuous-time game, sampled and discounted.
+    """Return the verdict on a critic for a continuous-time game that is sampled and discounted.
 
     path: file of the critic, for messages
 

@@ -56,10 +56,13 @@ def check_discounted(
 
       x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
 
-    A, B and E are the matrices of a step with constant u and w. `check_discrete` describes the
-    check.
+    A, B and E are the matrices of one sample time with constant u and w. `check_discrete` describes
+    the check.
 
-    dt: sample time, s; None if `game` is already in discrete time, where J has no factor dt
+    discount: γ, the factor for one sample time
+    dt: sample time, s. None: `game` is in discrete time, and J has no factor dt.
+    limit: largest permitted relative error
+    scope: extent of the checks of a network; by default `Scope()`
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
@@ -88,15 +91,16 @@ def check_discrete(
 ) -> Verdict:
     """Return the verdict on a critic of a discrete-time game, compared with the exact solution.
 
-    A critic of V or dV/dx has the policy that V implies in discrete time, not R⁻¹B'P. The verdict
-    requires that A - B K is stable, and √α (A - B K), whose stability makes the discounted cost
-    finite. An exact critic fails if the exact solution does not stabilize. A network, or a value
-    that is not quadratic, is also searched and simulated over a box of states. L2 gain and margins
-    are not checked.
+    The policy of a critic of V or dV/dx is the policy that V implies in discrete time, not R⁻¹B'P.
+    The verdict requires that A - B K and √α (A - B K) are stable. If the latter is unstable, the
+    discounted cost is infinite. An exact critic fails if the exact solution does not stabilize. A
+    network, or a value that is not quadratic, is also searched for errors and simulated over a box
+    of states. L2 gain and margins are not checked.
 
     limit: largest permitted relative error
     more: further matrices of the critic: L (k, n) of w = L x, and H of its Q-function over (x, u,
-      w) or (x, u)
+        w) or
+        (x, u)
     scope: extent of the checks of a network; by default `Scope()`
 
     Raises BadInputError if the limit is not positive, an entry of the critic is not finite, or L
@@ -117,11 +121,11 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """Return the mistake in a critic that the extension `reasons` finds.
+    """Return a sentence on the mistake in a critic that the extension `reasons` finds.
 
-    Returns "" if no mistake is found or the extension is not installed.
+    Return "" if no mistake is found or the extension is not installed.
 
-    what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
+    what: arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """
     if "verify.reason.steps" not in offered(PARTS):
         return ""
@@ -136,9 +140,10 @@ def _judged(
     diagnose: Diagnose,
     more: Mapping[str, np.ndarray] | None = None,
 ) -> Verdict:
-    """Return the verdict of `check_discrete`.
+    """Return the verdict that `check_discrete` and `check_discounted` report.
 
-    diagnose: function (exact solution, critic, box) -> sentence on the mistake, or ""
+    diagnose: function (exact solution, critic, box of states) -> sentence on the mistake, or ""
+    more: further matrices L and H of the critic, or None
     """
     refuse_unless_positive("limit", limit)
     exact = solve_discrete(problem)
@@ -194,11 +199,11 @@ def _judged(
 
 
 def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[Check]:
-    """Return the checks of the spectral radii of A - B K and of √α (A - B K).
+    """Return the checks that the spectral radii of A - B K and √α (A - B K) are below 1.
 
     The radii are inf if K is not finite.
 
-    is_exact: whether the critic equals the exact solution
+    is_exact: whether the critic equals the exact solution, for the text of the check
     """
     step = problem.step
     radius = math.inf
@@ -218,11 +223,12 @@ def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[C
 def _errors_of_parts(
     exact: DiscreteSolution, parts: Mapping[str, np.ndarray], limit: float
 ) -> tuple[Check, ...]:
-    """Return the checks of L and H, as far as they are given.
+    """Return the checks of the matrices L and H of a critic, as far as they are given.
 
     The error of L is relative to |L|. The error of an entry H_ij is relative to √(H_ii H_jj). An H
-    over (x, u) is compared with the exact H for the worst w. Raises BadInputError if L has a wrong
-    shape.
+    over (x, u) is compared with the exact H for the worst w.
+
+    Raises BadInputError if L has a wrong shape.
     """
     checks = []
     if "L" in parts:
@@ -246,14 +252,13 @@ def _errors_of_parts(
 
 
 def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
-    """Return the excess of the cost of u = -K x over the optimum, percent, from the worst initial
-    state.
+    """Return the largest excess of the cost of u = -K x over the optimum, percent.
 
-    The excess is 100 times the largest x'Dx / x'P*x, where D solves the equation
+    The excess from the worst initial state is 100 times the largest x'Dx / x'P*x. D solves
 
       D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*),  F = A - B K + E L*.
 
-    Returns inf if √γ F is unstable, or if P* is not positive definite and D is not 0.
+    Return inf if √γ F is unstable, or if P* is not positive definite and D is not 0.
     """
     from scipy.linalg import eigh, solve_discrete_lyapunov
 

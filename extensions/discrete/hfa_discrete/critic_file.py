@@ -14,10 +14,13 @@ from hfa_support.errors import said_of
 def critic_of_steps(
     path: str | Path, problem: DiscreteGame, reading: Reading | None = None
 ) -> tuple[Critic, dict[str, Any]]:
-    """Return the critic in a file for a discrete-time plant, and a dictionary of L and H.
+    """Return the critic in a file for a discrete-time plant, and its matrices L and H, name ->
+    matrix.
 
-    The dictionary contains the matrices that the file contains. If the file contains H, missing P,
-    K and L are computed from H. An H over (x, u) gives no L.
+    L or H is omitted if the file does not determine it. If the file contains H, missing P, K and L
+    are computed from H. An H over (x, u) gives no L.
+
+    reading: settings for reading the file, or None
 
     Raises BadInputError if the file or an entry is invalid.
     """

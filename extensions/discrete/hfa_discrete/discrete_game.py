@@ -35,7 +35,10 @@ class DiscreteGame(Reported):
     A_low: Any = None
 
     def __post_init__(self) -> None:
-        """Check discount and N, and replace None by zeros. `Game` has checked the step."""
+        """Check the discount and N, and replace None by zeros in N and A_low.
+
+        `Game` has checked the matrices of the step.
+        """
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
                 f"discount is {self.discount}; the factor per step must be above 0 and at most 1"
@@ -60,14 +63,15 @@ class DiscreteGame(Reported):
         return np.block([[self.step.Q, self.N], [self.N.T, self.step.R]])
 
     def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return K, (m, n), and L, (k, n), of the optimal policies u = -K x and w = L x of one
-        step.
+        """Return K (m, n) and L (k, n) of the optimal policies u = -K x and w = L x of one step.
+
+        The cost after the step is x'P x at the next state.
 
           [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
 
         With δ = inf, L is 0.
 
-        P: (n, n), of the value x'P x of the next state
+        P: (n, n)
         """
         step = self.step
         m = step.B.shape[1]
@@ -80,11 +84,15 @@ class DiscreteGame(Reported):
         return gains[:m], -gains[m:] / step.delta
 
     def q_function(self, P: np.ndarray) -> np.ndarray:
-        """Return H, (n + m + k, n + m + k), with Q(x, u, w) = [x; u; w]'H [x; u; w].
+        """Return H (n + m + k, n + m + k) of the Q-function Q(x, u, w) = [x; u; w]'H [x; u; w].
+
+        Q is the cost of one step, followed by the cost x'P x at the next state.
 
           H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]
 
-        With delta = inf, H is over (x, u), (n + m, n + m).
+        With δ = inf, H is over (x, u), (n + m, n + m).
+
+        P: (n, n)
         """
         step = self.step
         moved = np.hstack([step.A, step.B])
@@ -102,13 +110,14 @@ class DiscreteGame(Reported):
         return np.asarray(weights + self.discount * moved.T @ P @ moved)
 
     def of_q_function(self, H: np.ndarray) -> dict[str, np.ndarray]:
-        """Return P, K and L, by name, at the extremum of a Q-function over u and w.
+        """Return P, K and L, name -> matrix, at the extremum of a Q-function over u and w.
 
           [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w)
 
         L is omitted if H is over (x, u).
 
-        H: symmetric, over (x, u, w) or over (x, u); only over (x, u) if delta = inf
+        H: symmetric matrix of the Q-function, over (x, u, w) or (x, u), and only over (x, u) if δ =
+            inf
 
         Raises BadInputError if H has a wrong shape or is not symmetric, or if H_aa is singular.
         """
@@ -138,10 +147,10 @@ class DiscreteGame(Reported):
         return parts
 
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
-        """Return an equivalent step without cross weights, and F = R⁻¹N', (m, n).
+        """Return an equivalent step without cross weights, and F = R⁻¹N' (m, n).
 
-        The step has the input v = u + F x and the matrices A - B F and Q - N R⁻¹ N'. Q - N R⁻¹ N'
-        is positive semidefinite in spite of rounding.
+        The step has the input v = u + F x and the matrices A - B F and Q - N R⁻¹ N'. The matrix
+        Q - N R⁻¹ N' is computed such that rounding does not make it indefinite.
         """
         step = self.step
         if not self.N.any():

@@ -1,4 +1,4 @@
-"""Removal of the feedthrough of a system, which does not change whether the gain is below δ."""
+"""Removal of the feedthrough of a system without a change of whether its gain is below δ."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from controller.riccati.frequency_response import Triple
 def without_feedthrough(
     A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> Triple:
-    """Return A, E and Q = C'C of an equivalent system without feedthrough D.
+    """Return A, E and Q = C'C of a system without feedthrough.
 
-    The gain of this system is below δ if and only if the gain of x' = A x + E w, z = C x + D w is
-    below δ. The gain of D alone must be below δ.
+    The gain of the returned system is below δ if and only if the gain of x' = A x + E w, z = C x +
+    D w is below δ. The gain of D alone must be below δ.
     """
     if not D.any() or math.isinf(delta):
         return A, E, C.T @ C

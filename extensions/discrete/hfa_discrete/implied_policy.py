@@ -19,10 +19,11 @@ _LEFT = 1e-9
 
 
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
-    """Return the critic with the policy that its value implies in discrete time.
+    """Return the critic with the policy that its value V implies in discrete time.
 
-    A critic without a value, or with an explicit policy, is returned unchanged. A finite critic
-    with a value that is not quadratic becomes a network of V and u.
+    - A critic without a value, or with an explicit policy, is returned unchanged.
+    - A critic with a quadratic value has a linear policy, u = -K x.
+    - A finite critic with another value becomes a network of V and u.
     """
     if critic.P is None or critic.feedback is None:
         return critic
@@ -48,16 +49,16 @@ def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
 def policy_of_next(
     problem: DiscreteGame, gradient: ca.Function, K: np.ndarray, L: np.ndarray
 ) -> ca.Function:
-    """Return the function x (n,) -> u (m,), the saddle point of the cost of one step plus the next
-    value.
+    """Return the policy x (n,) -> u (m,) that is optimal for one step, followed by the cost V.
 
-    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. With δ = inf,
-    w is 0. u is NaN if Newton's method, started at u = -K x and w = L x, does not converge.
+    u and w are the saddle point of the cost. With g = ∂V/∂x at the next state, they satisfy R u +
+    N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. With δ = inf, w is 0. u is NaN if Newton's method,
+    started at u = -K x and w = L x, does not converge.
 
     problem: the discrete-time game
-    gradient: x (n,) -> ∂V/∂x (n,)
-    K: (m, n), gain for the quadratic part of V
-    L: (k, n), disturbance gain for the quadratic part of V
+    gradient: function x (n,) -> ∂V/∂x (n,)
+    K: gain for the quadratic part of V, (m, n)
+    L: disturbance gain for the quadratic part of V, (k, n)
     """
     step = problem.step
     n, m = step.B.shape

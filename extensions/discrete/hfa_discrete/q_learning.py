@@ -68,8 +68,10 @@ class Steps(Reported):
 def random_steps(problem: DiscreteGame, seed: int) -> Steps:
     """Return recorded steps from random states with random inputs and disturbances.
 
-    An input or disturbance moves no state by more than the spread of the state, and costs at most
-    as much as all states together.
+    No input or disturbance changes a state by more than the spread of the state in one step. The
+    cost of each is at most the cost of all states together.
+
+    seed: seed of the random numbers
     """
     step = problem.step
     E = step.E if np.isfinite(step.delta) else step.E[:, :0]
@@ -90,7 +92,11 @@ def random_steps(problem: DiscreteGame, seed: int) -> Steps:
 
 
 class Learned(NamedTuple):
-    """Training run, and its final Q-function H, (n + m + k, n + m + k)."""
+    """Result of Q-learning.
+
+    run: training run
+    H: matrix of the final Q-function, (n + m + k, n + m + k)
+    """
 
     run: TrainingRun
     H: np.ndarray
@@ -106,12 +112,12 @@ def learn_steps(
     """Learn the Q-function of a discrete-time game from recorded steps and the cost.
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
-    iterations policy iteration is tried. A policy iteration that converges to a policy that
-    stabilizes the linear fit of the steps ends the learning.
+    iterations, policy iteration is tried. Learning ends if policy iteration converges to a policy
+    that stabilizes the linear fit of the steps.
 
-    seed: seed of the random steps
+    seed: seed of the random steps, not used if `steps` are given
     steps: recorded steps; by default `random_steps`
-    progress: called before each block of value iterations
+    progress: called before each block of value iterations, or None
 
     Raises BadInputError if the steps do not determine H or do not have the columns of the game.
     Raises NoSolutionError if the disturbance gains more than it costs, or if the iteration diverges
@@ -148,8 +154,8 @@ def learn_steps(
 class _Residual(NamedTuple):
     """Norm of the residual of Bellman's equation over all steps.
 
-    of_cost: relative to the norm of the costs
-    of_terms: relative to the norm of the absolute terms of the equation
+    of_cost: relative to the norm of the costs of the steps
+    of_terms: relative to the norm of the sum of the absolute terms of the equation
     """
 
     of_cost: float
@@ -158,13 +164,15 @@ class _Residual(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _QLearner:
-    """The linear equations that recorded steps give for H, with s = n + m + k and M = s(s+1)/2.
+    """Linear equations for the Q-function H from recorded steps.
 
-    cost: (s, s), weights of the cost of a step over (x, u, w)
-    scales: (s,), root mean square of each column of (x, u, w)
-    features: (N, M), products of the scaled columns
-    costs: (N,), cost of each step
-    inverse: (M, N), pseudoinverse of the features
+    The dimension of (x, u, w) is s = n + m + k, and H has M = s(s+1)/2 weights.
+
+    cost: weights of the cost of a step over (x, u, w), (s, s)
+    scales: root mean square of each column of (x, u, w), (s,)
+    features: products of the scaled columns, (N, M)
+    costs: cost of each step, (N,)
+    inverse: pseudoinverse of the features, (M, N)
     """
 
     problem: DiscreteGame
@@ -197,12 +205,12 @@ class _QLearner:
 
     @cached_property
     def psi(self) -> Basis:
-        """Quadratic basis of (x, u, w)."""
+        """Quadratic basis of (x, u, w), in which H has M weights."""
         return basis("quadratic", len(self.cost))
 
     @cached_property
     def _of_costs(self) -> np.ndarray:
-        """Weights fitted to the costs of the steps alone, (M,)."""
+        """Weights (M,) of H fitted to the costs of the steps, without the cost after the step."""
         return self.inverse @ self.costs
 
     @cached_property
@@ -211,13 +219,13 @@ class _QLearner:
         return self.problem.discount * self.inverse @ _products(self.steps.next_states)
 
     def _H(self, weights: np.ndarray) -> np.ndarray:
-        """Return the matrix H of these weights, (s, s), in the units of the steps."""
+        """Return the matrix H (s, s) of the given weights, over the unscaled (x, u, w)."""
         return self.psi.matrix(weights) / np.outer(self.scales, self.scales)
 
     def value_iteration(self, H: np.ndarray | None) -> np.ndarray:
-        """Return H after one more value iteration, (s, s).
+        """Return H (s, s) after one value iteration.
 
-        H: Q-function before, or None for the first iteration
+        H: matrix before the iteration, or None for the first iteration
 
         Raises NoSolutionError if w gains more than it costs, or if the value diverges.
         """
@@ -236,9 +244,10 @@ class _QLearner:
         return H
 
     def policy_iteration(self, H: np.ndarray) -> np.ndarray:
-        """Return the Q-function of the policies that are optimal for H, (s, s).
+        """Return the Q-function (s, s) of the policies that are optimal for H.
 
-        The weights h of the returned function solve h = inverse (costs + α features(x⁺) h).
+        The policies are applied in all steps after the first. The weights h of the returned
+        function solve h = inverse (costs + α features(x⁺) h).
         """
         parts = self.problem.of_q_function(H)
         policy = np.vstack([-parts["K"], *([parts["L"]] if "L" in parts else [])])
@@ -256,7 +265,7 @@ class _QLearner:
         return bool((of_inputs > 0.0).all() and (of_disturbances < 0.0).all())
 
     def residual(self, H: np.ndarray) -> _Residual:
-        """Return the residual of Bellman's equation for H over all steps."""
+        """Return the residual of Bellman's equation for the Q-function H over all steps."""
         together = self.steps.together
         values = np.einsum("ji,ik,jk->j", together, H, together)
         moved = self.steps.next_states
@@ -294,28 +303,29 @@ class _QLearner:
         return all(root * np.abs(np.linalg.eigvals(loop)).max() < 1.0 for loop in loops)
 
     def _fitted_steps(self) -> np.ndarray:
-        """Return [A B E], (n, n + m + k), of the least-squares fit of x⁺ = A x + B u + E w."""
+        """Return [A B E] (n, n + m + k) of the least-squares fit x⁺ = A x + B u + E w."""
         scaled = self.steps.together / self.scales
         fit = np.linalg.lstsq(scaled, self.steps.next_states, rcond=None)[0]
         return np.asarray(fit.T / self.scales)
 
 
 def _products(z: np.ndarray) -> np.ndarray:
-    """Return the products z_i z_j, i <= j, for each row of z (N, s), as (N, s(s+1)/2)."""
+    """Return the products z_i z_j with i <= j for each row of z (N, s), (N, s(s+1)/2)."""
     row, column = np.triu_indices(z.shape[1])
     return z[:, row] * z[:, column]
 
 
 def _weights(P: np.ndarray) -> np.ndarray:
-    """Return W, (n(n+1)/2,), with x'P x = W'(x1², x1 x2, ..., xn²)."""
+    """Return the weights W (n(n+1)/2,) with x'P x = W'(x1², x1 x2, ..., xn²)."""
     row, column = np.triu_indices(len(P))
     return np.where(row == column, 1.0, 2.0) * P[row, column]
 
 
 def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: int) -> TrainingRun:
-    """Return the training run of the iterates of a learner.
+    """Return the record of a training run of Q-learning.
 
-    rows: (number of iterations so far, H) of each iterate
+    rows: (number of iterations so far, H) after each iteration that is recorded
+    seed: seed of the random steps
     """
     residuals = [learner.residual(H) for _, H in rows]
     parts = [learner.problem.of_q_function(H) for _, H in rows]

@@ -18,7 +18,11 @@ from hfa_support.reporting.text import matrix_table
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedDiscreteGame(Result, Reported):
-    """Certified solution and smallest delta of a discrete-time game."""
+    """Certified solution and smallest delta of a discrete-time game.
+
+    solution: the certified solution.
+    delta_min: the smallest delta with a solution.
+    """
 
     schema = "hfa.discrete-solution/1"
     made_by = "hfa solve, of a plant in discrete time"
@@ -35,7 +39,7 @@ class AnalysedDiscreteGame(Result, Reported):
 
     @property
     def delta_margin(self) -> float:
-        """Ratio delta / delta_min."""
+        """Ratio delta / delta_min of a game."""
         return self.delta_min.margin(self.solution.game.delta)
 
     @property

@@ -1,6 +1,7 @@
-"""Search for a lower bound W of the cost: polynomials from linear programs, proved on boxes.
+"""Search for a lower bound of the cost.
 
-The fit of each piece favors initial conditions at which the earlier bounds are far below the cost
+The bound consists of polynomials W, which are fitted by linear programs and proved on boxes. The
+fit of each polynomial favors initial conditions at which the earlier bounds are far below the cost
 of a flight.
 """
 
@@ -70,13 +71,13 @@ _REFUTED = 60
 
 @dataclass(frozen=True, eq=False)
 class CostBound:
-    """A proved lower bound, with the effort of its search.
+    """A proved lower bound of the cost, with the effort of its search.
 
     statement: the proved statement
-    witness: evidence for the checker
+    witness: data for the proof
     boxes: number of boxes that the proof of each piece evaluated
-    seconds: processor time of the fit and of the proof of each piece
-    stopped: why a further level is not proved, or "" if every level that was tried is proved
+    seconds: processor times of the fit and of the proof of each piece, s
+    stopped: reason why a further level is not proved, or "" if every level that was tried is proved
     """
 
     statement: CostStatement
@@ -87,7 +88,12 @@ class CostBound:
 
 
 class _Proved(NamedTuple):
-    """A proved piece, its number of boxes, and the processor times (s) of its fit and its proof."""
+    """A proved piece.
+
+    piece: polynomial W with its level
+    boxes: number of boxes that the proof evaluated
+    seconds: processor times of the fit and of the proof, s
+    """
 
     piece: Piece
     boxes: int
@@ -95,22 +101,26 @@ class _Proved(NamedTuple):
 
 
 def _reached(proved: Sequence[_Proved], level: float) -> bool:
-    """Return whether a proved piece has at least this level, within a relative error of 1e-6."""
+    """Return whether a proved piece has the given level or a higher one.
+
+    A relative error of 1e-6 is permitted.
+    """
     return any(each.piece.c >= level * (1.0 - 1e-6) for each in proved)
 
 
 class CostSearch:
-    """Search for lower bounds of the cost on growing sets.
+    """Search for a lower bound of the cost, with pieces of different levels.
 
     plant: the aircraft, whose state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
     solved: indices of the unknowns of the equilibrium
-    weights: Q, R and P of the linear quadratic problem
-    half: (n,), half-widths of the initial-condition box
+    weights: weights Q and R of the linear quadratic problem, and the matrix P of its optimal cost
+    half: half-widths of the initial-condition box, (n,)
     degree: degree of the polynomials W
     margin: relative distance of W below the linear quadratic cost
-    seconds: limit of the processor time
-    save: called with the bound after each proved piece
+    seconds: limit of the processor time, s
+    progress: called with the progress of the present step, or None
+    save: called with the bound after each proved piece, or None
     """
 
     def __init__(
@@ -139,11 +149,11 @@ class CostSearch:
         self._save = save
 
     def found(self, earlier: VerifiedCost | None = None) -> CostBound:
-        """Return the proved bound.
+        """Return the proved lower bound.
 
-        earlier: bound of an earlier run, to which pieces are added
+        After an interruption or at the time limit, the bound consists of the pieces proved so far.
 
-        After an interruption or the time limit, the pieces proved so far are returned.
+        earlier: bound of an earlier run, whose pieces are included, or None
 
         Raises NoSolutionError if no piece is proved.
         """
@@ -176,9 +186,10 @@ class CostSearch:
 
     @cached_property
     def _flights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Initial conditions (N, n) and the costs (N,) of flights from them.
+        """Initial conditions (N, n), and the costs (N,) of flights from them with the saturated
+        LQR.
 
-        The initial conditions of highest linear quadratic cost are included.
+        The initial conditions are random, and those of highest linear quadratic cost are included.
         """
         dearest = np.argsort(-self._problem.linear_cost(self.starts[_FLOWN:]))[:_DEAREST]
         z = np.concatenate([self.starts[:_FLOWN], self.starts[_FLOWN + dearest]])
@@ -187,9 +198,11 @@ class CostSearch:
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
         """Yield pairs of a level to prove and the lowest flight cost that the fit considers.
 
-        - First the levels grow until one is not proved.
-        - If the first level is not proved, lower levels follow, which then grow again.
-        - The last levels are just below the cost of the initial conditions with the poorest bounds.
+        - The first levels rise until one is not proved.
+        - If none of these is proved, lower levels are tried until one is proved, and then rise
+          again.
+        - The last levels are just below the flight costs with the lowest ratios of proved bound to
+          cost.
         """
         _, costs = self._flights
         linear = self._problem.linear_cost(self.starts)
@@ -223,9 +236,12 @@ class CostSearch:
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
     def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
-        """Return the flights that the fit of level c considers.
+        """Return the flights at which the polynomial W of level c is to be large.
 
-        Each flight costs at least `least` and at most about c, and its proved bound is not tight.
+        Each flight costs at least `least`, and at most c / (1 - margin). The proved bound of its
+        cost is below `_good` times the cost.
+
+        proved: the pieces proved so far
         """
         z, costs = self._flights
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
@@ -235,12 +251,11 @@ class CostSearch:
 
     @property
     def _good(self) -> float:
-        """Lowest ratio of bound to flight cost that counts as tight."""
+        """Ratio of proved bound to flight cost above which a bound needs no improvement."""
         return 1.0 - _GOOD * self._problem.margin
 
     def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
-        """Return the proved lower bounds of the cost at the initial conditions of the flights,
-        (N,).
+        """Return the proved lower bounds (N,) of the cost at the initial conditions of `_flights`.
 
         The bounds are 0 if no piece is proved.
         """
@@ -274,7 +289,7 @@ class CostSearch:
 
         wanted: flights at which W is to be large
 
-        Raises OpenBoxError, Rejected or OutOfTimeError if no piece is proved.
+        Raises OpenBoxError, Rejected or OutOfTimeError if the piece is not proved.
         """
         begin = time.process_time()
         fit, W = self._fitted(c, wanted)
@@ -291,11 +306,13 @@ class CostSearch:
         raise OpenBoxError(f"{_REFUTED} successive polynomials were refuted", np.zeros(len(fit.M)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
-        """Return the fit of level c and its first polynomial.
+        """Return the linear programs for level c and their first polynomial W.
 
-        The sampled set is enlarged until the linear program has a solution.
+        The sampled set is enlarged until the linear programs have a solution.
 
         wanted: flights at which W is to be large
+
+        Raises OpenBoxError if the largest sampled set gives no solution.
         """
 
         def tell(programs: int) -> None:
@@ -312,9 +329,9 @@ class CostSearch:
                 beyond *= _FURTHER
 
     def _beyond(self, c: float) -> float:
-        """Return the factor by which z'P z of samples may exceed the level c.
+        """Return the largest z'P z of samples, relative to the level c.
 
-        The factor is larger where flights cost less than z'P z.
+        The factor is larger if flights near the level cost less than z'P z.
         """
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)

@@ -1,9 +1,9 @@
 """Linear programs for polynomials W that satisfy the inequality of the bound at samples.
 
-W = s (1 - margin) z'P z plus terms of higher degree, s <= 1. W is as large as the inequality
-grad W · f + z'Q z + v'R v >= 0 permits at the samples, where a part of the margin is kept in
-reserve. The best inputs at a sample depend on W. Rows for the best inputs of the present W are
-therefore added until none is violated (cutting planes).
+W = s (1 - margin) z'P z plus terms of higher degree, with s <= 1. W is as large as the inequality
+grad W · f + z'Q z + v'R v >= 0 permits at the samples. A part of the margin is kept in reserve.
+The minimizing inputs at a sample depend on W. Constraints with the minimizing inputs of the present
+W are therefore added until no constraint is violated (cutting planes).
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ class CostProblem:
 
     plant: the aircraft, whose state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
-    Q: (n, n)
-    R: (m, m)
-    P: (n, n), solution of the linear quadratic problem
+    Q: weight of the states, (n, n)
+    R: weight of the inputs, (m, m)
+    P: matrix of the optimal linear quadratic cost z'P z, (n, n)
     degree: degree of W
     margin: relative distance of W below the cost
     """
@@ -73,21 +73,21 @@ class CostProblem:
 
     @cached_property
     def inputs(self) -> Inputs:
-        """Inputs that minimize the Hamiltonian of a given cost gradient."""
+        """Minimizer of the Hamiltonian over the inputs."""
         return Inputs(self.plant, self.equilibrium, self.R)
 
     def linear_cost(self, z: np.ndarray) -> np.ndarray:
-        """Return z'P z at deviations z (N, n), (N,)."""
+        """Return the linear quadratic cost z'P z (N,) at state deviations z (N, n)."""
         return np.asarray(np.einsum("ki,ij,kj->k", z, self.P, z))
 
     def in_envelope(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations z (N, n) within the state limits."""
+        """Return the mask (N,) of the state deviations z (N, n) within the state limits."""
         low, high = self.plant.ends(self.plant.states).T
         x = z + self.equilibrium.x[: z.shape[1]]
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
     def flown(self, z: np.ndarray) -> np.ndarray:
-        """Return the costs (N,) of flights from z (N, n) with the saturated LQR.
+        """Return the costs (N,) of flights from state deviations z (N, n) with the saturated LQR.
 
         The cost is inf for a flight that leaves the envelope or does not converge.
         """
@@ -101,11 +101,11 @@ class CostProblem:
 
 
 class Wanted(NamedTuple):
-    """Flights whose cost W is to approach from below.
+    """Flights at which W is to be large, but at most their cost.
 
-    z: (N, n), initial conditions
-    costs: (N,), costs of the flights
-    of_least: weight of the lowest ratio of W to a cost, relative to the mean of W over samples
+    z: initial conditions, (N, n)
+    costs: costs of the flights, (N,)
+    of_least: weight of the lowest ratio of W to a cost, relative to the weight of the mean ratios
     """
 
     z: np.ndarray
@@ -114,14 +114,14 @@ class Wanted(NamedTuple):
 
 
 class Fit:
-    """Linear programs for one level, in coordinates y = M z.
+    """Linear programs for the polynomial W of one level, in coordinates y = M z.
 
-    Samples within the envelope with z'P z <= beyond c lie in the cube |y_i| < 1.
+    The samples are within the envelope and z'P z <= beyond c. They lie in the cube |y_i| < 1.
 
-    problem: the problem whose cost is bounded
+    problem: linear quadratic problem whose cost is bounded
     c: level
     wanted: flights at which W is to be large
-    beyond: largest z'P z of samples as a multiple of c, above which W > c is required
+    beyond: largest z'P z of samples, relative to c. Further out, W > c is required.
     tell: called with the number of programs before each linear program. The callback may raise.
     """
 
@@ -152,10 +152,10 @@ class Fit:
         self._begun = False
 
     def fitted(self) -> Polynomial:
-        """Return the polynomial of the last linear program.
+        """Return the polynomial W of the last linear program.
 
-        At most `_TURNS` programs are solved. Each program adds the rows that samples violated in
-        the previous one.
+        At most `_TURNS` programs are solved. Each program includes the constraints that the
+        previous W violates at new samples.
 
         Raises OpenBoxError if a program has no solution.
         """
@@ -175,7 +175,11 @@ class Fit:
         return self._basis.polynomial(self._coefficients)
 
     def _violated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows (k, K), and their sides (k,), that samples of the set violate most."""
+        """Return the constraints that W violates most at new samples.
+
+        A constraint is a row of coefficients and a right side. The arrays have the shapes (k, K)
+        and (k,).
+        """
         z = self._ball(_SAMPLES)
         z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
         rows, sides = self._row(z, self._best_inputs(z))
@@ -185,9 +189,9 @@ class Fit:
         return rows[worst], sides[worst]
 
     def refuted(self, y: np.ndarray) -> None:
-        """Add rows at and near a point y (n,) at which a proof failed.
+        """Add constraints at and near a point y (n,) at which a proof of W failed.
 
-        At a face of the cube the rows require W >= 1.02 c, elsewhere g >= 0.
+        On a face of the cube the constraints are W >= 1.02 c, elsewhere g >= 0.
         """
         on_face = np.abs(y) == 1.0
         if np.any(on_face):
@@ -214,10 +218,10 @@ class Fit:
         return np.asarray((L @ turn / reach).T)
 
     def _ball(self, count: int) -> np.ndarray:
-        """Return random deviations z (count, n) with z'P z <= beyond c within the envelope.
+        """Return random state deviations z (count, n) with z'P z <= beyond c within the envelope.
 
-        The samples are denser near 0 than a uniform sample. Fewer are returned if the envelope
-        contains little of the ball.
+        The samples are denser near 0 than uniform samples. Fewer are returned if the envelope
+        contains only a small part of the ellipsoid.
         """
         P = self._problem.P
         n = len(P)
@@ -234,9 +238,9 @@ class Fit:
         return found[:count]
 
     def _combinations(self) -> np.ndarray:
-        """Return combinations (K, k) of the monomials of degree 3 and more.
+        """Return combinations (K, k) of the monomials of degree 3 and more, as columns.
 
-        The combinations are orthonormal over samples, which keeps the linear programs well
+        The combinations are orthonormal over samples. The linear programs are therefore well
         conditioned.
         """
         higher = self._basis.degrees > 2
@@ -246,10 +250,11 @@ class Fit:
         return found
 
     def _solve(self) -> None:
-        """Compute the coefficients that maximize a measure of W.
+        """Compute the coefficients of W by a linear program.
 
-        The measure is the mean over samples of W / z'P z and of W / cost at wanted flights, plus
-        the weighted lowest ratio of W to the wanted costs.
+        W maximizes the sum of three terms: the mean over samples of W / z'P z, the mean of W / cost
+            at the wanted flights, and the weighted lowest ratio of W to the cost of a wanted
+            flight.
 
         Raises OpenBoxError if the program has no solution.
         """
@@ -298,8 +303,8 @@ class Fit:
         The inequality is grad W · f + (1 - kept margin) (z'Q z + v'R v) >= 0, divided by the
         running cost.
 
-        z: (N, n), deviations
-        v: (N, m), inputs
+        z: state deviations, (N, n)
+        v: input deviations, (N, m)
         """
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
@@ -313,12 +318,14 @@ class Fit:
         self._sides.append(sides)
 
     def _add_walls(self, count: int, *, every: bool) -> bool:
-        """Add rows W >= 1.02 c at random points of the cube with z'P z > beyond c or on a face.
+        """Add constraints W >= 1.02 c at random points, and return whether W < 1.01 c at one of the
+        points.
 
-        Return whether W was below 1.01 c at one of the points.
+        The points are within the envelope, in the cube with z'P z > beyond c or on a face of the
+        cube.
 
         count: number of points on faces
-        every: whether rows are added at all points or only where W < 1.01 c
+        every: whether to add constraints at all points instead of only those with W < 1.01 c
         """
         inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))
         # W is least near the centers of the faces, where few uniform points are
@@ -334,7 +341,7 @@ class Fit:
         return bool(is_low.any())
 
     def _add_high(self, y: np.ndarray) -> None:
-        """Add rows W >= 1.02 c at points y (k, n)."""
+        """Add the constraints W >= 1.02 c at points y (k, n)."""
         self._rows.append(self._basis.at(y) / self.c)
         self._sides.append(np.full(len(y), 1.02))
 

@@ -30,11 +30,11 @@ _CONVERGED = 0.02
 
 
 class Inputs:
-    """Inputs that minimize p · f(z, v) + v'R v within their limits, with p the gradient of a cost.
+    """Inputs that minimize p · f(z, v) + v'R v within their limits, for a gradient p of a cost.
 
     plant: the aircraft with its input limits
     equilibrium: enclosure of the equilibrium states and inputs
-    R: (m, m)
+    R: weight of the inputs, (m, m)
     """
 
     def __init__(self, plant: Plant, equilibrium: Equilibrium, R: np.ndarray) -> None:
@@ -55,7 +55,7 @@ class Inputs:
         self._slopes = RowFunction(ca.Function("h", [z, v, p], slopes))
 
     def rates(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at deviations z (N, n) with inputs v (N, m)."""
+        """Return z' (N, n) at state deviations z (N, n) with input deviations v (N, m)."""
         return self._rates(z, v)[0]
 
     def linear(self) -> np.ndarray:
@@ -68,11 +68,11 @@ class Inputs:
     def best(
         self, z: np.ndarray, p: np.ndarray, guess: np.ndarray | None = None, steps: int = _NEWTON
     ) -> np.ndarray:
-        """Return the inputs (N, m) that minimize p · f(z, v) + v'R v within their limits.
+        """Return the input deviations (N, m) that minimize p · f(z, v) + v'R v within the limits.
 
-        z: (N, n), deviations
-        p: (N, n), gradients of the cost
-        guess: (N, m), initial inputs of Newton's method, or None for 0
+        z: state deviations, (N, n)
+        p: gradients of the cost, (N, n)
+        guess: initial inputs of Newton's method, (N, m), or None for 0
         steps: largest number of Newton steps
         """
         v = np.zeros((len(z), self.m)) if guess is None else guess
@@ -100,13 +100,14 @@ def flown_costs(
     in_envelope: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,
 ) -> np.ndarray:
-    """Return the costs (N,) of flights from z (N, n), integrated by the Runge-Kutta method.
+    """Return the costs (N,) of flights from state deviations z (N, n).
 
-    The cost after the end of the simulation is z'P z. The cost is inf for a flight that leaves the
-    envelope, or whose z'P z at the end exceeds `_CONVERGED` times its initial value.
+    At the end of the simulation, z'P z is added for the remaining flight. The cost is inf for a
+    flight that leaves the envelope, or whose final z'P z exceeds `_CONVERGED` times its initial
+    value.
 
     inputs: minimizing inputs for a cost gradient
-    weights: Q, R and P of the linear quadratic problem
+    weights: weights Q and R, and the matrix P of the optimal linear quadratic cost
     gradient: z (N, n) -> gradients (N, n) of the cost that the inputs minimize
     in_envelope: z (N, n) -> mask (N,) of the points within the state limits
     """
@@ -143,6 +144,6 @@ def flown_costs(
 
 
 def running_cost(Q: np.ndarray, R: np.ndarray, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the running cost z'Q z + v'R v, (N,)."""
+    """Return the running cost z'Q z + v'R v (N,) at state and input deviations."""
     of_states = np.einsum("ki,ij,kj->k", z, Q, z)
     return np.asarray(of_states + np.einsum("ki,ij,kj->k", v, R, v))

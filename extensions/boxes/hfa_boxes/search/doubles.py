@@ -1,4 +1,7 @@
-"""Evaluation of a program at many points in doubles. No proof depends on these values."""
+"""Evaluation of a program at many points in double precision.
+
+No proof depends on these values.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +51,7 @@ def _values_at(program: Program, points: np.ndarray) -> np.ndarray:
 
 
 def _rows(argument: Argument, known: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the values (rows, N) of the rows of an argument.
+    """Return the values (nodes, N) of one argument of all nodes of a group.
 
     known: values (variables, N) of each earlier group
     """

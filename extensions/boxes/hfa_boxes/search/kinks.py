@@ -15,12 +15,13 @@ _CHANGE = 1e-5
 
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
-    """Return a sentence on the largest kink of the rates at the equilibrium, or "".
+    """Return a sentence on the largest kink of the rates at the equilibrium, or "" if there is no
+    kink.
 
     The sentence names the rate, the signal in which the slope of the rate jumps, and the value of
     the signal.
 
-    program: states, or states and inputs -> rates of the states
+    program: function from the states, or the states and inputs, to the rates of the states
     """
     slopes = jacobian(program, Intervals(equilibrium.x, equilibrium.radius)).slopes
     names = (*plant.states, *plant.inputs)[: program.inputs]

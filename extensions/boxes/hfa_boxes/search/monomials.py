@@ -13,7 +13,7 @@ _BITS = 45
 
 
 class Monomials:
-    """All monomials of n variables from degree 2 to a highest degree.
+    """All monomials of n variables with degrees from 2 to a highest degree.
 
     n: number of variables
     degree: highest degree
@@ -34,7 +34,7 @@ class Monomials:
         return np.asarray(self.powers.sum(axis=1))
 
     def quadratic(self, S: np.ndarray) -> np.ndarray:
-        """Return the coefficients (K,) of y'S y, with S (n, n)."""
+        """Return the coefficients (K,) of the quadratic form y'S y, with S (n, n)."""
         coefficients = np.zeros(len(self.powers))
         for index in np.flatnonzero(self.degrees == 2):
             i, j = np.repeat(np.arange(self.n), self.powers[index])
@@ -63,14 +63,14 @@ class Monomials:
         return slopes
 
     def polynomial(self, coefficients: np.ndarray) -> Polynomial:
-        """Return the polynomial with these coefficients (K,), each rounded to `_BITS` bits."""
+        """Return the polynomial with the given coefficients (K,), each rounded to `_BITS` bits."""
         mantissa, exponent = np.frexp(coefficients)
         rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
         pairs = zip(rounded.tolist(), self.powers.tolist(), strict=True)
         return Polynomial(self.n, tuple((value, tuple(powers)) for value, powers in pairs if value))
 
     def _table(self, y: np.ndarray) -> np.ndarray:
-        """Return the powers of y (N, n) from 0 to the degree, (degree + 1, N, n)."""
+        """Return all powers of y (N, n) from 0 to the highest degree, (degree + 1, N, n)."""
         table = np.ones((self.degree + 1, *y.shape))
         for power in range(1, self.degree + 1):
             table[power] = table[power - 1] * y

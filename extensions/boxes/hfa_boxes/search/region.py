@@ -1,7 +1,7 @@
-"""Search for a large set {V <= c} of a closed loop, proved on boxes.
+"""Search for a large level set {V <= c} of a closed loop, proved on boxes.
 
-V is quadratic first and then of higher degree. Linear programs on samples enlarge its set
-(`shape.py`). A point at which a proof fails becomes a row of the next program.
+The first V are quadratic, later V have a higher degree. Linear programs on samples enlarge the set
+(`shape.py`). A point at which a proof fails becomes a constraint of the next program.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ _WIDEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class BoxRegion:
-    """A proved region, with the obstacle to a larger one.
+    """A proved region, with the obstacle to a larger region.
 
     statement: the proved statement
-    witness: evidence for the checker
+    witness: data for the proof
     boxes: number of boxes that the proof evaluated
     origin: description of V
     bound: first obstacle found beyond the set
-    stopped: why no larger set is proved
+    stopped: reason why no larger set is proved
     """
 
     statement: BoxStatement
@@ -77,15 +77,15 @@ class BoxRegion:
 
 
 class RegionSearch:
-    """Search for a region within a limit of the processor time.
+    """Search for a region of attraction within a limit of the processor time.
 
     loop: the closed loop
-    policy: the policy's entry in the statement
-    known: pairs of a description and a matrix P, candidates V = z'P z
-    seconds: processor time
+    policy: the policy as stored in the statement
+    known: pairs of a description and a matrix P, each of which gives a candidate V = z'P z
+    seconds: limit of the processor time, s
     degree: highest degree of V
-    progress: called with the current step
-    save: called with each larger region that is proved
+    progress: called with the current step, or None
+    save: called with each larger region that is proved, or None
 
     Raises Rejected if no equilibrium near the trim is proved.
     """
@@ -120,11 +120,11 @@ class RegionSearch:
     def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
         """Return the largest proved region.
 
-        earlier: statement of an earlier run, from whose V the search begins
+        After an interruption or at the time limit, the largest region proved so far is returned.
 
-        After an interruption or the time limit, the largest region proved so far is returned.
+        earlier: statement of an earlier run, whose V is tried first, or None
 
-        Raises NoSolutionError if no region is proved or the linearization is unstable.
+        Raises NoSolutionError if no region is proved or the linearization is not Hurwitz.
         """
         refuse_unstable(self.J)
         try:
@@ -140,9 +140,9 @@ class RegionSearch:
         return replace(region, bound=bound, stopped=self._stopped)
 
     def _search(self, earlier: BoxStatement | None) -> None:
-        """Prove growing sets from each initial V in turn, until the time is over.
+        """Prove growing sets from each initial V in turn, until the time limit.
 
-        earlier: statement of an earlier run, proved first
+        earlier: statement of an earlier run, which is proved first, or None
         """
         firsts = self._first_shapes()
         if earlier is not None:
@@ -159,7 +159,10 @@ class RegionSearch:
                 return
 
     def _enlarge(self, growth: Growth) -> None:
-        """Prove larger sets while V grows, first with degree 2 and then with the highest degree."""
+        """Prove larger sets while V grows, first with degree 2 and then with the highest degree.
+
+        growth: V with its linear programs
+        """
         for degree in sorted({2, self._degree}):
             if degree < growth.shape.basis.degree:
                 continue
@@ -170,10 +173,10 @@ class RegionSearch:
                 self._grow(growth, degree)
 
     def _first_levels(self, growth: Growth, origin: str) -> None:
-        """Prove the set of a V, scaled by a rising share of its length.
+        """Prove the set of a V, scaled in length by rising shares.
 
-        If the first share is not proved, it is halved until a share is proved, is below `_LEAST`,
-        or the time is over.
+        If the first share is not proved, it is halved until a share is proved, the share is below
+        `_LEAST`, or the time is over.
 
         growth: V with its linear programs
         origin: description of V
@@ -189,14 +192,15 @@ class RegionSearch:
                     return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
-        """Prove the set of a V, scaled by falling shares of its length.
+        """Prove the set of a V, scaled in length by falling shares, and return whether to continue.
 
-        The result is whether to continue:
+        - If no set is proved yet: rising shares are tried, and the result is whether one is proved.
+        - If a share is proved: True.
+        - If the full set is hardly larger than the largest proved set: True, without a proof.
+        - Otherwise: False.
 
-        - True if a share is proved
-        - True if the full set is hardly larger than the largest proved set, so that no proof is
-          needed
-        - False otherwise
+        growth: V with its linear programs
+        origin: description of V
         """
         if self._best is None:
             self._first_levels(growth, origin)
@@ -211,7 +215,7 @@ class RegionSearch:
         return False
 
     def _grow(self, growth: Growth, degree: int) -> None:
-        """Enlarge the set of a V of this degree up to the first obstacle that samples find."""
+        """Enlarge the set of a V of the given degree up to the first obstacle that samples find."""
         growth.of_degree(degree)
         self._deadline = time.process_time() + _OF_GROWTH * self._left()
         try:
@@ -223,10 +227,11 @@ class RegionSearch:
         growth.shape = growth.shape.of_level(min(level, _HIGHEST))
 
     def _is_proved(self, growth: Growth, share: float, origin: str, time_share: float) -> bool:
-        """Prove a share of the set of a V and return whether it is proved.
+        """Return whether the set of a V, scaled in length by a share, is proved.
 
-        V is changed at points where its proof fails.
+        If the proof fails at a point, V is changed there and the proof is repeated.
 
+        growth: V with its linear programs
         share: factor on the lengths of the set
         origin: description of V
         time_share: largest share of the remaining time for the proof of one V
@@ -253,7 +258,9 @@ class RegionSearch:
         return False
 
     def _part(self, shape: Shape, share: float) -> Shape:
-        """Return the set of a V scaled in length by a share, and further into the state limits."""
+        """Return the set of a V, scaled in length by a share and reduced to lie within the state
+        limits.
+        """
         part = shape.of_level(share**2).diagonal(self.J).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         beyond = float(np.max(part.extents().ends / limits))
@@ -265,12 +272,12 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _prove(self, shape: Shape, origin: str) -> None:
-        """Prove a set and keep it if it is the largest so far.
+        """Prove a set, and store it as the result if it is the largest so far.
 
-        shape: V, whose set of level 1 is proved
+        shape: V, whose set {V <= 1} is proved
         origin: description of V
 
-        Raises Rejected or OutOfTimeError if the set is not proved.
+        Raises OpenBoxError, Rejected or OutOfTimeError if the set is not proved.
         """
         extents = shape.extents()
         decrease = Decrease(
@@ -306,9 +313,9 @@ class RegionSearch:
     def _first_shapes(self) -> list[tuple[str, Shape]]:
         """Return pairs of a description and a quadratic V, the largest set first.
 
-        Each V is scaled to the largest set that samples allow.
+        Each V is scaled such that {V <= 1} is the largest set in which samples find no obstacle.
 
-        Raises NoSolutionError if no candidate decreases near the equilibrium.
+        Raises NoSolutionError if no V decreases near the equilibrium.
         """
         sampled: list[tuple[str, Shape]] = []
         end = time.process_time() + _OF_GROWTH * self._left()
@@ -335,10 +342,9 @@ class RegionSearch:
         return sorted(firsts, key=lambda each: -each[1].size())
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
-        """Return V scaled so that {V <= 1} is the largest level set in which the samples find no
-        obstacle.
+        """Return V scaled such that the samples find no obstacle in {V <= 1}.
 
-        The set is not enlarged.
+        The level is the largest one without an obstacle, but the set is not enlarged.
 
         quick: whether to use fewer samples
         """
@@ -361,9 +367,9 @@ class RegionSearch:
 
     @property
     def _room(self) -> np.ndarray:
-        """Distance from the equilibrium to the nearer limit of each state, (n,).
+        """Distances (n,) of the states at the equilibrium from their nearer limits.
 
-        A distance is at most `_WIDEST` nominal values.
+        Each distance is at most `_WIDEST` nominal values.
         """
         ends = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         return np.minimum(_WIDEST * self._nominal, np.abs(ends).min(axis=1))
@@ -375,10 +381,15 @@ class RegionSearch:
 
 
 def flown(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
-    """Return a clause on the outcome of a flight from the deviation `place` (n,).
+    """Return a clause on the outcome of a flight that begins at the state deviation `place` (n,).
 
-    The flight ends in the proved set, where max |z_i| is 1000 times the initial value, or after ten
-    time constants of the slowest mode.
+    The flight ends in three cases:
+    - The state is in the proved set.
+    - The largest deviation is 1000 times the initial value.
+    - Ten time constants of the slowest mode have passed.
+
+    samples: evaluation of the closed loop
+    region: the proved region
     """
     modes = np.linalg.eigvals(samples.J)
     seconds = 10.0 / float(np.min(np.abs(modes.real)))

@@ -1,6 +1,6 @@
-"""Polynomial V on samples: its set, obstacles where V' >= 0 or a limit is exceeded, and growth.
+"""Polynomial V on samples: its set, the obstacles to a larger set, and growth.
 
-No proof depends on the samples.
+An obstacle is a state with V' >= 0 or beyond a limit. No proof depends on the samples.
 """
 
 from __future__ import annotations
@@ -74,10 +74,10 @@ _LARGEST = 100.0
 
 
 class Samples:
-    """Evaluation of a loop at many states in doubles.
+    """Evaluation of a closed loop at many states in double precision.
 
     loop: the closed loop
-    equilibrium: enclosure of the state at z = 0
+    equilibrium: enclosure of the equilibrium states
     """
 
     def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
@@ -95,11 +95,13 @@ class Samples:
         self._low, self._high = ends.T
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at deviations z (N, n)."""
+        """Return z' (N, n) at state deviations z (N, n)."""
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) with a state or output beyond a limit."""
+        """Return the mask (N,) of the state deviations z (N, n) at which a state or output exceeds
+        a limit.
+        """
         signals = z + self._x
         if len(self._low) > z.shape[1]:
             outputs = values_at(self._program, signals)[:, z.shape[1] :]
@@ -108,11 +110,11 @@ class Samples:
 
 
 class Bound(NamedTuple):
-    """First obstacle found as the level of V grows.
+    """First obstacle found as the level of V rises.
 
-    level: level of V at the obstacle, inf if none was found
-    place: deviation z (n,) of the obstacle, or None if none was found
-    rises: whether V' >= 0 or V' is undefined at the obstacle, False if none was found
+    level: level of V at the obstacle, inf if no obstacle was found
+    place: state deviation (n,) at the obstacle, or None if no obstacle was found
+    rises: whether V' >= 0 or V' is undefined at the obstacle, False if no obstacle was found
     """
 
     level: float
@@ -121,10 +123,10 @@ class Bound(NamedTuple):
 
 
 class Extents(NamedTuple):
-    """Bounds of z in a set.
+    """Bounds of the state deviations z in a set.
 
     ends: (n, 2), lowest and highest z
-    multipliers: (n, 2), multipliers that prove the bounds
+    multipliers: (n, 2), factors of 1 - V that prove the lower and upper bounds
     """
 
     ends: np.ndarray
@@ -133,11 +135,13 @@ class Extents(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Polynomial V(y) = Σ coefficient monomial with y = M z, and the set {V <= 1} about 0.
+    """Polynomial V(y) = Σ coefficient monomial with y = M z, and its set {V <= 1}.
+
+    z is the state deviation from the equilibrium.
 
     M: (n, n)
     basis: the monomials
-    coefficients: (K,)
+    coefficients: coefficients of the monomials, (K,)
     """
 
     M: np.ndarray
@@ -169,20 +173,22 @@ class Shape:
         return cls(piece.M, basis, coefficients)
 
     def of_degree(self, degree: int) -> Shape:
-        """Return V with monomials up to a higher degree, whose coefficients are 0."""
+        """Return V as a polynomial with monomials up to a higher degree. The added coefficients are
+        0.
+        """
         return Shape.of_piece(self.piece(), degree)
 
     @cached_property
     def N(self) -> np.ndarray:
-        """N (n, n) with z = N y."""
+        """Inverse N (n, n) of M, z = N y."""
         return np.linalg.inv(self.M)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return V (N,) at deviations z (N, n)."""
+        """Return V (N,) at state deviations z (N, n)."""
         return np.asarray(self.basis.at(z @ self.M.T) @ self.coefficients)
 
     def gradients(self, z: np.ndarray) -> np.ndarray:
-        """Return ∂V/∂z (N, n) at deviations z (N, n)."""
+        """Return ∂V/∂z (N, n) at state deviations z (N, n)."""
         slopes = np.einsum("ktj,t->kj", self.basis.slopes(z @ self.M.T), self.coefficients)
         return np.asarray(slopes @ self.M)
 
@@ -203,10 +209,10 @@ class Shape:
         return square
 
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return R (n, n) of a reference decay z'R z for the linear loop z' = J z.
+        """Return the matrix R (n, n) of a decay rate z'R z of V, for the linear loop z' = J z.
 
-        The reference decay is the decay of the mean of the squared modes, each scaled to at most 1
-        in the set. A small multiple of V is added, so that R is positive definite where modes
+        z'R z is the decay rate of the mean of the squared modes, each scaled to at most 1 in the
+        set. A small multiple of V is added, because the mean is not positive definite if modes
         coincide.
         """
         values, vectors = np.linalg.eig(J)
@@ -220,17 +226,21 @@ class Shape:
         """Return T (n, n) with -V' = |s|² to second order, for y = T s and z' = J z.
 
         Eigenvalues of `linear_decay` below `_SLOWEST` times the largest one are replaced by this
-        limit. Directions T s of uniform s are dense where V decreases slowly.
+        limit. If the vectors s are uniformly distributed, the vectors T s are dense where V
+        decreases slowly.
         """
         values, directions = scipy.linalg.eigh(self.linear_decay(J))
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
 
     def of_level(self, level: float) -> Shape:
-        """Return V / level, whose set is the set {V <= level}."""
+        """Return V divided by a level. The set of the result is {V <= level}."""
         return replace(self, coefficients=self.coefficients / level)
 
     def stretched(self, factors: np.ndarray) -> Shape:
-        """Return V in the coordinates y divided by factors (n,)."""
+        """Return the same V in coordinates y_i / factors_i.
+
+        factors: (n,)
+        """
         scale = np.prod(factors**self.basis.powers, axis=1)
         return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
 
@@ -248,7 +258,9 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return V in coordinates y in which samples of the set's edge are in the cube."""
+        """Return the same V in coordinates y scaled such that samples of the set's boundary are in
+        the cube.
+        """
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:
@@ -256,7 +268,7 @@ class Shape:
         return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
-        """Return the lowest factors (N,) of rays y (N, n) at which V reaches a level.
+        """Return for each ray y (N, n) the lowest factor at which V reaches a level, (N,).
 
         If V does not reach the level, the factor is `_FARTHEST`.
         """
@@ -283,7 +295,8 @@ class Shape:
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
-        """Return the n-th root of the volume of the set in z, in volumes of the unit ball.
+        """Return the n-th root of the volume of the set in z, relative to the volume of the unit
+        ball.
 
         The volume is estimated from random directions.
         """
@@ -322,9 +335,12 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
-        """Return the lowest level at which a margin <= 0 was found, and the point z (n,), or None.
+        """Return the lowest level at which a margin <= 0 was found and the state deviation z (n,)
+        there.
 
-        margins: z (N, n) -> (N,)
+        Return None if no such level was found.
+
+        margins: z (N, n) -> margins (N,)
         level: highest level that is searched
         count: number of rays
         turns: number of iterations
@@ -370,7 +386,8 @@ class Shape:
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:
-        """Return bounds of z in the set {V <= 1}, with multipliers for their proof.
+        """Return bounds of the state deviations z in the set {V <= 1}, with multipliers for their
+        proof.
 
         The bounds are estimated from samples.
         """
@@ -391,9 +408,9 @@ class Shape:
         return Extents(ends, multipliers)
 
     def _farthest(self, direction: np.ndarray) -> np.ndarray:
-        """Return the point z of the set {V <= 1} that approximately maximizes direction · y.
+        """Return the z of the point in {V <= 1} with approximately the largest direction · y.
 
-        direction: (n,)
+        direction: (n,), a direction in the coordinates y
         """
         n = self.basis.n
         generator = np.random.default_rng(4)
@@ -442,8 +459,8 @@ def _unit(rays: np.ndarray) -> np.ndarray:
 class Growth:
     """Linear programs that enlarge the set of a V.
 
-    samples: evaluation of the loop
-    shape: the first V, scaled to the largest set that samples allow
+    samples: evaluation of the closed loop
+    shape: first V, scaled to the largest set in which samples find no obstacle
     tell: called with a description before each linear program. The callback may raise.
     """
 
@@ -458,10 +475,10 @@ class Growth:
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
-        """Return a V that also decreases at and near z (n,), which replaces the present V, or None.
+        """Return a new V that also decreases at and near z (n,), where a proof failed, or None.
 
-        The result is None if no such V is found, or if the size of the new set is less than `_KEPT`
-        times the size of the present set.
+        The new V replaces the present one. The result is None if no such V is found, or if the size
+        of the new set is less than `_KEPT` times the size of the present set.
         """
         self._add(place)
         found = self._good(1.0)
@@ -471,12 +488,15 @@ class Growth:
         return found
 
     def _add(self, place: np.ndarray) -> None:
-        """Require decrease of V at and near a point z (n,) in the next linear programs."""
+        """Require V' < 0 at and near a point z (n,) in the next linear programs."""
         near = self._random.normal(size=(30, len(place))) * 0.02 * np.abs(place)
         self._refuted = np.concatenate([self._refuted, place[None], place + near])
 
     def grown(self) -> Shape | None:
-        """Return a V with a larger set than the present one, or None if none is found."""
+        """Return a V with a larger set than the present V, or None if none is found.
+
+        The new V replaces the present one.
+        """
         while self._growths:
             found = self._good(self._growths[0] ** 2)
             if found is not None and found.size() > _GAIN * self.shape.size():
@@ -486,15 +506,15 @@ class Growth:
         return None
 
     def of_degree(self, degree: int) -> None:
-        """Continue with polynomials V of a higher degree."""
+        """Continue with polynomials V of the given degree, the present degree or a higher one."""
         self.shape = self.shape.of_degree(degree)
         self._growths = _GROWTHS
 
     def finer(self) -> bool:
         """Reduce the required decay of V and return True.
 
-        Return False, without a change, if the required decay is below `_LEAST_DECAY`. A smaller
-        required decay permits larger sets, whose proofs take longer.
+        If the required decay is already below `_LEAST_DECAY`, return False without a change. A
+        smaller required decay permits larger sets, but their proofs take longer.
         """
         if self._least_decay < _LEAST_DECAY:
             return False
@@ -502,9 +522,10 @@ class Growth:
         return True
 
     def _good(self, level: float) -> Shape | None:
-        """Return the V with the largest admissible set among several fits, or None without a fit.
+        """Return the V with the largest set without an obstacle among several fits, or None.
 
-        The obstacle of one fit becomes a row of the next.
+        The obstacle of one fit becomes a constraint of the next fit. The result is None if the
+        first fit has no solution, or if no fit decreases fast enough in the linear loop.
 
         level: level of the present V up to which the fits extend
         """
@@ -533,9 +554,12 @@ class Growth:
         return best
 
     def _fitted(self, level: float) -> Shape | None:
-        """Return the V of least mean with a larger set, or None if the program has no solution.
+        """Return the V with the least mean on the edge of the present set, or None.
 
-        V >= 1 where the present V reaches `level`, and V' < 0 below.
+        V >= 1 is required where the present V reaches `level`, and V' < 0 where the present V is
+        lower. The result is None if the linear program has no solution.
+
+        level: level of the present V
         """
         last = self.shape.in_cube()
         basis = last.basis
@@ -578,10 +602,10 @@ class Growth:
         return shape
 
     def _unknowns(self, shape: Shape) -> np.ndarray:
-        """Return vectors (K, k) whose combinations are the coefficients of V.
+        """Return vectors (K, k) whose linear combinations are the permitted coefficients of V.
 
-        For degrees above 2 the quadratic part of V is only scaled, because too few samples of a
-        stiff loop are near 0.
+        For degrees above 2, the quadratic part of V may only be scaled, because too few samples of
+        a stiff loop are near 0.
         """
         if shape.basis.degree == 2:
             return np.eye(len(shape.coefficients))
@@ -597,7 +621,7 @@ class Growth:
     def _inside(self, shape: Shape, level: float, count: int) -> np.ndarray:
         """Return random points y (count, n) at which V is at most a level.
 
-        Half of the directions are dense where V decreases slowly.
+        Half of the points are in directions that are dense where V decreases slowly.
         """
         n = shape.basis.n
         rays = self._random.normal(size=(count, n))
@@ -609,15 +633,16 @@ class Growth:
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, K) and right-hand sides (N,) of linear inequalities for the coefficients
-        of V.
+        """Return rows (N, K) and right sides (N,) of linear inequalities for the coefficients of V.
 
-        - Within the limits: k V - V' / decay >= least decay + k
-        - Beyond a limit: V >= 1.02
+        - At a point within the limits: k V - V' / decay >= least decay + k
+        - At a point beyond a limit: V >= 1.02
 
-        k is between 0 and `_LEEWAY`, and increases with the value of V of `last`.
+        k rises from 0 to `_LEEWAY` with the value of the V in `last`. The decay is the modal decay
+        z'R z.
 
-        y: (N, n), points in the coordinates of `last`
+        last: the present V
+        y: points in the coordinates of `last`, (N, n)
         """
         z = y @ last.N.T
         monomials = last.basis.at(y)
@@ -629,9 +654,9 @@ class Growth:
         )
 
     def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -V' of each monomial divided by the modal decay, (N, K).
+        """Return -V' of each monomial divided by the modal decay z'R z, (N, K).
 
-        z: deviations, (N, n)
+        z: state deviations, (N, n)
         rates: z', (N, n)
         """
         decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
@@ -639,12 +664,15 @@ class Growth:
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
 
     def _slow(self, shape: Shape) -> np.ndarray:
-        """Return the directions z (k, n) in which V decreases too slowly in the linear loop."""
+        """Return directions z (k, n) in which V decreases too slowly in the linear loop."""
         decay = shape.linear_decay(self._samples.J)
         values, directions = scipy.linalg.eigh(decay, shape.N.T @ self._decay @ shape.N)
         return np.asarray((shape.N @ directions[:, values < 0.5 * self._least_decay]).T)
 
     def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
-        """Return the rows (N, K) of `_rows` for the linear loop, in directions z (N, n)."""
+        """Return rows (N, K) of the decay of V in the linear loop, in directions z (N, n).
+
+        The rows contain the quadratic monomials only.
+        """
         rows = self._decays(last, z, z @ self._samples.J.T)
         return np.where(last.basis.degrees == 2, rows, 0.0)
