@@ -63,7 +63,10 @@ def analyse_discrete(
 
 
 def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
-    """Return the report: P, K, the spectral radii and the checks of the certificate."""
+    """Return the report of a solved discrete-time game.
+
+    The report contains P, K, the spectral radii and the checks of the certificate.
+    """
     solution = analysed.solution
     states = solution.names.states
     inputs = solution.names.inputs

@@ -44,14 +44,15 @@ FAINT_REACH = 1e-9
 class DiscreteSolution(Reported):
     """Certified solution of a discrete-time game.
 
-    P: (n, n), of the value x'P x
-    K: (m, n), of the policy u = -K x
-    disturbance_gain: L, (k, n), of the worst disturbance w = L x
+    P: matrix of the value x'P x, (n, n)
+    K: gain of the optimal policy u = -K x, (m, n)
+    disturbance_gain: L of the worst disturbance w = L x, (k, n)
     problem: the game
-    certificate: the tests that were passed
-    radius: spectral radius of A - B K; the policy stabilizes if it is below 1
-    discounted_radius: spectral radius of sqrt(discount) (A - B K); the cost is finite if it is
-      below 1
+    certificate: the checks that the solution passed
+    radius: spectral radius of A - B K. The policy stabilizes the plant if the radius is below 1.
+    discounted_radius: spectral radius of sqrt(discount) (A - B K). The cost is finite if the radius
+        is
+      below 1.
     """
 
     P: Matrix
@@ -64,7 +65,7 @@ class DiscreteSolution(Reported):
 
     @property
     def game(self) -> Game:
-        """A, B, E, Q, R and delta of one step."""
+        """A, B, E, Q, R and delta of one step of the game."""
         return self.problem.step
 
     @property
@@ -79,19 +80,23 @@ class DiscreteSolution(Reported):
 
     @property
     def H(self) -> Matrix:
-        """Matrix of the Q-function over (x, u, w), or over (x, u) with delta = inf."""
+        """Matrix of the Q-function over (x, u, w), or over (x, u) if delta = inf."""
         return self.problem.q_function(self.P)
 
 
 def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
-    """Return a continuous-time game, sampled with constant u and w over each step of dt seconds.
+    """Return a sampled continuous-time game, with constant u and w in each step of dt seconds.
 
     The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at the beginning of the step. The weights of the
     step are therefore Q dt and R dt, and the delta of the step is √dt δ.
 
-    The difference A_s - I of the matrix A_s of a step is computed without cancellation, and A_s is
-    stored in twice the digits. Source: Franklin, Powell and Workman, Digital Control of Dynamic
-    Systems, Section 4.3.
+    The matrix A of a step is stored with twice the digits. Its difference from I is computed
+    without
+    cancellation. Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section
+        4.3.
+
+    dt: sample time, s
+    discount: discount of one step
 
     Raises BadInputError if dt is not positive.
     """
@@ -167,7 +172,11 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
     """Return the smallest δ for which a discrete-time game has a solution.
 
-    The δ of the game has no effect. Raises NoSolutionError if no δ permits a solution.
+    The δ stored in the game has no effect.
+
+    progress: called during the search, or None
+
+    Raises NoSolutionError if no solution exists for any δ.
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
@@ -175,7 +184,9 @@ def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = No
 
 
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
-    """Return P and K without refinement and without a certificate, for use in a search.
+    """Return P and K of a discrete-time game without refinement and without a certificate.
+
+    The function is used in searches.
 
     Raises NoSolutionError if no solution exists.
     """
@@ -186,23 +197,23 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
-    """Return the six checks of `_checks` for a given P, (n, n)."""
+    """Return the six checks of `_checks` for a given P (n, n) of a game."""
     form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
 
 
 def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
-    """Return the residual of Bellman's equation at P, (n, n), relative to its terms."""
+    """Return the residual of Bellman's equation at P (n, n), relative to the largest term."""
     return value_checks(problem, P)[0].value
 
 
 class _Certified(NamedTuple):
-    """Certified solution of a step in normal form.
+    """Certified solution of a game in normal form.
 
-    X: (n, n), solution of the Riccati equation of `form`
-    form: the step, in the coordinates in which X is accurate
-    certificate: the tests that X passed
+    X: solution of the Riccati equation of `form`, (n, n)
+    form: the game, in the coordinates in which X is accurate
+    certificate: the checks that X passed
     """
 
     X: np.ndarray
@@ -211,11 +222,12 @@ class _Certified(NamedTuple):
 
 
 def _certified(form: StepForm) -> _Certified:
-    """Return the certified X of a step, computed by the Schur form of the equivalent
-    continuous-time game.
+    """Return the certified solution X of the Riccati equation of a game.
 
-    The certificate contains the discrete-time tests of X and the agreement with refined doubling.
-    Raises NoSolutionError if a test fails or a matrix to be inverted is singular.
+    X is computed from the Schur form of the equivalent continuous-time game, and compared with X by
+    refined doubling. The certificate contains the checks of `_checks` and the agreement of both.
+
+    Raises NoSolutionError if a check fails or a matrix to be inverted is singular.
     """
     try:
         form = form.turned()
@@ -232,14 +244,14 @@ def _certified(form: StepForm) -> _Certified:
 
 
 def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
-    """Return the six checks of X:
+    """Return the six checks of a solution X of the Riccati equation:
 
     - residual of Bellman's equation, relative to the largest term
-    - change of P in a Newton step, relative to the largest entry
-    - smallest eigenvalue of X, relative to the largest entry
+    - change of X in a Newton step, relative to the largest entry of X
+    - smallest eigenvalue of X, relative to the largest entry of X
     - smallest eigenvalue of I - E'X E
-    - spectral radius of the game's loop, A - B K + E L
-    - spectral radius of the controlled loop, A - B K
+    - spectral radius of A - B K + E L, the loop with the worst disturbance
+    - spectral radius of A - B K, the loop without disturbance
 
     A, B and E are those of `form`, which contain the discount.
     """
@@ -273,7 +285,7 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def _gain_check(radius: float) -> Check:
-    """Return the check that the gain K stabilizes, in the user's coordinates.
+    """Return the check that the gain K in the user's coordinates stabilizes the discounted loop.
 
     radius: spectral radius of sqrt(discount) (A - B K)
     """
@@ -284,9 +296,9 @@ def _gain_check(radius: float) -> Check:
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
     """Raise NoSolutionError if a mode of sqrt(discount) A does not decay and is uncontrollable.
 
-    A and B are those of the user, because rounding of A - B R⁻¹ N' couples every mode to the
-    inputs. If N is not 0, a mode whose coupling is at most `FAINT_REACH` is also refused, because P
-    would have no correct digits.
+    The test uses A and B of the plant, because rounding of A - B R⁻¹ N' couples every mode to the
+    inputs. If N is not 0, a mode that is coupled to the inputs by at most `FAINT_REACH` is also
+    refused, because P would have no correct digits.
     """
     root = math.sqrt(problem.discount)
     A = form.T @ (root * problem.step.A) @ np.linalg.inv(form.T)
@@ -301,12 +313,12 @@ def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
 
 
 def _not_shrinking(values: np.ndarray) -> np.ndarray:
-    """Return the nearest points on or outside the unit circle to the eigenvalues."""
+    """Return for each eigenvalue the nearest point on or outside the unit circle."""
     return values / np.minimum(np.abs(values), 1.0)
 
 
 def _unreached(value: complex) -> str:
-    """Return the message that no input reaches the mode with this eigenvalue."""
+    """Return the message that no input reaches the mode with the given eigenvalue."""
     return (
         f"no input reaches the {_mode_text(value)} of sqrt(discount) A, which does not decay;"
         " change B or lower the discount"
@@ -320,7 +332,9 @@ def _mode_text(value: complex) -> str:
 
 
 def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
-    """Return the smallest δ, found by bisection of log δ with `_existence`.
+    """Return the smallest δ for which a game has a value, found by bisection of log δ.
+
+    progress: called during the search, or None
 
     Raises NoSolutionError with the reason if there is no solution even for δ = inf.
     """
@@ -342,10 +356,10 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 
 
 def _existence(form: StepForm) -> Answer:
-    """Return whether the game has a value, with the reason if it has none.
+    """Return whether a game has a value at its δ, and the reason if the game has no value.
 
-    The answer is None if the computation fails or rounding hides the sign. A value exists if the
-    equivalent continuous-time game has a value and δ² I - α E'P E > 0.
+    A value exists if the equivalent continuous-time game has a value and δ² I - α E'P E > 0. The
+    answer is None if the computation fails, or if rounding hides the sign.
     """
     try:
         answer = existence(form.equivalent)
@@ -367,12 +381,12 @@ def _existence(form: StepForm) -> Answer:
 
 
 def _obstacle(form: StepForm, failure: str) -> str:
-    """Return one line on why no solution exists even without disturbance.
+    """Return one line that explains why a game has no solution even without disturbance.
 
-    The line names the first mode that is uncontrollable, or undamped and without cost. Without such
-    a mode, the line contains `failure`.
+    The line names the first mode that does not decay and is uncontrollable, or that is undamped and
+    has no cost. If there is no such mode, the line contains `failure`.
 
-    failure: failed test of the certificate
+    failure: failed check of the certificate
     """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):

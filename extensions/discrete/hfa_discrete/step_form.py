@@ -1,5 +1,6 @@
-"""Normal form of a discrete-time step, and the equivalent continuous-time game, which has the
-same X.
+"""Normal form of a discrete-time game, and the equivalent continuous-time game.
+
+Both games have the same solution X of the Riccati equation.
 """
 
 from __future__ import annotations
@@ -32,23 +33,27 @@ SHOWN = 1e-6
 
 
 class NoValueError(NoSolutionError):
-    """Raised for a game without a value, when a disturbance with a gain above δ is known."""
+    """Raised if a game has no value, with the reason that a disturbance has a gain above δ."""
 
 
 class Policies(NamedTuple):
-    """Gains in normal form: K (m, n) of u = -K y, and L (k, n) of w = L y."""
+    """Gains of both players in normal form.
+
+    K: gain of the input, u = -K y, (m, n)
+    L: gain of the disturbance, w = L y, (k, n)
+    """
 
     K: np.ndarray
     L: np.ndarray
 
 
 class NewtonStep(NamedTuple):
-    """Newton step at X.
-
-    residual: Q + K'K - L'L + F'X F - X, in which errors of K and L enter only quadratically
-    correction: Z, the solution of Z = F'Z F + residual
+    """Newton step of the discrete-time Riccati equation at X.
 
     F is the closed loop of both policies.
+
+    residual: Q + K'K - L'L + F'X F - X, (n, n), in which errors of K and L are of second order
+    correction: Z, the solution of Z = F'Z F + residual, (n, n)
     """
 
     residual: np.ndarray
@@ -61,16 +66,18 @@ class StepForm(NormalForm):
 
       X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A,  G = [B E],  W = blkdiag(I, -I)
 
-    low: (n, n), rounding error of A, which matters for fast sampling, where A is nearly I
+    low: rounding error of A, (n, n). The error matters for fast sampling, because A is then nearly
+        I.
     """
 
     low: np.ndarray
 
     @classmethod
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
-        """Return the step form of a game, with discount and cross weights transformed away.
+        """Return the normal form of a game.
 
-        The form is balanced if the equivalent continuous-time game exists.
+        The discount and the cross weights are included in the matrices of the form. The form is
+        balanced if the equivalent continuous-time game exists.
         """
         form = cls.unbalanced(problem)
         with suppress(NoSolutionError):  # the solver reports this error
@@ -80,7 +87,9 @@ class StepForm(NormalForm):
 
     @classmethod
     def unbalanced(cls, problem: DiscreteGame) -> StepForm:
-        """Return the step form without the balancing that needs the equivalent game."""
+        """Return the normal form of a game without the balancing by the equivalent continuous-time
+        game.
+        """
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -119,8 +128,8 @@ class StepForm(NormalForm):
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
         """Return the game in the coordinates D W'y, with A in twice the digits.
 
-        W: (n, n), orthogonal
-        D: (n,), scales
+        W: orthogonal matrix, (n, n)
+        D: scales, (n,)
         """
         A, low = similar((self.A, self.low), W, D)
         return replace(super()._turned_by(W, D), A=A, low=low)
@@ -137,9 +146,9 @@ class StepForm(NormalForm):
         The state of this game is (y + y⁺)/√2, and the rate is (y⁺ - y)/√2. This is the map
         z = (1 + s)/(1 - s). In both games, the value y'X y increases by y⁺'X y⁺ - y'X y.
 
-        In signals of alternating sign, the step has the matrices -A, -B and -E and the same X,
-        which gives a second equivalent game. The game with the smaller Hamiltonian is used, because
-        none of its modes is near the pole of the map, z = -1 or 1.
+        For signals of alternating sign, the step has the matrices -A, -B and -E and the same X.
+        These matrices give a second equivalent game. The game with the smaller Hamiltonian is used,
+        because none of its modes is near the pole of the map, z = -1 or 1.
 
         Raises NoSolutionError if every closed loop has modes at both poles. Raises NoValueError if
         a disturbance of constant or alternating sign has a gain above δ for every input.
@@ -160,9 +169,9 @@ class StepForm(NormalForm):
     def _at_pole(self, sign: float) -> NormalForm:
         """Return the equivalent continuous-time game by the map with its pole at z = -sign.
 
-        Let r = √2 ξ - E w, with the new state ξ. Then (A + I) y + B u = r, where A and B are
+        Let r = √2 ξ - E w, with the new state ξ. Then (A + I) y + B u = r, with A, B and E
         multiplied by `sign`. All solutions are [u; y] = Y r + Z v. The smallest |u|² + |C y|² of a
-        solution, C'C = Q, is |M r|². The new input is the part that v adds to this cost.
+        solution, with C'C = Q, is |M r|². The new input is the part that v adds to this cost.
 
         Raises np.linalg.LinAlgError if no equivalent game exists. Raises NoValueError if |M E|
         exceeds δ.
@@ -254,15 +263,15 @@ class StepForm(NormalForm):
 
 
 def _size(form: NormalForm) -> float:
-    """Return the Frobenius norm of the Hamiltonian, or 1 if it is 0."""
+    """Return the Frobenius norm of the Hamiltonian of a game, or 1 if the norm is 0."""
     return float(np.linalg.norm(form.hamiltonian)) or 1.0
 
 
 def _of_rates_near_one(form: NormalForm) -> NormalForm:
-    """Return the game in another unit of time, in which its rates are near 1.
+    """Return a continuous-time game in a unit of time in which its rates are near 1.
 
-    The new unit is the old one times a power of four. With fast sampling, the rates would otherwise
-    be very small.
+    With fast sampling, the rates would otherwise be very small. The unit is the old unit times a
+    power of four.
     """
     root = 2.0 ** -round(math.log(_size(form), 4.0))
     return replace(

@@ -13,7 +13,11 @@ from hfa_support.errors import BadInputError
 
 
 def step_model(path: Path) -> Model:
-    """Return the model of a discrete-time plant, with the rates A x + B u - x, the change per step.
+    """Return the model of a discrete-time plant with the rates A x + B u - x.
+
+    The rates are the change of the state in one step.
+
+    path: plant file
 
     Raises BadInputError if the plant is in continuous time.
     """

@@ -16,7 +16,7 @@ from hfa_support.reporting.results import Result
 
 @dataclass(frozen=True)
 class Stamp(Result):
-    """Fields that are added to every result.
+    """Entries that every written result has in addition to its own.
 
     units: unit system of all numbers: english (ft, slug, lbf) or si (m, kg, N).
     provenance: version, command, date, equations, parameters with a hash, condition.
@@ -27,7 +27,7 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """Return the declarations of the results that commands write and of the keys that options add.
+    """Return the declarations of all results that commands write, and of entries that options add.
 
     Each declaration has the form of `CommandEntry.results`.
     """
@@ -38,9 +38,9 @@ def written() -> tuple[str, ...]:
 
 
 def classes_of(text: str) -> list[type[Result]]:
-    """Return the classes in a declaration "module:Class module:Class?".
+    """Return the classes of a declaration such as "module:Class module:Class?".
 
-    A word without ":", which names a format, is skipped.
+    A word without ":" is the name of a format and is omitted.
     """
     places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
     return [getattr(import_module(module), name) for module, name in places]
@@ -74,27 +74,29 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Return whether a declaration defines a result, not an addition to a result."""
+    """Return whether a declaration defines a complete result instead of additional entries of a
+    result.
+    """
     return ":" in text.split()[0]
 
 
 def _name(result: type[Result]) -> str:
-    """Return the name of a class's format, such as "trim" for hfa.trim/1."""
+    """Return the name of the format of a class of results, such as "trim" for hfa.trim/1."""
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """Return the schema of a result that is part of another result, without the title.
+    """Return the schema of a class of results without its title, for use inside another result.
 
-    A title names the command that writes the result as an output.
+    The title names a command that writes the result alone.
     """
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 
 def _joined(text: str) -> dict[str, Any]:
-    """Return the schema of a declared result, including the entries added to it.
+    """Return the schema of a declared result, with the entries of all classes in the declaration.
 
-    The entries of an added class with "?" are optional.
+    The entries of a class with "?" are optional.
     """
     first, *added = classes_of(text)
     schema = json_schema(first)

@@ -69,7 +69,8 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the evaluated annotation of a field or property, of a class or its nearest base class.
+    """Return the evaluated annotation of a field or property of a class or of its nearest base
+    class.
 
     Raises KeyError if no class declares the name.
     """
@@ -84,7 +85,7 @@ def _annotation(kind: Any, name: str) -> Any:
 
 
 def _written_annotation(kind: type, name: str) -> Any:
-    """Return the unevaluated annotation of a field or property in the body of a class.
+    """Return the unevaluated annotation of a field or property that a class itself declares.
 
     The annotation of a property is the return annotation of its function. The result is None if the
     class does not declare the name.
@@ -123,7 +124,7 @@ def _type_checking_imports(module: types.ModuleType) -> dict[str, str]:
 def json_schema(kind: type[Result]) -> dict[str, Any]:
     """Return the JSON Schema of a class of results.
 
-    Results that are parts of the class are references "#/$defs/NAME".
+    A field that is itself a result is a reference "#/$defs/NAME".
     """
     properties: dict[str, Any] = {}
     required = []
@@ -142,7 +143,7 @@ def json_schema(kind: type[Result]) -> dict[str, Any]:
 
 
 def type_schema(hint: Any) -> dict[str, Any]:
-    """Return the JSON Schema of an annotation.
+    """Return the JSON Schema of the values with a given annotation.
 
     Raises TypeError if results do not support the annotation.
     """
@@ -176,7 +177,7 @@ def type_schema(hint: Any) -> dict[str, Any]:
 
 
 def parts_of(kind: type[Result]) -> list[type[Result]]:
-    """Return the classes of results that a class refers to, directly or not."""
+    """Return all classes of results that a class of results contains, directly or indirectly."""
     parts: list[type[Result]] = []
     waiting = list(_annotations(kind))
     while waiting:

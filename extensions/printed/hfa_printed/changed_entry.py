@@ -1,7 +1,7 @@
 """Search for one entry of the plant that, when changed, makes every printed digit right.
 
-Every text that differs from an entry by one misprint is tried. All these plants are solved
-together to low accuracy. Plants with the right digits are solved again with a certificate.
+Every text that differs from an entry by one misprint is tried. The plants with these texts are
+solved together to low accuracy. Plants with the right digits are solved again with a certificate.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class ChangedEntry(Result):
 
     position: position of the entry
     typed: text of the entry in the file
-    lowest: lower end of an interval of values that make every printed digit right
-    highest: upper end of this interval
+    lowest: lowest value of the entry for which every printed digit is right, to first order
+    highest: highest value of the entry for which every printed digit is right, to first order
     value: text of a value in this interval that differs from `typed` by one misprint
     slip: the misprint
     """
@@ -63,8 +63,8 @@ class _Edit(NamedTuple):
     """Text of an entry for which the approximate answer has every printed digit.
 
     text: the text
-    slip: misprint that turns the text into the typed text
-    value: value of the text
+    slip: misprint that turns the text into the text in the file
+    value: number that the text represents
     lowest: lowest value of the entry for which the answer has every digit, to first order
     highest: highest value of the entry for which the answer has every digit, to first order
     """
@@ -77,13 +77,13 @@ class _Edit(NamedTuple):
 
 
 def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list[ChangedEntry]:
-    """Return changes of one entry that make every printed digit right.
+    """Return changes of one entry of the plant that make every printed digit right.
 
-    The result contains one change for each interval of values that make every printed digit right.
-    The new value differs from the typed text by one misprint. The entry is one of A, B, E, N, Q, R
-    or gamma. The result is [] if the search would take too long (`not_searched`).
+    The list contains one change for each interval of values that make every printed digit right.
+    The new value differs from the text in the file by one misprint. The entry is one of A, B, E, N,
+    Q, R or gamma. The list is empty if the search would take too long (`not_searched`).
 
-    progress: called with the number of entries searched so far and the total number
+    progress: called with the number of entries searched so far and the total number, or None
     """
     if not_searched(file):
         return []
@@ -98,7 +98,9 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
 
 @lru_cache(maxsize=1)
 def not_searched(file: PrintedFile) -> str:
-    """Return the reason why `changed_entries` does not search this plant, or "" if it does."""
+    """Return the reason why `changed_entries` does not search the plant of a file, or "" if it
+    does.
+    """
     states = len(file.plant.A)
     count = edits_tried(file)
     if count * states**3 <= _MOST:
@@ -110,7 +112,7 @@ def not_searched(file: PrintedFile) -> str:
 
 
 def edits_tried(file: PrintedFile) -> int:
-    """Return the number of values that the search tries."""
+    """Return the number of changed values that `changed_entries` tries for a file."""
     return sum(len(_edits(text)) for _, text in _positions(file))
 
 
@@ -128,9 +130,10 @@ def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
 
 
 def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
-    """Return the edits of an entry for which the approximate answer has every printed digit.
+    """Return the texts of an entry for which the approximate answer has every printed digit.
 
-    text: typed text of the entry
+    position: position of the entry
+    text: text of the entry in the file
     """
     slips = _edits(text)
     values = np.array([float(edit) for edit in slips])
@@ -157,9 +160,9 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
 
 
 def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
-    """Return the least and the largest x with |misfits - slopes x| <= allowed.
+    """Return the smallest and the largest x with |misfits - slopes x| <= allowed.
 
-    Entries with slope 0 are ignored.
+    The inequality is that of each printed entry. Entries with slope 0 are ignored.
     """
     depends = slopes != 0.0
     centers = misfits[depends] / slopes[depends]
@@ -181,13 +184,14 @@ def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
 def _likeliest(
     file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
-    """Return the first of the edits that the certified answer confirms, or None.
+    """Return the first edit that the certified answer confirms, or None if no edit is confirmed.
 
     The edits are ordered by the likelihood of their misprint, then by the distance from the middle
     of the interval.
 
-    text: typed text of the entry
-    edits: edits with overlapping intervals
+    position: position of the entry
+    text: text of the entry in the file
+    edits: edits of the entry with overlapping intervals
     """
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
@@ -205,9 +209,9 @@ def _likeliest(
 
 
 def _edits(text: str) -> dict[str, str]:
-    """Return right text -> misprint that turns the right text into the typed text.
+    """Return right text -> misprint that turns the right text into the given text.
 
-    For several such misprints, the likeliest is given. Texts with the value of the typed text are
+    If several misprints do, the likeliest is given. Texts with the value of the given text are
     omitted.
     """
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
@@ -224,7 +228,10 @@ def _edits(text: str) -> dict[str, str]:
 
 
 def _without_leading_zeros(digits: str) -> str:
-    """Return the digits without leading zeros, but at least one before the point: 0.5 for 00.5."""
+    """Return a number without leading zeros, but with at least one digit before the point.
+
+    The result for 00.5 is 0.5.
+    """
     stripped = digits.lstrip("0")
     if not stripped or stripped.startswith("."):
         return f"0{stripped}"
@@ -258,9 +265,9 @@ def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
 
 
 def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
-    """Yield the digits with the point at each position.
+    """Yield the same digits with the decimal point at each position.
 
-    The positions include one place before and one after the digits.
+    The positions include one place before the first and one place after the last digit.
     """
     plain = digits.replace(".", "")
     yield f"0.0{plain}"
@@ -270,7 +277,7 @@ def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
 
 
 def _places(digits: str) -> list[int]:
-    """Return the positions of the digits, without the point."""
+    """Return the indices of the digits in a text of digits and a decimal point."""
     return [index for index, digit in enumerate(digits) if digit != "."]
 
 

@@ -51,10 +51,11 @@ class Classified:
 
     name: name of the class
     reason: reason, in one line
-    comparison: comparison of every entry with the exact answer of the plant as typed
-    P: (n, n), P of the exact answer of the plant as typed
-    changed: intervals of one entry of the plant for which every printed digit is right
-    not_searched: reason why no intervals were searched, or "" if they were searched or not needed
+    comparison: comparison of every printed entry with the exact answer of the plant in the file
+    P: matrix of the exact value x'P x of the plant in the file, (n, n)
+    changed: changes of one entry of the plant for which every printed digit is right
+    not_searched: reason why no changes were searched for, or "" if they were searched for or not
+        needed
     """
 
     name: Class
@@ -70,10 +71,10 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
     progress: passed to `changed_entries`
 
-    Raises NoSolutionError if the plant as typed has no certified answer. The message names the
-    other time, or changed entries of the plant, for which the printed answer is right. Raises
-    BadInputError if the file does not state the time. The message names the time for which every
-    digit is right.
+    Raises NoSolutionError if the plant in the file has no certified answer. The message names the
+    other time, or changed entries of the plant, for which every printed digit is right. Raises
+    BadInputError if the file does not state the time. The message proposes the time for which every
+    digit is right, if there is one.
     """
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
@@ -127,7 +128,7 @@ def _by_digits(
 ) -> tuple[Class, str] | None:
     """Return the class and its reason if they follow from the digits alone, or None.
 
-    P: P of the exact answer
+    P: matrix of the exact value x'P x, (n, n)
     """
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
@@ -149,10 +150,10 @@ def _by_digits(
 
 
 def _stands_out(comparison: Comparison) -> bool:
-    """Return whether the wrong entries are too far off for the noise of a learned answer.
+    """Return whether the wrong entries are too far off to be noise of a learned answer.
 
-    An error is too far off if noise of this size, absolute and relative, would exceed `_STANDS_OUT`
-    half units in every other entry.
+    An error is too far off if noise of the same absolute and the same relative size would exceed
+    `_STANDS_OUT` half units in every other entry.
     """
     outside = comparison.outside
     error = np.abs(comparison.printed - comparison.exact)[outside].min()
@@ -165,18 +166,17 @@ def _stands_out(comparison: Comparison) -> bool:
 
 
 def _sizes(comparison: Comparison) -> np.ndarray:
-    """Return |exact| of each entry, but at least half a unit of its last digit."""
+    """Return |exact| of each printed entry, but at least half a unit of its last digit, (N,)."""
     return np.maximum(np.abs(comparison.exact), comparison.half_units)
 
 
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """Return the class and its reason if the search explains the answer, or None.
+    """Return the class and its reason if a changed entry or a known mistake explains the answer, or
+    None.
 
-    A changed entry or a known mistake explains the answer.
-
-    changed: changed entries of the plant that make every digit right
+    changed: changes of one entry of the plant that make every digit right
     mistake: known mistake, or ""
     """
     is_evident = _is_evident(file, comparison)
@@ -196,9 +196,11 @@ def _by_search(
 
 
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
-    """Return the message for a plant without a certified answer.
+    """Return the error message for a plant without a certified answer.
 
     The message proposes the other time, or changed entries, for which every printed digit is right.
+
+    failure: error of the solver
     """
     other_time = fitting_time(file)
     if other_time:
@@ -216,8 +218,9 @@ def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress |
 def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
     """Return whether the wrong entries are sufficient evidence for a changed entry of the plant.
 
-    An error of r half units occurs by chance once in r. For a learned answer or a rounded plant,
-    which may explain such errors, the chance over all edits tried must also be small.
+    An error of r half units occurs by chance in one of r cases. For a learned answer or a rounded
+    plant, noise or rounding may explain such errors. The chance over all edits tried must then also
+    be small.
     """
     evidence = comparison.evidence()
     if evidence[1:].sum() < _EVIDENCE:
@@ -228,7 +231,7 @@ def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
 
 
 def _by_rounding(used: float) -> tuple[Class, str]:
-    """Return the class and the reason for an answer whose plant was rounded.
+    """Return the class and the reason of an answer whose plant is printed with rounded entries.
 
     used: result of `rounding_used`
     """
@@ -238,12 +241,12 @@ def _by_rounding(used: float) -> tuple[Class, str]:
 
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
-    """Return the least s for which rounding of the plant explains every digit.
+    """Return the least s for which rounding of the plant by s half units explains every digit.
 
-    The effect of rounding is computed to first order. Each entry of the plant with decimals may
-    change by up to s half units. The result is inf if no changes explain the digits.
+    Each entry of the plant with decimals may change by up to s half units of its last digit. The
+    effect is computed to first order. The result is inf if no such changes explain the digits.
 
-    P: P of the exact answer
+    P: matrix of the exact value x'P x, (n, n)
     """
     from scipy.optimize import linprog
 
@@ -306,8 +309,8 @@ def _asymmetric_block(file: PrintedFile) -> str:
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
     """Return a sentence with the printed and the exact value of a wrong entry.
 
-    wrong: position of the entry; if its block contains several wrong entries, the first is
-        described
+    wrong: position of the entry. If its block contains several wrong entries, the first is
+        described.
     """
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
@@ -325,7 +328,7 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
     The other time also counts as a mistake. A mistake must explain every digit, or most of the
     error of a learned answer.
 
-    P: P of the exact answer
+    P: matrix of the exact value x'P x, (n, n)
     """
     question = fitting_time(file)
     if question:
@@ -348,9 +351,13 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
 def _mistaken_answers(
     file: PrintedFile, P: np.ndarray
 ) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Yield (mistake, answer that results from it) for each known mistake.
+    """Yield (known mistake, answer with this mistake).
 
-    P: P of the exact answer
+    The mistakes are opposite signs, factors of 2, other orders of the weights W, and interchanged
+    states. Interchanged states are omitted for plants that are too large to be searched
+    (`not_searched`).
+
+    P: matrix of the exact value x'P x, (n, n)
     """
     exact = answer_of(file.plant, P)
     for name in ("K", "L"):
@@ -384,7 +391,7 @@ def _mistaken_answers(
 
 
 def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
-    """Return the class "close", "cannot tell" or "wrong" and its reason, by the relative error."""
+    """Return the class "close", "cannot tell" or "wrong" by the relative error, and the reason."""
     error = comparison.relative_error
     size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
     if error > _FAR:

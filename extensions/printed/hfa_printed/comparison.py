@@ -39,11 +39,11 @@ class Position(NamedTuple):
 class Comparison:
     """Printed entries of an answer and their exact values.
 
-    positions: N positions of the entries
-    printed: (N,), printed values
-    exact: (N,), exact values with the sign convention of the print
-    half_units: (N,), half a unit of the last printed digit
-    allowed: (N,), tolerance: the half unit, or a larger minimum for rounding errors
+    positions: positions of the N entries
+    printed: printed values, (N,)
+    exact: exact values with the printed sign convention, (N,)
+    half_units: half a unit of the last printed digit, (N,)
+    allowed: tolerance, (N,), the half unit or a larger minimum for rounding errors
     """
 
     positions: tuple[Position, ...]
@@ -54,7 +54,7 @@ class Comparison:
 
     @property
     def errors(self) -> np.ndarray:
-        """|printed - exact| divided by the tolerance, (N,), at most 1 for right digits."""
+        """|printed - exact| divided by the tolerance, (N,). Right digits give at most 1."""
         return np.abs(self.printed - self.exact) / np.maximum(self.allowed, 1e-300)
 
     @property
@@ -64,7 +64,11 @@ class Comparison:
 
     @property
     def wrong_positions(self) -> list[Position]:
-        """Positions of the wrong entries in ascending order, with mirrored entries counted once."""
+        """Positions of the wrong entries in ascending order.
+
+        Of two mirrored entries of a symmetric matrix, only the position in the upper triangle is
+        listed.
+        """
         wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
         return sorted(wrong)
 
@@ -85,9 +89,9 @@ class Comparison:
         )
 
     def evidence(self) -> np.ndarray:
-        """Return log₁₀ max(1, r) of the error r at each position, the largest first.
+        """Return log₁₀ max(1, r) for the error r of each entry, the largest first.
 
-        A mirrored pair counts once, with its larger error.
+        Two mirrored entries of a symmetric matrix count once, with the larger error.
         """
         terms: dict[Position, float] = {}
         for position, error in zip(self.positions, self.errors, strict=True):
@@ -97,17 +101,17 @@ class Comparison:
 
 
 def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
-    """Compare the printed answer with the answer of a plant.
+    """Return the comparison of the printed answer with the answer of a plant.
 
-    P: matrix of the plant's value x'P x
+    P: matrix of the plant's value x'P x, (n, n)
     """
     return compare_answer(file, answer_of(plant, P))
 
 
 def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
-    """Compare the printed answer with another answer.
+    """Return the comparison of the printed answer with another answer.
 
-    answer: block -> matrix
+    answer: name of a matrix -> matrix
     """
     positions = []
     allowed = []
@@ -127,14 +131,19 @@ def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Compa
 
 
 def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -> np.ndarray:
-    """Return the derivative of `Comparison.exact` with respect to an entry of the plant, (N,)."""
+    """Return the derivative of `Comparison.exact` with respect to one entry of the plant, (N,).
+
+    P: matrix of the plant's value x'P x, (n, n)
+    position: position of the entry
+    """
     return in_signs(file, answer_change(plant, P, *position))
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the entries of the printed blocks of an answer, (N,), with the printed signs.
+    """Return the entries of those matrices of an answer that are printed, (N,), with the printed
+    signs.
 
-    answer: block -> matrix, or stack of matrices; a stack gives a stack of results
+    answer: name of a matrix -> matrix or stack of matrices. A stack gives a stack of results.
     """
     rows = []
     for name in file.answer:
@@ -145,9 +154,9 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _mirrored(position: Position) -> Position:
-    """Return the position in the upper triangle for an entry of P or H.
+    """Return the position in the upper triangle for an entry of a symmetric matrix, P or H.
 
-    Another position is returned unchanged.
+    The position of an entry of another matrix is returned unchanged.
     """
     if position.block in _SYMMETRIC and position.row > position.column:
         return Position(position.block, position.column, position.row)

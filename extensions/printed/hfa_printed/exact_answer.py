@@ -1,4 +1,4 @@
-"""Exact answer of a plant as typed, and its derivatives with respect to the plant's entries."""
+"""Exact answer of the plant in a file, and its derivatives with respect to the plant's entries."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _SETTLED = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """Linear plant with a quadratic cost, as typed.
+    """Linear plant with a quadratic cost, as stated in a file.
 
     x' = A x + B u + E w or x⁺ = A x + B u + E w
     cost x'Qx + 2x'Nu + u'Ru - γ²w'w
 
     A: (n, n)
     B: (n, m)
-    E: (n, k); k = 0 without a disturbance
+    E: (n, k), with k = 0 without a disturbance
     N: (n, m)
     Q: (n, n)
     R: (m, m)
@@ -87,9 +87,8 @@ class Plant:
         return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
-        """Return the plant with one entry changed.
-
-        In Q and R the mirrored entry is changed too.
+        """Return the plant with one entry changed. In Q and R, the mirrored entry is changed
+        too.
         """
         if name == "gamma":
             return replace(self, gamma=value)
@@ -124,7 +123,7 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """Return P (n, n) of the certified value x'P x.
+    """Return P (n, n) of the certified value x'P x of a plant.
 
     Raises NoSolutionError if no solution exists.
     """
@@ -135,7 +134,7 @@ def certified_value(plant: Plant) -> np.ndarray:
 
 
 def rough_values(plants: Plant) -> np.ndarray:
-    """Return P (N, n, n) of a stack of plants, without a check.
+    """Return P (N, n, n) of the values x'P x of a stack of plants, without a check.
 
     For a plant without a solution, P is arbitrary or nan. With M = (I + S P)⁻¹, each pass
 

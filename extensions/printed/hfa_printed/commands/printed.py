@@ -35,7 +35,9 @@ class PrintedRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return {}, because the file contains the plant."""
+        """Return no additional entries of the provenance, because the file itself contains the
+        plant.
+        """
         return {}
 
 
