@@ -18,9 +18,9 @@ LONGEST_STEP = 2.5
 
 @dataclass(frozen=True)
 class ActuatorFault:
-    """A change of actuators during a flight, from `begin` on.
+    """Change of the actuator dynamics during a flight, from the time `begin` on.
 
-    begin: start of the fault, s
+    begin: s
     effectiveness: λ, factor on the command
     bandwidth: ω, rad/s, or None for no change
     damping: ζ, or None for no change
@@ -130,19 +130,25 @@ class ActuatorBank:
 
     @property
     def size(self) -> int:
-        """Number of states: m positions a, followed for order 2 by m rates v.
+        """Number of actuator states: m for order 1 and 2 m for order 2.
 
-        All states are deviations from trim.
+        The states are the m positions a and, for order 2, the m rates v. All are deviations from
+        trim.
         """
         return self.order * len(self.lag)
 
     @property
     def held_size(self) -> int:
-        """Length of `held_inputs` as an input of the loop, 0 without faults."""
+        """Number of actuator parameters that are inputs of the loop: 3 m with faults, 0 without
+        faults.
+        """
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:
-        """Return [ω; ζ; λ], (3 m,), at a time in s."""
+        """Return the actuator parameters [ω; ζ; λ], (3 m,), at a time in s.
+
+        If several faults change a parameter, the last of those that have begun applies.
+        """
         m = len(self.lag)
         values = np.concatenate([1.0 / np.array(self.lag), np.full(m, self.damping), np.ones(m)])
         for fault in self.faults:
@@ -156,18 +162,25 @@ class ActuatorBank:
         return values
 
     def reachable(self, command: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return c, (m,): the command, clipped to the position limits."""
+        """Return the command clipped to the position limits: c, (m,), as a deviation from trim.
+
+        command: u, (m,)
+        trim: U0, (m,)
+        """
         return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return the positions a, (m,), which are the inputs of the aircraft.
+        """Return the actuator positions a, (m,), which are the inputs of the aircraft.
 
-        For order 2, the positions are clipped to their limits.
+        For order 2, the positions are clipped to the position limits.
+
+        states: states of the actuators
+        trim: U0, (m,)
         """
         return states if self.order == 1 else self.reachable(states[: len(self.lag)], trim)
 
     def rates(self, states: ca.SX) -> ca.SX:
-        """Return the rates v, (m,) for order 2 and (0,) for order 1."""
+        """Return the rates v among the actuator states: (m,) for order 2 and (0,) for order 1."""
         return states[len(self.lag) :]
 
     def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:

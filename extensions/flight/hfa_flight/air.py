@@ -1,4 +1,4 @@
-"""Names of air motion in models, and the airspeed used for gusts."""
+"""Names of the signals that describe moving air in a model, and the airspeed used for gusts."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their l
 
 
 def flown_through_air(model: Model) -> bool:
-    """Return whether a model has both the state alpha, over ground, and an output for the angle of
-    attack in moving air.
+    """Return whether a model has the state `alpha` and the output `angle_of_attack`.
+
+    In moving air, the state is relative to the ground and the output is relative to the air.
     """
     return ALPHA in model.states and ANGLE_OF_ATTACK in model.outputs
 
@@ -37,7 +38,8 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
 
 
 def gust_speed(point: OperatingPoint) -> float:
-    """Return the speed at which gusts pass a trimmed aircraft: the state or output `speed`.
+    """Return the trim value of the state or output `speed`, the speed at which gusts pass the
+    aircraft.
 
     Raises BadInputError if the model has no such state or output.
     """

@@ -14,7 +14,7 @@ from hfa_support.errors import BadInputError
 class Along(NamedTuple):
     """Linear models at N states of a flight.
 
-    rates: f, (N, n).
+    rates: f, time derivatives of the states, (N, n).
     A: ∂f/∂x, (N, n, n).
     B: ∂f/∂u, (N, n, m).
     """

@@ -1,7 +1,7 @@
 """Plant, policy and scenario as one differential equation y' = f(t, y, held).
 
-Only this module defines the order of the parts of y (`StateParts`) and of the held inputs
-(`HeldParts`).
+`held` contains the inputs of the loop that are constant during a tick. Only this module defines the
+order of the parts of y (`StateParts`) and of the held inputs (`HeldParts`).
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ class Plant:
         return np.array(self.point.inputs)
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return x', (n,).
+        """Return the time derivative x' of the state deviations, (n,).
 
+        x: (n,), deviations of the states
         u: (m,), deviations of the inputs
         d: (k,), disturbance added to the rates of the states of the linear model
         winds: disturbance of the model -> value
@@ -61,9 +62,9 @@ class Plant:
         raise NotImplementedError
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the deviation of the angle of attack through the air from trim, (1,).
+        """Return the angle of attack relative to the air minus its trim value, (1,).
 
-        Returns (0,) if it equals the deviation of alpha.
+        Returns an empty expression (0,) if this difference equals the deviation of alpha.
         """
         return ca.SX(0, 1)
 
@@ -96,12 +97,13 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """Matrix that selects the states of the linear model, or the identity without a point."""
+        """Matrix that selects the states of the linear model, or the identity if `point` is None.
+        """
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property
     def trim(self) -> np.ndarray:
-        """Inputs at the operating point, (m,), or zeros without a point."""
+        """Inputs at the operating point, (m,), or zeros if `point` is None."""
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -117,7 +119,9 @@ class LinearPlant(Plant):
 class NonlinearPlant(Plant):
     """Nonlinear plant about an operating point, X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u.
 
-    uncertain: whether the parameters p of the model differ between flights
+    p are the parameters of the model, w its disturbances and d an added disturbance of the rates.
+
+    uncertain: whether p differs between flights
 
     Raises BadInputError if the operating point belongs to another model.
     """
@@ -144,10 +148,11 @@ class NonlinearPlant(Plant):
         return rates + ca.mtimes(ca.DM(self.chosen.T), d)
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the deviation of the output `ANGLE_OF_ATTACK` from alpha at trim, (1,).
+        """Return the output `ANGLE_OF_ATTACK` minus alpha at trim, (1,).
 
-        Returns (0,) without winds, or if the model lacks this output or the state alpha. Raises
-        BadInputError if the output depends on an input, because it is then not a flow angle.
+        Returns an empty expression (0,) without winds, or if the model lacks this output or the
+        state alpha. Raises BadInputError if the output depends on an input, because it is then not
+        a flow angle.
         """
         model = self._in(winds)
         if not winds or not flown_through_air(model):
@@ -166,7 +171,10 @@ class NonlinearPlant(Plant):
         return components(ca.DM(np.array(self.point.states)) + x)
 
     def _in(self, winds: Winds) -> Model:
-        """Return the model, extended by gusts (`in_gusts`) if a wind is not declared."""
+        """Return the model with all disturbances named in `winds`.
+
+        If the model does not declare them all, its gust disturbances are added by `in_gusts`.
+        """
         return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
 
 
@@ -176,7 +184,7 @@ def _values(winds: Winds, model: Model) -> list[Any]:
 
 
 class Expressions(NamedTuple):
-    """Expressions of a loop at (t, y, held).
+    """Signals of a closed loop as CasADi expressions of t, y and the held inputs.
 
     rate: y'
     error: (k,), x - x_d
@@ -211,9 +219,9 @@ class StateParts(NamedTuple):
 
 
 class HeldParts(NamedTuple):
-    """Inputs of a loop that are constant during a tick, or their sizes, in the order of the vector.
+    """Parts of the held inputs, or their sizes, in the order of the vector `held`.
 
-    A part that the flight does not have has size 0.
+    Held inputs are constant during a tick. A part that the flight does not use has size 0.
 
     parameters: parameters of the plant that differ between flights
     actuators: frequency, damping and effectiveness of each actuator, (3 m,), if faults change them
@@ -233,10 +241,14 @@ class HeldParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """Closed loop x' = plant(x, a, d(t), w(t)), a' = actuators(a, u), u = policy(t, x + n(t) -
-    x_d(t)).
+    """Closed loop of a plant, a policy and, if the scenario has them, actuators.
 
-    Without actuators a = u.
+      x' = plant(x, a, d(t), w(t))
+      a' = actuators(a, u), or a = u without actuators
+      u = policy(t, x + n(t) - x_d(t))
+
+    x, a and u are the deviations of states, plant inputs and commands from trim. x_d is the
+    reference, n the sensor noise, d a disturbance of the rates and w the motion of the air.
 
     scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
       actuators and delay
@@ -370,8 +382,10 @@ class ClosedLoop:
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """Return all states of the plant, (n,), with measured values where they exist.
+        """Return the states of the plant, (n,), with measured values for the states of the linear
+        model.
 
+        plant: (n,), deviations of the states from trim
         of_linear: (k,), measured values of the states of the linear model
         """
         chosen = ca.DM(self.plant.chosen)
@@ -379,15 +393,14 @@ class ClosedLoop:
 
     @property
     def wind_names(self) -> tuple[str, ...]:
-        """Names of the disturbances that the scenario sets, those of the gust first."""
+        """Names of the disturbances that the scenario sets. Disturbances of the gust come first."""
         names = list(self.scenario.air)
         if self.scenario.gust is not None:
             names = [*self.scenario.gust.names, *names]
         return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
-        """Return the initial y: initial condition of the scenario, actuators at trim, initial
-        memory.
+        """Return y at time 0: initial condition of the scenario, actuators at trim, initial memory.
 
         Raises BadInputError if the initial condition does not have the size of the plant.
         """
@@ -430,5 +443,8 @@ class ClosedLoop:
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Return the index of the start of each part, and of the end of the last part."""
+    """Return the index at which each part of a vector begins, and the length of the vector.
+
+    sizes: sizes of the parts, in order
+    """
     return [0, *np.cumsum(sizes).tolist()]

@@ -31,13 +31,17 @@ _STILL = 1e-9
 def with_stability(
     report: Report, plan: MonteCarlo, condition: TrimCondition, progress: Progress
 ) -> Report:
-    """Return the report of a plan, extended by the stability of each drawn aircraft's linear loop.
+    """Return the report of a Monte Carlo simulation, extended by the stability of the drawn
+    aircraft.
 
-    Each loop is linearized at the aircraft's own trim. For a flight without a policy, the stability
-    is that of the uncontrolled aircraft. With a policy, the report is unchanged if the policy has
-    no single gain, or if the loop has delay or actuators.
+    For each aircraft, the loop is linearized at the aircraft's own trim.
+
+    - Without a policy, the stability is that of the uncontrolled aircraft.
+    - The report is unchanged if the policy has no constant gain, or if the loop has delay or
+      actuators.
 
     condition: trim condition of all aircraft
+    progress: callback for the progress of the trims
     """
     assert plan.spread is not None
     names = tuple(plan.spread.values)
@@ -51,7 +55,7 @@ def with_stability(
 
 
 def drawn_figure(plan: MonteCarlo) -> Figure:
-    """Return a figure with one row for each state that moves in the flight of the nominal aircraft.
+    """Return a figure with a row of two panels for each state that changes in the nominal flight.
 
     The left panel shows the flight of the nominal aircraft. The right panel shows the differences
     of the drawn aircraft from the nominal aircraft, with the band that contains 95 % of them. At

@@ -60,7 +60,7 @@ class ControlExcess(NamedTuple):
 
 
 def _beyond(value: float, limit: float, unit: str) -> str:
-    """Return text such as "21 deg beyond 20", with angles in degrees."""
+    """Return text such as "21 deg beyond 20" for a value and its limit, with angles in degrees."""
     suffix = "" if unit == "1" else f" {shown_unit(unit)}"
     return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
 
@@ -125,7 +125,7 @@ def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
 
 
 def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
-    """Return the mask (N,) of the rows of `limited` that exceed a limit.
+    """Return a mask (N,), True at each time at which a state exceeds a limit of the envelope.
 
     limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
     """

@@ -13,14 +13,14 @@ def cost_of_flight(
     R: np.ndarray,
     is_held: bool = False,
 ) -> float:
-    """Return ∫ z'Qz + v'Rv dt of a flight by the trapezoidal rule.
+    """Return the cost ∫ z'Qz + v'Rv dt of a flight by the trapezoidal rule.
 
     times: (N,), s
     z: (N, k), deviations of the states from the requested trim
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
-    is_held: whether v is constant from each row to the next, so that v'Rv is integrated exactly
+    is_held: True if v is constant between consecutive times; v'Rv is then integrated exactly
     """
     of_states = np.einsum("ij,jk,ik->i", z, Q, z)
     of_inputs = np.einsum("ij,jk,ik->i", v, R, v)

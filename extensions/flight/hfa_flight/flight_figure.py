@@ -76,7 +76,7 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
 
 
 def _moves(result: Flight, index: int) -> bool:
-    """Return whether a state or its reference moves by more than rounding.
+    """Return whether a state or its reference changes during the flight by more than rounding.
 
     index: index of the state
     """
@@ -186,7 +186,11 @@ def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
-    """Draw each limit that the values (N,) approach within 20 % of the range."""
+    """Draw each limit that the values approach within 20 % of the distance between the limits.
+
+    limited: (N,), values of the variable during the flight
+    limits: lowest and highest permitted value
+    """
     lowest, highest = limits
     for limit, near in (
         (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),

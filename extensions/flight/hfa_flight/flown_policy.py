@@ -41,7 +41,10 @@ _FORMS = (
 
 
 def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
-    """Return the policy of a flight, and the scenario with the sampling of a deployed policy.
+    """Return the policy of a flight and the scenario.
+
+    For a deployed policy, the scenario is changed to the policy's sampling. For other policies, it
+    is returned unchanged.
 
     given: policy in any form that `hfa.fly` accepts
     point: the trim

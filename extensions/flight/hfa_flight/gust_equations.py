@@ -52,10 +52,10 @@ _OVER_GROUND = (
 
 
 def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return the gust components for which a model declares disturbances.
+    """Return the gust components u, v, w, p, q, r for which a model declares disturbances.
 
-    The result maps component -> disturbance -> factor. Disturbances to the north and east are
-    resolved along the heading.
+    The result maps each component to {disturbance: factor}. The factor times the component is the
+    value of the disturbance. Disturbances to the north and east are resolved along the heading.
 
     heading: heading of the trim, rad
     """
@@ -75,9 +75,9 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return the gust components that `in_gusts(model)` supports.
+    """Return the gust components u, v, w, p, q, r that have an effect on `in_gusts(model)`.
 
-    The result maps component -> disturbance -> factor.
+    The result maps each component to {disturbance: factor}, as `own_disturbances` does.
 
     heading: heading of the trim, rad
     """

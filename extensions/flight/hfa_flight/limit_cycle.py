@@ -87,9 +87,9 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
 def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
     """Return the largest oscillation in the second half of a flight, or None.
 
-    Sizes are relative to the nominal size of the variable. An oscillation counts only if it meets
-    `CROSSINGS`, `LASTING` and `VISIBLE`. A limit cycle is returned even if a decaying oscillation
-    is larger.
+    The result is a `LimitCycle` if an oscillation persists, even if a larger one decays. Otherwise,
+    it is the largest `Decay`. An oscillation counts only if it meets the limits `CROSSINGS`,
+    `LASTING` and `VISIBLE`. Sizes are relative to the nominal size of the variable.
 
     The result is also None if the excitation ends in the second half, or if the flight has too few
     steps.
@@ -178,8 +178,12 @@ def _peak(values: np.ndarray) -> float:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the linear part, at `times`, of the least-squares fit of a line plus one harmonic.
+    """Return the straight line through an oscillating signal, (N,), without the oscillation.
 
+    The line is fitted together with one harmonic by least squares.
+
+    times: (N,), s
+    values: (N,)
     frequency: frequency of the harmonic, rad/s
     """
     t = times - times.mean()

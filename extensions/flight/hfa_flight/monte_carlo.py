@@ -111,9 +111,10 @@ class MonteCarlo(StatesAndInputs, Reported):
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
-        """Return the loop of member 0.
+        """Return the closed loop of the first member.
 
-        The loops of other members differ only in the parameters of the aircraft.
+        The loops of other members have the same equations and differ in parameters and random
+        values.
         """
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
         return ClosedLoop(plant, self.policy, self.member(0))
@@ -173,7 +174,7 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
 
 @cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
-    """Return the compiled loop of a plan, cached in each thread."""
+    """Return the compiled closed loop of a plan, cached for each thread."""
     return CompiledLoop(plan.loop(), plan.members)
 
 
@@ -186,15 +187,19 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """Return the results (`KEPT`) of members start .. stop - 1, one row each."""
+    """Return the stored results of members `start` to `stop` - 1: name of `KEPT` -> array.
+
+    Each array has one row for each member.
+    """
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
     return {name: np.array([row[name] for row in rows]) for name in KEPT}
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
-    """Return the stored results of a member's flight, computed from the steps inside the envelope.
+    """Return the stored results of one member's flight: name -> number or array.
 
-    State and memory are those after these steps.
+    Errors and inputs are evaluated at the steps inside the envelope. The final states and memory
+    are those after the last of these steps.
     """
     scenario = result.loop.scenario
     flight = result.flight

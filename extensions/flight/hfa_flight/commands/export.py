@@ -132,7 +132,8 @@ def _write_function(request: ExportRequest) -> int:
 def _written_card(
     request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
 ) -> list[Path]:
-    """Write the deployed policy, which computes the command of one sample, as C or as an FMU.
+    """Write a function that computes the command of a deployed policy at one sample, as C or as an
+    FMU.
 
     Returns the paths of the written files.
 
@@ -157,10 +158,11 @@ def _written(
     *,
     with_gain: bool,
 ) -> list[Path]:
-    """Write the aircraft, alone or with a gain or scheduled controller, as C or as an FMU.
+    """Write the aircraft, with a gain, with a controller or alone, as C or as an FMU.
 
     Returns the paths of the written files.
 
+    origin: provenance, for comments in the source
     with_gain: whether the policy of the options is included if no controller is given
     """
     from hfa_flight.export.aircraft_c import c_model_texts

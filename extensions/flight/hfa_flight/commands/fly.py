@@ -60,7 +60,8 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the provenance of the model: the file of the plant, or the aircraft."""
+        """Return the provenance of the model: the path of the discrete-time plant, or the aircraft.
+        """
         return super().origin() if self.steps is None else {"model": str(self.steps)}
 
 
@@ -133,9 +134,9 @@ def fly(request: FlyRequest) -> int:
 
 
 def _fly_steps(request: FlyRequest, path: Path) -> int:
-    """Simulate the discrete-time plant of --model and return the exit code.
+    """Simulate the discrete-time plant of --model, print the report and return the exit code.
 
-    The exit code is 1 if the loop does not decay.
+    The exit code is 1 if the spectral radius of the closed loop is at least 1.
 
     path: file of the plant
     """
@@ -173,10 +174,10 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
 
 def _fly_members(request: FlyRequest) -> int:
-    """Simulate the members of --samples or --draws and return the exit code.
+    """Simulate the flights of --samples or --draws, print the report and return the exit code.
 
-    With --samples, the exit code is 0 if at least one member stays within its limits. With --draws,
-    it is 0 if all members do.
+    With --samples, the exit code is 0 if at least one flight stays within its limits. With --draws,
+    it is 0 if all flights do.
     """
     from hfa_flight.drawn_aircraft import drawn_figure, with_stability
     from hfa_flight.monte_carlo import MonteCarlo

@@ -40,7 +40,9 @@ _CALLED = """    double v[HFA_INPUTS];
 def c_model_texts(
     linear: LinearModel, policy: GainPolicy | FunctionPolicy | None, origin: str
 ) -> dict[str, str]:
-    """Return file name -> text of the C header and source and, with a policy, of a 100 Hz loop.
+    """Return the C source of an aircraft as file name -> text.
+
+    The files are a header, a source file and, if a policy is given, an example 100 Hz loop.
 
     linear: linear model at a trim
     policy: policy about that trim, or None; a time-varying gain is replaced by its first value
@@ -107,9 +109,9 @@ def c_model_texts(
 
 
 def _parameters(model: Model) -> str:
-    """Return the C declaration of the array of parameters, one line each.
+    """Return the definition of the C array of the model's parameters, with one line for each.
 
-    Without parameters, the array has one unused entry, because C has no empty arrays.
+    If the model has no parameters, the array has one unused entry, because C has no empty arrays.
     """
     lines = [
         f"    {parameter.start!r}, /* {name}, {parameter.unit} */"
@@ -126,9 +128,10 @@ def _policy_function(policy: FunctionPolicy) -> str:
 
 
 def _rates(model: Model) -> ca.Function:
-    """Return the function (x, u, w, p) -> dx.
+    """Return the CasADi Function (x, u, w, p) -> dx, the equations of motion.
 
-    Without disturbances, w is one number that has no effect.
+    x, u, w, p: states, inputs, disturbances and parameters, absolute. A model without disturbances
+      has one entry w that has no effect.
     """
     vectors: Any = model.layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", max(1, len(model.disturbances)))

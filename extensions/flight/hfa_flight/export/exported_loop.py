@@ -1,7 +1,8 @@
-"""Loops as data for export: an aircraft with or without a policy, and interpolated linear models.
+"""Loops for export to C and FMI: an aircraft with or without a policy, and interpolated linear
+    models.
 
-Commands, references, disturbances and held inputs, which a simulation would compute, are inputs
-of an exported loop.
+Signals that a simulation computes from time, such as references and disturbances, are inputs of an
+exported loop.
 """
 
 from __future__ import annotations
@@ -45,7 +46,10 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class Argument:
-    """A vector input of an exported loop, used in place of a known function of time."""
+    """A reference that is an input of an exported loop, in place of a function of time.
+
+    value: symbols of the input
+    """
 
     value: ca.SX
 
@@ -61,9 +65,9 @@ class Argument:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GivenInputs(Policy):
-    """Policy whose output u = v - U0 comes from inputs v of the exported loop.
+    """Policy that applies inputs v of the exported loop to the aircraft.
 
-    inputs: u as an expression of v, (m,)
+    inputs: u = v - U0, deviations of the aircraft's inputs from trim, as an expression of v, (m,)
     """
 
     inputs: ca.SX
@@ -74,12 +78,12 @@ class GivenInputs(Policy):
 
 
 class Steering(NamedTuple):
-    """Rule by which the inputs v of an exported loop determine the inputs of the aircraft.
+    """Policy and input signals v of an exported loop.
 
     policy: the policy; each state of its memory has a channel in `states`
     arguments: channels of v
     v: (k,), symbols of the inputs of the loop
-    reference: x_d, as part of v
+    reference: x_d, as part of v, or None
     states: channels of the memory and of the filter
     filtered: (f,), symbols of the states of a filter of v
     filtered_rate: (f,), rates of the filter states
@@ -99,7 +103,7 @@ class Steering(NamedTuple):
 
 
 def given_inputs(model: Model, point: OperatingPoint) -> Steering:
-    """Return the steering in which v are the absolute inputs of the aircraft."""
+    """Return the steering in which the loop's inputs v are the absolute inputs of the aircraft."""
     U = ca.SX.sym("U", len(model.inputs))
     policy = GivenInputs("none", U - ca.DM(np.array(point.inputs)))
     arguments = _channels(model, model.inputs, point.inputs)
@@ -107,9 +111,9 @@ def given_inputs(model: Model, point: OperatingPoint) -> Steering:
 
 
 def following_a_reference(model: Model, policy: Policy) -> Steering:
-    """Return the steering by a policy of x - v.
+    """Return the steering in which a policy receives x - v.
 
-    v is the reference of the states of the linear model. The policy must have no memory.
+    v is the reference of the states x of the linear model. The policy must have no memory.
     """
     v = ca.SX.sym("reference", len(model.linear))
     arguments = [Channel(f"reference_{name}", model.unit(name)) for name in model.linear]
