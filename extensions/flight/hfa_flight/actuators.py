@@ -147,7 +147,7 @@ class ActuatorBank:
     def held_inputs(self, time: float) -> np.ndarray:
         """Return the actuator parameters [ω; ζ; λ], (3 m,), at a time in s.
 
-        If several faults change a parameter, the last of those that have begun applies.
+        If several faults change a parameter, the last one in `faults` that has begun applies.
         """
         m = len(self.lag)
         values = np.concatenate([1.0 / np.array(self.lag), np.full(m, self.damping), np.ones(m)])

@@ -121,8 +121,9 @@ class MonteCarlo(StatesAndInputs, Reported):
 
     @property
     def least_within(self) -> int:
-        """Number of members that must stay within their limits for a PASS: 1, or N for drawn
-        aircraft.
+        """Number of members that must stay within their limits for a PASS.
+
+        It is 1 if all members have the same aircraft, and N if the aircraft are drawn.
         """
         return 1 if self.spread is None else self.members
 
@@ -187,9 +188,9 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """Return the stored results of members `start` to `stop` - 1: name of `KEPT` -> array.
+    """Return the results of members `start` to `stop` - 1: name -> array, one row for each member.
 
-    Each array has one row for each member.
+    The names are those in `KEPT`.
     """
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
     return {name: np.array([row[name] for row in rows]) for name in KEPT}

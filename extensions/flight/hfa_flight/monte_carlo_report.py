@@ -91,7 +91,10 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
 
 
 def _outcomes(found: MemberSummary) -> list[str]:
-    """Return a line for each kind of failure that occurred, with the number of members."""
+    """Return lines on the drawn aircraft, if any, and on each kind of failure that occurred.
+
+    Each line on failures gives the numbers of members that failed.
+    """
     lines = []
     if found.drawn is not None:
         lines.append(

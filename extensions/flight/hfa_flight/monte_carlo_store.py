@@ -33,7 +33,9 @@ def chunk_of(plan: MonteCarlo) -> int:
 def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:
-    """Return the stored results of all members: name of `KEPT` -> array, one row for each member.
+    """Return the results of all members: name -> array, one row for each member.
+
+    The names are those in `KEPT`. The results are kept in memory.
 
     workers: as for `open_workers`; no effect on the results
     progress: called with (chunks done, number of chunks), first at the start

@@ -307,8 +307,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every state stayed inside the envelope, every input within its limits, and no
-        limit cycle was found at the end.
+        """True if the flight stayed inside all limits and does not end in a limit cycle.
+
+        The limits are the envelope of the states and the control limits of the inputs.
         """
         return self.departure is None and not self.exceeded and self.cycle is None
 
@@ -322,7 +323,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def held(self) -> bool:
-        """True if the flight stayed inside the envelope and has no limit cycle at the end."""
+        """True if the flight stayed inside the envelope and does not end in a limit cycle."""
         return self.departure is None and self.cycle is None
 
     @property
@@ -508,8 +509,10 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, self.as_data(), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
-        """Return notes on the gust, and on whether alpha or the angle of attack through the air is
-        limited.
+        """Return notes on moving air for the report: which flow angles are limited, and the gust.
+
+        through_air: whether the envelope limits the angle of attack through the air in place of
+            alpha
         """
         gust = self.loop.scenario.gust
         limited = [OVER_GROUND] if through_air else []

@@ -135,7 +135,9 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Names of the options that are weights of the flight's cost, apart from the policy."""
+        """Options that are weights of the flight's cost but do not affect the policy; by default
+        none.
+        """
         return ()
 
     def check_policy(self) -> None:
@@ -204,14 +206,13 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
 def numbers(
     form: str, count: int, otherwise: tuple[float, ...] = ()
 ) -> Callable[[str], tuple[float, ...]]:
-    """Return a function that converts a text such as "1:2:3" to numbers.
+    """Return a function that converts a text such as "1:2:3" to a tuple of `count` numbers.
 
     The function raises BadInputError for a wrong number of parts, or for a part that is not a
     number.
 
     form: description of the text for error messages
-    count: number of numbers
-    otherwise: default values of the last numbers
+    otherwise: default values of the last numbers, which may then be missing in the text
     """
 
     def convert(text: str) -> tuple[float, ...]:
@@ -258,7 +259,7 @@ def _about_turbulence(model: Model) -> str:
 
 
 def _length_of(model: Model) -> str:
-    """Return the unit of length in which options on gusts are given for a model."""
+    """Return the unit of length of the gust velocities of a model, for options such as --gust."""
     gusty = in_gusts(model)
     return gusty.unit(UPDRAFT).removesuffix("/s") if UPDRAFT in gusty.disturbances else "ft"
 
@@ -286,7 +287,13 @@ def _turbulence(text: str) -> Turbulence:
 
 
 def linear_state(model: Model, name: str, text: str) -> float:
-    """Return the number typed for a state of the linear model."""
+    """Return the number typed for a state of the linear model, in the model's units.
+
+    name: the typed state
+    text: the typed number
+
+    Raises BadInputError if the name is not a state of the linear model.
+    """
     return among(model.linear, model, name, text)
 
 
@@ -447,9 +454,9 @@ class ScenarioOptions(LawOptions, TrimOptions):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        """Return the gust, the turbulence of a single flight, or None.
+        """Return the gust of --gust or the turbulence of --turbulence, or None.
 
-        The turbulence of several members is drawn later.
+        With several members, the turbulence is drawn later and is not returned.
         """
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
@@ -494,11 +501,13 @@ class FlightOptions(ScenarioOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Names of the options that are weights of the cost of a single flight."""
+        """Options that are weights of the flight's cost: --Q and --R for a single flight, else
+        none.
+        """
         return ("Q", "R") if self.members is None else ()
 
     def flight(self) -> PlannedFlight:
-        """Return the flight to be simulated. Commands of states are the reference of the flight.
+        """Return the flight to be simulated, as specified by the options.
 
         Raises BadInputError if the options contradict each other.
         """
@@ -534,9 +543,11 @@ class FlightOptions(ScenarioOptions):
     def _controller_policy(
         self, model: Model, point: OperatingPoint, steps: CommandSteps
     ) -> tuple[Policy, Any]:
-        """Return the policy of --controller and its reference.
+        """Return the policy of --controller and the reference of the flight.
 
-        Raises BadInputError for a controller of `hfa design` without --actuators.
+        steps: commands of --command
+
+        Raises BadInputError if --actuators is missing for a controller of `hfa design`.
         """
         from hfa_flight.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
@@ -557,7 +568,11 @@ class FlightOptions(ScenarioOptions):
 
 
 class PlannedFlight(NamedTuple):
-    """A flight to be simulated: model, trim, policy, scenario and limits of the states."""
+    """A flight to be simulated.
+
+    point: the trim
+    envelope: limits of the states
+    """
 
     model: Model
     point: OperatingPoint
@@ -567,7 +582,12 @@ class PlannedFlight(NamedTuple):
 
 
 def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
-    """Return the steps of --command at the union of the times of all names."""
+    """Return the commands of --command as one table of steps.
+
+    The times are the union of the times of all commanded variables.
+
+    given: commanded variable -> pairs (time in s, value)
+    """
     times = sorted({time for steps in given.values() for time, _ in steps})
     values = np.zeros((len(times), len(given)))
     for column, steps in enumerate(given.values()):

@@ -26,9 +26,10 @@ _WHOLE = 1e-6
 
 
 def refuse_method(model: Model, method: str, step: float | None) -> None:
-    """Raise BadInputError if the method is unknown, or does not support the aircraft or the step.
+    """Raise BadInputError if the method is unknown or does not support the aircraft or the given
+    step.
 
-    step: value of --step, or None; only the method "jsbsim" accepts a step
+    step: value of --step, or None. Only the method "jsbsim" accepts a step.
     """
     if method not in METHODS:
         raise BadInputError(f"unknown method {shortened(method)}; {choice_of(method, METHODS)}")
@@ -45,9 +46,11 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
 
 
 def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
-    """Return the scenario with step and tick for the integration method.
+    """Return the scenario with the integration step and tick of the method.
 
-    step: step of method "jsbsim", s; default: 1/120
+    For the method "jsbsim", both equal `step`. For other methods, the scenario is unchanged.
+
+    step: step of method "jsbsim", s, or None for 1/120
 
     Raises BadInputError if the step is not positive or the duration is not a whole number of steps.
     """
@@ -65,7 +68,7 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 
 
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
-    """Return the loop of a JSBSim aircraft, in which JSBSim's integration advances the plant.
+    """Return the compiled loop of a JSBSim aircraft that JSBSim's own integration advances.
 
     Raises BadInputError if the scenario has actuators, a policy with memory, a gust, a delay or a
     disturbance, which are not supported.
@@ -95,10 +98,13 @@ def _is_disturbed(loop: ClosedLoop) -> bool:
 
 
 class _OwnTick:
-    """Function that advances a JSBSim aircraft by the steps of one tick."""
+    """Callable that advances the simulation of a JSBSim aircraft by one tick.
+
+    `inputs` and `results` are described in `Tick`.
+    """
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
-        """Create the simulation of the aircraft and the arrays of a tick.
+        """Create the JSBSim simulation of the aircraft of a loop.
 
         make: function from the step in s to a stepper with the methods `begin` and `advance`
         """
@@ -122,7 +128,7 @@ class _OwnTick:
         )
 
     def __call__(self) -> None:
-        """Advance the flight by one tick. A call at time 0 starts the simulation."""
+        """Advance the flight by one tick. If the time is 0, the JSBSim simulation is restarted."""
         now, held = self.inputs
         rows = self.results[0].reshape(self._count, -1)
         observed = self.results[1].reshape(self._count, -1)

@@ -15,8 +15,10 @@ Made = TypeVar("Made")
 def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
     """Return a decorator like `functools.lru_cache` with one cache for each thread.
 
-    Results whose calls overwrite their memory, such as a `BoundFunction`, need a separate cache,
-    because CasADi releases the interpreter lock while it evaluates.
+    Threads must not share results such as a `BoundFunction`, because each call overwrites the
+    memory of the result.
+
+    maxsize: number of results in each cache, or None for no limit
     """
 
     def decorate(make: Callable[..., Made]) -> Callable[..., Made]:

@@ -180,12 +180,15 @@ class FunctionPolicy(Policy):
 
     @cached_property
     def limited(self) -> ca.Function:
-        """CasADi Function z -> u that is never inlined, because a network has many operations."""
+        """Policy u = sat(π(z)) as a CasADi Function z -> u.
+
+        The Function is never inlined, because a network has many operations.
+        """
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
     def expression(self, z: ca.SX) -> ca.SX:
-        """Return u at z as an expression, (m,)."""
+        """Return u = sat(π(z), lowest, highest) as an expression of z, (m,)."""
         u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
         return ca.densify(u)
 
@@ -209,24 +212,28 @@ def column_by_column(matrix: np.ndarray) -> np.ndarray:
 
 
 class OpenLoop(Policy):
-    """Policy that applies its held inputs."""
+    """Policy whose inputs depend on time alone.
+
+    held: (N, m), inputs during each tick as deviations from trim
+    """
 
     is_held = True
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the held inputs of the tick."""
+        """Return the stored inputs of the tick, as deviations from trim, (m,)."""
         return held
 
 
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
-    """Return the policy that applies unfiltered steps of inputs, as deviations from trim.
+    """Return the policy that applies commanded steps of inputs, as deviations from trim.
 
-    Each step begins at the first tick at or after its time.
+    Each step begins at the first tick at or after its time. The steps are not filtered.
 
+    inputs: names of all m inputs
     tick: s
     ticks: number of ticks
 
-    Raises BadInputError if a name is not an input.
+    Raises BadInputError if a commanded name is not an input.
     """
     for name in commands.names:
         refuse_unknown("without a law only inputs are commanded; unknown input", name, inputs)

@@ -186,7 +186,7 @@ class Scenario(Reported):
 
     @property
     def delayed_ticks(self) -> int:
-        """Delay of the commands, in ticks."""
+        """Number of ticks by which every command is delayed."""
         return round(self.delay / self.tick)
 
     @property

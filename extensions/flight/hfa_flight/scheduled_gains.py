@@ -55,7 +55,7 @@ class TrimPath(Result):
         return float(self.commands.times[-1])
 
     def commanded(self, t: ca.SX) -> ca.SX:
-        """Return the absolute command r(t)."""
+        """Return the commanded value of the scheduling variable, r(t), absolute."""
         return self.base.values[self.base.model.schedule] + self.commands.at(t)
 
     def at(self, t: Any) -> ca.SX:
@@ -77,7 +77,7 @@ class TrimPath(Result):
 
     @property
     def filter(self) -> tuple[float, float]:
-        """Bandwidth and damping of the command filter."""
+        """Bandwidth, rad/s, and damping of the filter of the commands."""
         return self.commands.bandwidth, self.commands.damping
 
 

@@ -196,7 +196,9 @@ class CommandSteps(Reported):
 class CommandedStates(Result):
     """Reference x_d(t), (k,), of a flight: commands for some states, 0 for the others.
 
-    filtered: True for filtered commands, False for steps
+    commands: command steps of some of the states
+    states: names of the k states of the linear model
+    filtered: True if the reference is the filtered command, False if it is the steps
     """
 
     json_keys = (

@@ -30,7 +30,7 @@ _MOST_PARTS = 10_000
 
 
 class Tick(Protocol):
-    """Callable that advances a loop by one tick, in place.
+    """Callable that advances a loop by one tick of s steps, in place.
 
     inputs: [t; y] at the start of the tick, and the held inputs.
     results: [t; y] after each step, and the observed values before each step.
@@ -89,13 +89,20 @@ class CompiledLoop:
         return BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
 
     def observed_at(self, time: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the observed values at a time: error, inputs, winds and angle of attack through
-        the air.
+        """Return the observed values of the loop at a time, as one array.
+
+        The values are, in this order, the error, the inputs, the disturbances of the scenario and
+        the angle of attack through the air.
+
+        time: s
+        y: state of the loop
+        held: held inputs
         """
         return np.array(self._observed(time, y, held)).ravel()
 
     def inputs_in(self, observed: np.ndarray) -> np.ndarray:
-        """Return the deviations of the inputs, (m,), from the observed values."""
+        """Return the deviations of the plant inputs, (m,), contained in a result of `observed_at`.
+        """
         return observed[self._ends[0] : self._ends[1]]
 
     def fly(
@@ -114,8 +121,8 @@ class CompiledLoop:
         parameters: parameters of the plant, for an uncertain plant
         policy: used in place of the loop's policy, from which it may differ only in its held inputs
         ticks: number of ticks; by default that of the scenario
-        stop: function from rows of a flight to the mask of the rows that end it, at the end of
-          their tick
+        stop: function from the time history of some steps to a mask of these steps; the flight ends
+          with the tick of the first step that is True
         progress: called during the flight
 
         Raises NoSolutionError with the time if a state is not finite and there is no `stop`.
@@ -174,9 +181,10 @@ class CompiledLoop:
         done: int,
         stop: Callable[[Deviations], np.ndarray] | None,
     ) -> np.ndarray:
-        """Return the mask of the steps begin ... done that end the flight.
+        """Return a mask of the steps `begin` to `done`, True where the flight ends.
 
-        Without `stop`, raises NoSolutionError with the time if a state is not finite.
+        Without `stop`, the mask is False, and NoSolutionError with the time is raised if a state is
+        not finite.
 
         rows: y of all steps
         columns: observed values of all steps
@@ -194,9 +202,13 @@ class CompiledLoop:
         return lost
 
     def _delayed(self, tick: int, time: float, commands: list[np.ndarray]) -> np.ndarray:
-        """Return [time; delayed command at the tick; delayed command at the next tick].
+        """Return the delay's held inputs of a tick, [time; u_0; u_1], (1 + 2 m,).
 
-        The loop interpolates between both. Until the delay has passed, the command is 0, the trim.
+        u_0 and u_1 are the delayed commands at this tick and at the next one. The loop interpolates
+        between both. Until the delay has passed, they are 0, the trim.
+
+        time: start of the tick, s
+        commands: commands u, (m,), at the ticks so far
         """
         due = tick - self.loop.scenario.delayed_ticks
         if due < 0:
@@ -204,7 +216,7 @@ class CompiledLoop:
         return np.concatenate([[time], commands[due], commands[due + 1]])
 
     def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Deviations:
-        """Return the steps begin ... end - 1 as a time history.
+        """Return the time history of the steps `begin` to `end` - 1.
 
         rows: y of all steps
         columns: observed values of all steps
@@ -221,7 +233,7 @@ class CompiledLoop:
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Return the number of substeps that the fastest mode of the policy requires.
+    """Return the number of Runge-Kutta substeps per step that the policy's fastest mode requires.
 
     Raises BadInputError if this number exceeds `_MOST_PARTS`.
     """
@@ -238,8 +250,10 @@ def _parts_of_a_step(loop: ClosedLoop) -> int:
 def _tick(
     rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
 ) -> ca.Function:
-    """Return the function ([t; y], held) -> ([t; y] after each step, observations before each
-    step).
+    """Return the CasADi Function that advances a loop by one tick with the Runge-Kutta method.
+
+    The Function maps [t; y] and the held inputs to [t; y] after each step and the observed values
+    before each step.
 
     step: s
     count: number of steps in a tick
@@ -263,8 +277,9 @@ def _tick(
 
 
 def _runge_kutta(rate: ca.Function, now: ca.SX, held: ca.SX, h: float) -> ca.SX:
-    """Return [t; y] after one Runge-Kutta step of order 4 and h seconds.
+    """Return [t; y] after one step of h seconds with the Runge-Kutta method of order 4.
 
+    rate: y' as a function of t, y and the held inputs
     now: [t; y] before the step
     """
     t = now[0]

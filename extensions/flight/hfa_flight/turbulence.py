@@ -44,7 +44,9 @@ _LENGTH = {"dryden": 1750.0, "karman": 2500.0}
 
 
 class Shape(NamedTuple):
-    """Transfer function Π (1 + z s) / Π (1 + p s), with s in units of V/L.
+    """Normalized transfer function Π (1 + z s) / Π (1 + p s).
+
+    s is in units of V/L, with the airspeed V and the scale length L.
 
     zeros: time constants z, in units of L/V
     poles: time constants p, in units of L/V
@@ -314,8 +316,10 @@ class TurbulentAir(Gust):
 
     @property
     def factors(self) -> np.ndarray:
-        """Matrix (6, k) from the components, in ft/s and rad/s, to the disturbances of the
-        model.
+        """Matrix (6, k) from the gust components to the k disturbances of the model.
+
+        The components u, v, w, p, q and r are in ft/s and rad/s. The disturbances are in the units
+        of the model.
         """
         matrix = np.zeros((len(ADDED), len(self.names)))
         for row, name in enumerate(ADDED):
@@ -358,7 +362,7 @@ class TurbulentAir(Gust):
 
 @dataclass(frozen=True)
 class AirFilter:
-    """Filter x' = A x + B ν, (u, v, w, p, q, r) = C x.
+    """Filter x' = A x + B ν with the gust components (u, v, w, p, q, r) = C x.
 
     ν is white noise with a one-sided power spectral density of 1 per rad/s.
 
@@ -452,7 +456,7 @@ _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
-    """Return A, b, c of a cascade of first-order sections. The first section has no zero.
+    """Return A, b, c of first-order filters in series. The first filter has no zero.
 
     shape: zeros and poles
     tau: L/V, s
@@ -476,7 +480,7 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
 
 
 def _together(parts: list[_Filter]) -> _Filter:
-    """Return one filter of parallel filters, each with independent noise."""
+    """Return A, B, C of filters in parallel, each with its own noise input and its own output."""
     from scipy.linalg import block_diag
 
     A, B, C = (block_diag(*blocks) for blocks in zip(*parts, strict=True))
@@ -484,7 +488,7 @@ def _together(parts: list[_Filter]) -> _Filter:
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """Return G with G G' equal to a positive semidefinite covariance, up to rounding."""
+    """Return G with G G' equal to a positive semidefinite covariance matrix, up to rounding."""
     scale = np.sqrt(np.diag(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

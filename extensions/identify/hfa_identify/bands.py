@@ -49,13 +49,17 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _enlarged(fit: Fit) -> float:
-    """Return N / (N - number of unknowns), the ratio of noise variance to residual variance."""
+    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns).
+
+    N is the number of measured samples of all quantities and records.
+    """
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> int:
-    """Return the number of parameters and of initial states that the records determine."""
+    """Return the number of parameters plus the number of initial states that the records determine.
+    """
     starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
     return len(fit.theta) + int(sum(starts))
 
@@ -89,12 +93,13 @@ Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
-    """Return (information, covariance of the score, score) of each record.
+    """Return (M, V, g) for each record, from the sensitivities S and residuals v of the fit.
 
-    The information is Σ S' R⁻¹ S. The score is Σ S' R⁻¹ v with the residuals v. The covariance of
-    the score contains the autocovariance of the noise.
+    M: information Σ S' R⁻¹ S, (p, p)
+    V: covariance of the score, computed with the autocovariance of the noise, (p, p)
+    g: score Σ S' R⁻¹ v, (p,)
 
-    halves: whether each record is split into two halves, each with its own entry
+    halves: if True, each record is split into two halves with their own (M, V, g)
     """
     parts = []
     for residual, present, projected, noise in zip(
@@ -319,7 +324,12 @@ def sums_of_products(values: np.ndarray) -> np.ndarray:
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
-    """Return the fraction of lags in the 95 % band of white noise, of the first `LAGS` lags."""
+    """Return the fraction of lags 1 to `LAGS` with an autocorrelation in the 95 % band of white
+    noise.
+
+    residual: residuals of one quantity, (N,)
+    present: whether each sample was measured, (N,)
+    """
     correlation = autocorrelation(residual, present)[1 : LAGS + 1]
     limit = BAND / np.sqrt(max(1, int(present.sum())))
     return float((np.abs(correlation) < limit).mean())
@@ -351,7 +361,9 @@ def unexplained(fit: Fit) -> np.ndarray:
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples of a quantity, and the residuals, each (N,) per record.
+    """Return the measured samples and the residuals of one quantity, as two lists.
+
+    Each list has an array for each record, without missing samples.
 
     place: index of the quantity
     """

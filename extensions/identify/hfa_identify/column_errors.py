@@ -63,15 +63,17 @@ class ColumnError(Result):
 
     @property
     def clear(self) -> float:
-        """Magnitude of the estimate in standard deviations, or 0 without an estimate."""
+        """Ratio of the magnitude of the estimate to its standard deviation, or 0 without an
+        estimate.
+        """
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0
 
 
 def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, ColumnError]:
-    """Return name of an error, such as bias_alpha -> its estimate.
+    """Return the estimated errors of the record columns, by name such as bias_alpha.
 
-    Errors without an effect on the measured quantities are omitted. With information M and score g
-    of the parameters θ and of one error c,
+    Errors without an effect on the measured quantities are omitted. With the information M and the
+    score g of the parameters θ and of one error c, the estimate of the error is
 
         c = s / m,  s = g_c - M_cθ M_θθ⁻¹ g_θ,  m = M_cc - M_cθ M_θθ⁻¹ M_θc.
 
@@ -145,7 +147,8 @@ def _estimated(search: Search) -> dict[str, SensorError]:
 
 
 def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the (c, d) sum of products over records, samples and quantities.
+    """Return the products of two sets of slopes, summed over records, samples and quantities, (c,
+    d).
 
     one: array (N, k, c) of each record
     other: array (N, k, d) of each record
@@ -206,9 +209,10 @@ def _variance(
 ) -> float:
     """Return the variance of the score of one column error.
 
-    The residuals are taken without the part that the estimated error explains.
+    The part that the estimated error explains is subtracted from the residuals.
 
-    effects: effect of the error after the best change of the parameters, (N, k) of each record
+    effects: sensitivity of the quantities to the error, without the part that a change of the
+        parameters explains, (N, k) of each record
     value: estimate of the error
     noises: noise of the quantities of each record
     """

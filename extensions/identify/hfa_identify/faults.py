@@ -357,10 +357,11 @@ def fault_of_columns(
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
-    """Return the corrections with which the model fits best, the best first.
+    """Return the corrections with which the model fits the records best, the best first.
 
-    Each correction has the search on the corrected records and its initial unknowns (p,). The
-    corrections are compared after a few Gauss-Newton steps on short windows of the records.
+    With each correction are returned the search on the corrected records and initial unknowns (p,)
+    for this search. The corrections are compared after a few Gauss-Newton steps on short windows of
+    the records.
     """
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
@@ -386,10 +387,11 @@ def _tried(
     windows: int,
     progress: Callable[[float, float], None] | None,
 ) -> list[tuple[float, _Undone, Search, np.ndarray]]:
-    """Return (level, correction, search, unknowns in calm air) of each candidate.
+    """Return (level, correction, search, unknowns in calm air) of each candidate, lowest level
+    first.
 
-    The level is L after a few Gauss-Newton steps on short windows, plus a penalty on the change of
-    the parameters. The least level is first. Candidates whose simulation diverges are omitted.
+    The level is the negative log-likelihood L after a few Gauss-Newton steps on short windows, plus
+    a penalty on the change of the parameters. Candidates whose simulation diverges are omitted.
 
     steps: largest number of Gauss-Newton steps
     windows: approximate largest number of windows
@@ -427,9 +429,10 @@ def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> 
 
 
 def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
-    """Return Σ max(|ln r| - usual, 0)² over the ratios r of parameters to their initial values.
+    """Return the penalty Σ max(|ln r| - usual, 0)² on the change of the parameters.
 
-    If r is negative, the term is at least (ln 100)². Parameters that are or were 0 are omitted.
+    r is the ratio of a parameter to its initial value. If r is negative, the term is at least
+    (ln 100)². Parameters that are or were 0 are omitted.
     """
     total = 0.0
     # Turbulence and sensor noise come first in the unknowns.
@@ -446,7 +449,7 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
 def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
     """Return L of a fit to corrected records, converted to the units of the uncorrected records.
 
-    The conversion makes the levels L of different corrections comparable.
+    With the conversion, the values of L of different corrections can be compared.
     """
     if undone.column not in search.responses.measured:
         return fit.likelihood
@@ -455,7 +458,7 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 
 
 def _candidates(search: Search) -> Iterator[_Undone]:
-    """Yield the corrections to be tried.
+    """Yield the corrections to be tried, each for one possible fault of the columns.
 
     - another sign or unit of a column that moves
     - another unit of the time

@@ -239,10 +239,11 @@ class OutputError:
     def _lowered(
         self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
     ) -> tuple[int, Fit | None]:
-        """Return the index of the first trial whose step does not raise L, and the fit after it.
+        """Return the first Gauss-Newton trial that does not raise L: its index in `_TRIALS`, and
+        its fit.
 
-        Each trial has a damping and a part of the step. The fit is None if every trial raises L or
-        fails.
+        Each trial scales the step and adds damping to it. The fit is None if every trial raises L
+        or fails.
 
         undamped: the step without damping
         first: index of the first trial
@@ -268,10 +269,12 @@ class OutputError:
         return len(_TRIALS), None
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
-        """Return the simulation and L for these parameters and initial states.
+        """Return the fit object of given parameters and initial states, without a search.
 
-        The result is marked as not converged.
+        It contains the simulations and L, and is marked as not converged.
 
+        theta: unknowns, (p,)
+        starts: initial state of each record, (n,) each
         steps: number of Gauss-Newton steps so far
 
         Raises FloatingPointError if the simulation diverges.
@@ -487,9 +490,9 @@ _TOGETHER = 64
 
 
 def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return one' other, computed in blocks for which the linear algebra library uses one thread.
+    """Return the matrix product one' other, (a, b), of two tables (N, a) and (N, b) with many rows.
 
-    one, other: tables with many rows and few columns
+    The product is computed in blocks for which the linear algebra library uses a single thread.
     """
     whole = len(one) // _TOGETHER * _TOGETHER
     blocks = one[:whole].reshape(-1, _TOGETHER, one.shape[1])

@@ -190,9 +190,10 @@ class Identified(Result, Reported):
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most between the minima, and its value at the second.
+        """Return the parameter that differs most between the two minima, and its value at the
+        second one.
 
-        The difference is relative to the parameter's band.
+        The difference is relative to the width of the parameter's band.
         """
 
         def moved(name: str) -> float:
@@ -222,7 +223,7 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings in the first line: the two most important, or one if the line is too long.
+        """The findings for the first line: the two most important, or one if the line is too long.
 
         If the records have faults, only faults are listed, because a fault can cause other
         findings.

@@ -37,7 +37,7 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
 
 
 def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence[np.ndarray]]]:
-    """Yield (unknowns, initial states) far from the fit, for searches of another minimum."""
+    """Yield (unknowns, initial states) from which to search for another minimum."""
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
         # The second minimum must be distinct from the first, which one step from the fit finds.
@@ -92,17 +92,22 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
 
 
 def _with(fit: Fit, place: int, value: float) -> np.ndarray:
-    """Return the estimates with the one at index `place` replaced by `value`."""
+    """Return the estimates, (p,), with the estimate at one index replaced.
+
+    place: the index
+    value: the new value
+    """
     theta = fit.theta.copy()
     theta[place] = value
     return theta
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield (multiple, ratio) for each local minimum of `different` away from multiple 1.
+    """Yield (multiple, ratio) for each local minimum of `different` other than the one nearest to
+    1.
 
-    The ratio is the value at the minimum divided by the largest value between this minimum and
-    multiple 1. Only minima with a ratio below `_FALL` are yielded.
+    The ratio is the value at the minimum divided by the largest value between both minima. Only
+    minima with a ratio below `_FALL` are yielded.
 
     multiples: multiples of an estimate
     different: change of the state derivatives at each multiple

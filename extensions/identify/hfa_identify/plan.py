@@ -176,9 +176,11 @@ def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
 
 
 def _steps(time: np.ndarray, unit: float, lengths: tuple[int, ...]) -> np.ndarray:
-    """Return consecutive steps 1, -1, 1, ... with these lengths, else 0, (N,).
+    """Return a sequence of pulses with the values 1, -1, 1, ..., and 0 before and after it, (N,).
 
-    unit: unit of the lengths, s
+    time: s, (N,)
+    unit: duration of a pulse of length 1, s
+    lengths: length of each pulse, in units of `unit`
     """
     ends = _BEGIN + unit * np.concatenate([[0.0], np.cumsum(lengths)])
     place = np.searchsorted(ends, time, side="right")

@@ -89,7 +89,10 @@ class Condition:
 
 
 def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
-    """Return the standard deviation of sensor noise from the second differences of a column."""
+    """Return the standard deviation of a sensor's noise, computed from second differences.
+
+    name: name of the measured quantity
+    """
     differences = []
     for record in records:
         values = record.measured.get(name, np.empty(0))
@@ -195,7 +198,7 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the filter gain and its derivatives.
+        """Return the Kalman gain at the condition of the records, and its derivatives.
 
         theta: unknowns, (p,)
         """
@@ -210,11 +213,12 @@ class Predictions(Responses):
         return self._gains[1:]
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return A (N, n, n), C (N, k, n), W (N, n, n) and R (N, k) of the filter's linear model.
+        """Return A (N, n, n), C (N, k, n), W (N, n, n) and R (N, k) of N linear models for the
+        filter.
 
         W is the power of the turbulence. R are the variances of the sensor noise.
 
-        theta: rows of unknowns, (N, p)
+        theta: N sets of unknowns, (N, p)
         """
         n, p, k = self.sizes
         count = len(theta)
@@ -234,9 +238,10 @@ class Predictions(Responses):
     # Predictions.
 
     def _correction(self) -> ca.Function:
-        """Return a function (x, inputs, θ, z, present, K) -> (corrected x, z - y).
+        """Return the function that corrects a predicted state x with the measured quantities z.
 
-        z - y is 0 for a missing sample.
+        The function is (x, inputs, θ, z, present, K) -> (x + K (z - y), z - y), with z - y = 0 for
+        a missing sample.
         """
         n, _, k = self.sizes
         x = ca.SX.sym("x", n)
@@ -385,7 +390,9 @@ def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
 
 
 def _over_intervals(change: np.ndarray, count: int) -> np.ndarray:
-    """Return the sensitivities over intervals of `count` steps, (N, n, n + p).
+    """Return sensitivities over intervals of `count` integration steps, (N, n, n + p).
+
+    The derivatives are with respect to the states before the interval and to θ.
 
     change: sensitivities over single steps, (N count, n, n + p)
     """

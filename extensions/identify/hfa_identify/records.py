@@ -112,7 +112,7 @@ def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]
 
 
 def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the columns side by side, (N, m), also if m = 0."""
+    """Return the columns side by side, (N, m). Without columns, the shape is (N, 0)."""
     return np.column_stack([np.empty((len(time), 0)), *columns])
 
 
@@ -392,7 +392,7 @@ def is_near_limits(model: Model, record: Record) -> bool:
 
 
 def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
-    """Return the first and last index of the longest run of equal values."""
+    """Return the first and last index of the longest sequence of equal values in a column."""
     changes = np.flatnonzero(np.diff(values) != 0.0)
     edges = np.concatenate([[-1], changes, [len(values) - 1]])
     longest = int(np.diff(edges).argmax())
@@ -400,6 +400,6 @@ def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    """Return the finite values, or a single 0 if there are none."""
+    """Return the finite values of a column, or a single 0 if it has none."""
     seen = values[np.isfinite(values)]
     return seen if len(seen) else np.zeros(1)

@@ -222,14 +222,22 @@ class Responses:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *rows))
 
     def _symbol(self, kind: str, column: str, symbols: dict[str, ca.SX]) -> ca.SX | float:
-        """Return the symbol of a column error, or 0 if this error is not an unknown."""
+        """Return the symbol of a column error, or 0 if this error is not an unknown.
+
+        kind: "bias", "scale" or "delay"
+        column: name of the column
+        symbols: unknown -> its symbol
+        """
         name = SensorError(kind, column).name
         return symbols[name] if name in self._errors else 0.0
 
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs of a record without their delays, and θ with these delays set to 0.
+        """Return the inputs of a record corrected for unknown delays, and θ with these delays set
+        to 0.
 
         The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown.
+
+        theta: unknowns, (p,)
         """
         if not self._late_inputs:
             return record.inputs, theta
@@ -275,8 +283,9 @@ class Responses:
     def _delay_slopes(
         self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
     ) -> None:
-        """Apply the delays to the sensitivities in place, and set the derivatives by delays.
+        """Shift the sensitivities by the delays, in place, and enter the derivatives by the delays.
 
+        theta: unknowns, (p,)
         y: quantities without delays, (N, k)
         slopes: sensitivities without delays, (N, k, p + n)
         """
@@ -314,16 +323,19 @@ class Responses:
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Return the number of samples in the longest permissible integration step, at least 1.
+        """Return the number of sampling intervals within the longest integration step, at least 1.
 
-        The step depends on the fastest mode at the initial state.
+        The longest step is `ROUGH_STEP` time constants of the fastest mode at the initial state.
+
+        start: initial state, (n,)
+        theta: unknowns, (p,)
         """
         usual = float(np.median(np.diff(record.time)))
         fastest = self._fastest(record, start, theta)
         return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue at the initial state, 1/s.
+        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s.
 
         The result is 0 if the Jacobian is not finite.
         """
@@ -423,18 +435,20 @@ class Responses:
         return states
 
     def _advance(self, steps: int) -> BoundFunction:
-        """Return the function of a state -> states after each of `steps` integration steps."""
+        """Return the function that integrates over a number of steps, and yields the state after
+        each step.
+        """
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the derivatives of the states after a step, (steps, n, n + p).
+        """Return the derivatives of the states after each integration step, (steps, n, n + p).
 
         The derivatives are with respect to the states before the step and to θ.
 
         theta: unknowns, (p,)
-        part: the steps
+        part: slice of the integration steps
         """
         n, _, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
@@ -526,7 +540,10 @@ def _runge_kutta(
 ) -> ca.SX:
     """Return the state after one step of the classical Runge-Kutta method, as an expression.
 
+    f: state derivatives as a function of state, inputs and θ
+    x: state before the step
     u, after: inputs at the start and at the end of the step
+    duration: s
     """
     middle = 0.5 * (u + after)
     k1 = f(x, u, theta)

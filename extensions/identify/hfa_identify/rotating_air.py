@@ -89,7 +89,10 @@ def in_rotating_air(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InRotatingAir:
-    """Function (x, u, p, w) -> (rates by state, outputs by name) of a model in rotating air."""
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in rotating air.
+
+    model: model in air that does not rotate
+    """
 
     model: Model
 

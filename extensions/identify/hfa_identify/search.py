@@ -111,7 +111,7 @@ class Search:
 
     @cached_property
     def thinned(self) -> list[Record]:
-        """The records with as few samples as the integration needs."""
+        """The records, reduced to about one sample for each integration step."""
         thinned = []
         for record, start in zip(self.records, self.guesses, strict=True):
             together = self.responses.samples_in_step(record, start, self.begin)
@@ -121,10 +121,9 @@ class Search:
 
     @cached_property
     def _thin(self) -> OutputError:
-        """The search on thinned records.
+        """The search on the thinned records or, in turbulence, on the complete records.
 
-        In turbulence the complete records are used, because the filter gain depends on the sampling
-        interval.
+        The filter gain in turbulence depends on the sampling interval.
         """
         if self.responses.turbulent:
             return self._whole

@@ -144,7 +144,10 @@ def _log(path: Path) -> Any:
 
 
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times, s, and values of a column in a log.
+    """Return the times, s, and the values of a column in the unit of the model, from a log.
+
+    path: path of the log, for error messages
+    log: the log as a pyulog object
 
     Raises BadInputError if the log lacks the message, the instance, the field, or the quaternion
     for an angle.

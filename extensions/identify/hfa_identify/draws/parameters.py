@@ -73,7 +73,10 @@ def spread_of(request: Any) -> ParameterSpread:
 
 
 def spread_of_set(known: Any) -> ParameterSpread:
-    """Return the identified parameters of a `ParameterSet`, with the covariance of logarithms."""
+    """Return the uncertain parameters of a `ParameterSet`, with the covariance of their logarithms.
+
+    The uncertain parameters are those that the set identifies.
+    """
     values = {name: getattr(known.values, name) for name in known.identified}
     return ParameterSpread(values, known.covariance, of_logarithms=True)
 
@@ -102,6 +105,6 @@ def _is_square(rows: Any, size: int) -> bool:
 
 
 def _scaled(covariance: np.ndarray) -> np.ndarray:
-    """Return the correlation matrix of a covariance."""
+    """Return the correlation matrix of a covariance matrix, both (n, n)."""
     sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return np.asarray(covariance / sizes[:, None] / sizes)

@@ -70,7 +70,7 @@ def reported(report: Report, draws: Draws) -> Report:
 
 
 def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
-    """Return the aircraft drawn for a request.
+    """Return the aircraft drawn for a request with --draws.
 
     point: trim of the aircraft with the given parameters
     """

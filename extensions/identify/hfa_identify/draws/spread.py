@@ -79,9 +79,12 @@ class Draws(Result):
 
     @property
     def first_line(self) -> str:
-        """Line with the number of stable aircraft, and the number of trimmed ones or the cost lost.
+        """One line on the drawn aircraft, for the report.
 
-        The cost lost is stated only with a gain, if all aircraft are trimmed.
+        - Without a gain: the numbers of trimmed aircraft and of aircraft stable without control.
+        - With a gain, if an aircraft has no trim: the numbers of trimmed aircraft and of stable
+          loops.
+        - Otherwise: the number of stable loops and, if known, the largest excess cost.
         """
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
@@ -197,7 +200,7 @@ class DrawnAircraft:
         return replace(found, cost_lost_worst_percent=worst, unsolved=unsolved)
 
     def loops(self, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """Return the stability of the law u = -K z on the drawn aircraft, without a cost.
+        """Return the result for the loops u = -K z of the drawn aircraft, without excess costs.
 
         K: gain, (m, n)
         """
@@ -206,11 +209,10 @@ class DrawnAircraft:
         return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
 
     def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
-        """Return the number of stable loops, and the band of the eigenvalues' largest real part.
+        """Return the result for loops A - B K: number of stable loops, band of the largest real
+        part.
 
-        The loops are A - B K.
-
-        own: largest real part for the given aircraft, 1/s
+        own: largest real part of the eigenvalues for the given aircraft, 1/s
         drawn: linear models of the drawn aircraft
         """
         slowest = [_abscissa(each.A - each.B @ K) for each in drawn]
@@ -227,7 +229,10 @@ class DrawnAircraft:
         return replace(self._draws(len(drawn), bands), stable_alone=stable)
 
     def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
-        """Return the result for a number of trimmed aircraft, without counts of stable aircraft."""
+        """Return a result with these bands and without counts of stable aircraft.
+
+        trimmed: number of aircraft that have a trim
+        """
         return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
 
 
