@@ -97,8 +97,7 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """Matrix that selects the states of the linear model, or the identity if `point` is None.
-        """
+        """Matrix that selects the states of the linear model; the identity if `point` is None."""
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property

@@ -101,8 +101,7 @@ class CompiledLoop:
         return np.array(self._observed(time, y, held)).ravel()
 
     def inputs_in(self, observed: np.ndarray) -> np.ndarray:
-        """Return the deviations of the plant inputs, (m,), contained in a result of `observed_at`.
-        """
+        """Return the deviations of the plant inputs, (m,), from a result of `observed_at`."""
         return observed[self._ends[0] : self._ends[1]]
 
     def fly(

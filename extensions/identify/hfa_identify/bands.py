@@ -58,7 +58,9 @@ def _enlarged(fit: Fit) -> float:
 
 
 def _unknowns(fit: Fit) -> int:
-    """Return the number of parameters plus the number of initial states that the records determine.
+    """Return the number of unknowns that the records determine: parameters and initial states.
+
+    All parameters are counted.
     """
     starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
     return len(fit.theta) + int(sum(starts))

@@ -49,11 +49,11 @@ class Actor:
 def read_actor(
     entries: Mapping[str, Any], folder: Path, observations: int, history: int, actions: int
 ) -> Actor:
-    """Read the actor that the table [policy] of a deployment file names.
+    """Read the network of a policy that the table [policy] of a deployment file names.
 
-    entries: table [policy]; "activation", "layout", "squash" and "network" if the file does not
-        store them
-    folder: folder of relative file names
+    entries: table [policy]; its entries "activation", "layout", "squash" and "network" are needed
+        only if the policy's file does not store them
+    folder: folder to which file names are relative
     observations, actions: number of observations and of actions in the deployment file
     history: number of samples of the observations
 

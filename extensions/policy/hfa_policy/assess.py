@@ -96,13 +96,14 @@ def judged(
     progress_of: Callable[[str], Progress | None],
     best: Callable[[AssessedPoint], BestCosts] | None = None,
 ) -> Assessment:
-    """Assess a policy at the assessor's trims.
+    """Return the assessment of a policy at the trims of an assessor, with all requested parts.
 
     needs: requirement -> required value
     changes: (parameter or input, value) of each changed aircraft
-    scenarios: one for each trim, or none
-    progress_of: name of a step -> callback for its progress, or None
-    best: assessed trim -> comparison with the best flights, or None for no comparison
+    scenarios: noise, gust and turbulence at each trim, or empty for no such flights
+    progress_of: function from the name of a step to the callback for its progress, or None
+    best: function from the result at a trim to the comparison with the best flights, or None for no
+        comparison
     """
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:

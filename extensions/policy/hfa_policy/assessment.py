@@ -97,10 +97,12 @@ class AssessedPoint(Result):
     def own_mode(self) -> OwnMode | None:
         """Slow mode of the aircraft that the policy does not control, or None.
 
-        - Slow modes are out of reach: the one of these modes with the fastest growth.
-        - No slow mode is out of reach: the slowest mode of the loop, if the policy hardly changes
-          this mode, nothing is saturated, and the policy does not hold or a flight does not
-          converge.
+        - Some slow modes cannot be moved or observed by the policy: the fastest-growing one of
+          these.
+        - Otherwise, if the policy is not saturated and either does not hold or has a flight that
+          does
+          not converge: the slowest mode of the loop, if the policy hardly changes this mode.
+        - Otherwise, or without an equilibrium: None.
         """
         reach = self.place.reach
         if reach is None:
@@ -240,13 +242,13 @@ class Assessor:
     steady: OperatingPoint | None = None
 
     def flight(self) -> SampledFlight:
-        """Return the simulation of the sampled loop from these trims."""
+        """Return the simulation of sampled flights that begin near the trims."""
         deployment = self.deployed.deployment
         parts = parts_of_a_sample(list(self.points), deployment.dt)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
     def places(self, flight: SampledFlight) -> list[Place]:
-        """Return each trim with its equilibrium and initial-condition box.
+        """Return each trim with its equilibrium, initial-condition box and modes, in order.
 
         flight: result of the method `flight`
         """
@@ -270,9 +272,12 @@ class Assessor:
     def _place(
         self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """Return a trim with its equilibrium and the modes within reach of the policy.
+        """Return the description of one trim for flights: its box, its equilibrium and the modes
+        there.
 
+        search: search for the equilibrium at this trim
         widths: half-widths of the initial-condition box, (k,)
+        equilibrium: the equilibrium, or None if it does not exist
         """
         point = search.point
         if equilibrium is None:
@@ -301,7 +306,7 @@ class Assessor:
         return widths
 
     def _chain(self, reach: Reach) -> Chain:
-        """Return the sampled loop of the modes within reach, with the deployed delay."""
+        """Return the sampled loop with the deployed delay, restricted to the modes within reach."""
         deployment = self.deployed.deployment
         return chain_of(reach.loop, deployment.dt, deployment.delay)
 

@@ -261,10 +261,9 @@ class Assessment(Result, Reported):
         return f"{_leaving(count, total, flights)} ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
-        """Return a phrase on the fastest-growing mode that the policy does not control.
+        """Return a phrase on the fastest-growing mode that the policy does not control, or "".
 
-        The phrase is "" without such a mode. A mode that decays at a trim at which the policy holds
-        is not reported.
+        A mode that decays is not reported at a trim at which the policy holds.
         """
         found = [(point.own_mode, point) for point in self.points]
         modes = [(mode, point) for mode, point in found if mode is not None]
@@ -342,10 +341,10 @@ class Assessment(Result, Reported):
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
-        """Return a phrase on the shortest unstable delay over the trims that hold.
+        """Return a phrase on the shortest unstable delay at the trims at which the policy holds.
 
-        The phrase is "" if no trim holds. If no examined delay destabilizes a loop, the phrase
-        gives the longest delay that was examined at all these trims.
+        - The policy holds at no trim: "".
+        - No examined delay is unstable: the longest delay that was examined at all these trims.
         """
         holding = [point for point in self.points if point.holds and point.delays is not None]
         limits = [point.delays.limit for point in holding if point.delays is not None]
@@ -365,10 +364,12 @@ class Assessment(Result, Reported):
         return text if len(where) == len(holding) else f"{text} {self._where(where)}"
 
     def _offset(self) -> str:
-        """Return a phrase on the largest steady-state error, relative to the initial-condition box.
+        """Return a phrase on the steady-state error that is largest relative to the
+        initial-condition box.
 
-        If a trim has no equilibrium, the phrase reports this instead. If the error is negligible
-        and the policy does not hold, the phrase is "".
+        - A trim has no equilibrium: a phrase that reports this.
+        - The error is negligible and the policy holds: "no steady-state error".
+        - The error is negligible and the policy does not hold: "".
         """
         nowhere = [point for point in self.points if point.equilibrium is None]
         if nowhere:
@@ -451,7 +452,10 @@ class Assessment(Result, Reported):
         return [bracket_table(self.deployed.model, best.brackets)]
 
     def _costing(self) -> str:
-        """Return a phrase on the largest linear cost over the trims that hold, or ""."""
+        """Return a phrase on the largest linear cost at the trims at which the policy holds.
+
+        The phrase is "" if no such cost is known.
+        """
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
@@ -487,7 +491,9 @@ class Assessment(Result, Reported):
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
-        """Return each different finding once, preceded by the trims with this finding."""
+        """Return the findings at all trims as sentences, each preceded by the trims that it
+        concerns.
+        """
         where: dict[str, list[AssessedPoint]] = {}
         for point in self.points:
             for finding in point.findings:

@@ -98,9 +98,10 @@ class BestCosts(Result):
 
 
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
-    """Return a phrase on the costs of flights relative to their positive lower bounds.
+    """Return a phrase on the ratios of flight costs to their positive lower bounds.
 
-    costs: each lower bound with the cost of a flight from its initial condition, or None
+    costs: each lower bound with the cost of a flight from its initial condition; None for a flight
+        that does not end at the trim
     """
     inside: list[float] = []
     beyond: list[float] = []

@@ -31,7 +31,7 @@ _LEAST = 1e-9
 
 
 class Sample(NamedTuple):
-    """Size of a comparison.
+    """Number and duration of the flights in a comparison of changed deployment files.
 
     starts: number of initial conditions for each change, over all trims.
     seconds: duration of each flight, s.
@@ -42,7 +42,7 @@ class Sample(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """Results of the flights with one change.
+    """Results of the N flights with one change of the deployment file.
 
     costs: (N,), cost of each flight.
     kept: number of flights that stay within the limits.
@@ -60,7 +60,10 @@ class Flown(NamedTuple):
         return self._replace(back=self.into_box)
 
     def times(self, other: Flown) -> float:
-        """Return the median over the flights of cost / cost with another change."""
+        """Return the median ratio of the costs of these flights to the costs with another change.
+
+        other: results with the other change, from the same initial conditions
+        """
         return float(np.median(self.costs / other.costs))
 
 
@@ -80,9 +83,11 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """Return a simulation in which each row also contains P, c, gain and S of a change.
+        """Return a simulation of flights in which each flight has its own change of the deployment.
 
-        The observations are P o + c. The action is gain * S a, elementwise in gain.
+        The change replaces the observations o by P o + c and the action a by gain * S a,
+        elementwise in gain. P, c, gain and S are the extra entries of a flight's row
+        (`flights.py`).
 
         dt, delay: sample time and delay, s
         """
@@ -104,9 +109,11 @@ class ChangeFlights:
         return self._steered_by(steered, dt, delay, extra)
 
     def _steered_by(self, steered: Steered, dt: float, delay: float, extra: int) -> SampledFlight:
-        """Return the simulation with another policy, sample time and delay.
+        """Return the simulation of flights with another policy, sample time and delay.
 
-        extra: number of further entries in each row
+        steered: command steps of the other policy
+        dt, delay: sample time and delay, s
+        extra: number of extra entries in the row of each flight (`flights.py`)
         """
         parts = parts_of_a_sample(self.points, dt)
         whole = self.assessor.flight()
@@ -204,7 +211,7 @@ class ChangeFlights:
         return [*map(Flown, costs.reshape(of_each_change), *counts)]
 
     def _rows(self, flight: SampledFlight, repair: Repair, starts_here: int) -> np.ndarray:
-        """Return the initial rows of a change, ordered by trim.
+        """Return the initial rows of the flights with one change, ordered by trim (`flights.py`).
 
         starts_here: number of initial conditions at each trim
         """
@@ -251,13 +258,15 @@ class ChangeFlights:
     def _costs_and_kept(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray, seconds: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Simulate the rows in place, and return costs and whether flights stay within limits.
+        """Simulate flights and return their costs, (N,), and whether they stay within the limits,
+        (N,).
 
-        Both results are (N,). The cost is the sum of x'Qx + u'Ru over the windows, with the largest
-        deviations from trim in each window. Weights of outputs are ignored. For a flight that
-        leaves the limits, the cost of that window is also counted for each remaining window. All
-        costs are limited to [`_LEAST`, `_MOST`].
+        `rows` receives the final rows of the flights. The cost is the sum of x'Qx + u'Ru over the
+        windows, with the largest deviations from trim in each window. Weights of outputs are
+        ignored. For a flight that leaves the limits, the cost of that window is also counted for
+        each remaining window. All costs are limited to [`_LEAST`, `_MOST`].
 
+        rows: initial rows of the flights (`flights.py`)
         owners: (N,), index of each flight's trim
         seconds: duration of a flight, s
         """
@@ -299,7 +308,7 @@ class ChangeFlights:
 def _observed_at(deployed: Deployed, trim: np.ndarray) -> np.ndarray:
     """Return the observations (k,) of a deployment at a trim.
 
-    trim: states, inputs and parameters of the trim
+    trim: X0, U0 and parameters of the trim, as one vector
     """
     n, m = len(deployed.model.states), len(deployed.model.inputs)
     return np.array(deployed.observe(trim[:n], trim[n : n + m], trim)).ravel()

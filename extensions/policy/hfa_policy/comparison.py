@@ -92,7 +92,7 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
     """Return the numbers of flights that converge, leave the envelope, and converge after a pulse.
 
-    The numbers are text, or "-" without flights.
+    Each is a sum over the trims as text, or "-" without flights.
     """
     plain = [point.flights for point in points if point.flights is not None]
     disturbed = [point.disturbed for point in points if point.disturbed is not None]

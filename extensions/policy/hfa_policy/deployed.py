@@ -117,7 +117,7 @@ class Deployed:
     # Symbols.
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return symbols of X, U and trim."""
+        """Return new symbols of X (n,), U (m,) and trim = (X0; U0; p)."""
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
@@ -327,9 +327,9 @@ class Deployed:
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
-    """Return `value`, or NaN if `seen` is NaN.
+    """Return an expression that equals `value`, but is NaN where `seen` is NaN.
 
-    A ReLU or a clip by fmin and fmax would otherwise remove the NaN.
+    It is needed because a ReLU or a clip removes a NaN of its argument.
     """
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())

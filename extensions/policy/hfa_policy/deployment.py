@@ -121,7 +121,10 @@ class Deployment(Reported):
             self._check_timing()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the tables without the files that were read, which an unpickled copy rereads."""
+        """Return the tables of the deployment for pickling.
+
+        The content of the policy's files is omitted. An unpickled copy reads the files again.
+        """
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod

@@ -136,10 +136,11 @@ def _deployment(
 
 
 def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dict[str, float]:
-    """Return name -> weight, by default 1/nominal².
+    """Return name -> weight in the cost, by default 1/nominal².
 
     matrix: "Q" or "R", for messages
-    given: the matrix, its diagonal, or name -> weight
+    given: the matrix, its diagonal, name -> weight, or None for the default
+    names: the states or inputs that have a weight, in the order of the diagonal
 
     Raises BadInputError for a matrix that is not diagonal, and for a wrong number of weights.
     """

@@ -239,9 +239,9 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """Return the function that advances all rows by one sample.
+        """Return a function without arguments that advances all episodes by one sample, in place.
 
-        Many rows are computed by several threads.
+        Many episodes are computed by several threads.
         """
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
@@ -255,7 +255,13 @@ class Episodes:
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """Return the function row -> (next row, outcome of the sample, next observations)."""
+        """Return the CasADi Function that advances one episode by a sample.
+
+        The Function maps the row of the episode to the next row, the outcome (reward, whether the
+        aircraft left its limits, whether no samples remain) and the next observations. The row
+        consists of the row of a flight (`flights.py`), with the actions as extra entries, and of
+        the entries that determine the end of the episode (`_outcome`).
+        """
         flight = self._flight
         flown = sum(flight.sizes)
         n = len(flight.deployed.model.states)
@@ -271,7 +277,7 @@ class Episodes:
         return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """Return the function row -> o."""
+        """Return the CasADi Function from the row of a flight (`flights.py`) to observations, (k,)."""
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
@@ -333,7 +339,7 @@ def _changed_sizes(changing: int) -> tuple[tuple[str, int], ...]:
 
 
 def _all(conditions: Iterable[ca.SX]) -> ca.SX:
-    """Return the conjunction of conditions."""
+    """Return the expression that is true if all conditions are true."""
     return reduce(ca.logic_and, conditions)
 
 
@@ -415,7 +421,9 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """Return the command steps for actions that are arguments of each sample, clipped to the box.
+    """Return the command steps of episodes, in which the actions come from outside the simulation.
+
+    The actions are the extra entries of a flight's row (`flights.py`) and are clipped to the box.
 
     low, high: limits of the box, (m,) each
     """

@@ -104,7 +104,9 @@ class Equilibrium:
 class EquilibriumSearch:
     """Search for the equilibrium at one trim, in linear states and commanded inputs.
 
-    steady: trim whose rates the equilibrium has, by default the trim itself.
+    At the equilibrium, the linear states have the same rates as at a reference trim.
+
+    steady: reference trim, or None for the trim itself.
     """
 
     def __init__(
@@ -172,7 +174,10 @@ class EquilibriumSearch:
         return np.asarray(np.linalg.lstsq(closed, drift @ plant.f, rcond=1e-12)[0])
 
     def _least(self, z: np.ndarray) -> np.ndarray:
-        """Return a point near z with the least squared residual."""
+        """Return the point with the least squared residual that a search from z finds.
+
+        z: X and U, (n + m,)
+        """
         from scipy.optimize import least_squares
 
         def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -196,7 +201,10 @@ class EquilibriumSearch:
         return nearest
 
     def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
-        """Return the equilibrium found by Newton's method with step halving from z, or None."""
+        """Return the equilibrium found by Newton's method with step halving, or None.
+
+        z: X and U at the start of the search, (n + m,)
+        """
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
@@ -228,10 +236,12 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs at z, and their slopes.
+        """Return the commanded inputs (m',) and their slopes (m', k) and (m', m').
 
-        The slopes are derivatives by linear states and by earlier inputs. The earlier inputs act
+        The slopes are derivatives with respect to the linear states, and to the commanded inputs
         just before the sample.
+
+        z: X and U, (n + m,)
         """
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
@@ -240,10 +250,12 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual at z and its Jacobian.
+        """Return the residual (k + m',) of the equilibrium conditions and its Jacobian.
 
-        The Jacobian is with respect to linear states and commanded inputs. Both are nan if the
-        equations of motion have no finite value.
+        The Jacobian is with respect to linear states and commanded inputs. Both results are nan if
+        the equations of motion have no finite value.
+
+        z: X and U, (n + m,)
         """
         X, U = self._parts(z)
         count = len(self.moving)
@@ -371,7 +383,7 @@ class EquilibriumSearch:
         return tuple(dict.fromkeys(names[number] for number in clipped))
 
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the observations of all samples of the history at a constant X and U."""
+        """Return the inputs of the policy if X and U are constant over all samples in the history."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         return np.tile(o, self.deployed.deployment.history)
 

@@ -1,9 +1,13 @@
 """Simulation of many flights of a deployed policy, sampled and held as deployed.
 
-A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push; extra].
+The state of a flight is stored as a row of numbers:
+
+    [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push; extra]
+
 The memory contains the commands u_{k-1} ... u_{k-d-1} that act now or later. The past contains
 earlier observations that the policy uses. The trim is (X0; U0; p). The push is added to the
-rates of the linear states, followed by the disturbances of the aircraft.
+rates of the linear states, followed by the disturbances of the aircraft. Extra entries are
+arguments of the policy, such as actions.
 """
 
 from __future__ import annotations
@@ -84,7 +88,7 @@ def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
 
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
-    """Sampled loop and row layout of all flights of a deployment.
+    """Simulation of flights of a deployment, and layout of the rows that contain their states.
 
     deployed: the policy on its aircraft.
     dt, delay: sample time and delay, s.
@@ -125,7 +129,9 @@ class SampledFlight:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Number of entries of each part of a row."""
+        """Number of entries of each part of a flight's row, in the order of the module's
+        description.
+        """
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         trim = n + m + len(model.parameters)
@@ -135,7 +141,7 @@ class SampledFlight:
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of a row."""
+        """Slices of the parts of a flight's row, in the order of the module's description."""
         ends = np.cumsum([0, *self.sizes]).tolist()
         return tuple(slice(begin, end) for begin, end in pairwise(ends))
 
@@ -146,16 +152,20 @@ class SampledFlight:
 
     @property
     def changing(self) -> int:
-        """Number of leading entries of a row that change from sample to sample."""
+        """Number of leading entries of a flight's row that change from sample to sample."""
         return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:
-        """Function row -> inputs of the network."""
+        """Function from the row of a flight to the inputs of the policy's network."""
         row = ca.MX.sym("row", sum(self.sizes))
         return ca.Function("entering", [row], [self.steered.enters(*self._entered(row))])
 
     def moved(self) -> ca.Function:
-        """Function (row, outputs of the network) -> ([X; memory] after a sample, acting input)."""
+        """Function that advances the aircraft of one flight by a sample.
+
+        It maps (row of the flight, outputs of the network) to ([X; memory] after the sample, input
+        that acts at the end of the sample).
+        """
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))
@@ -177,7 +187,8 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """Function (row, outputs of the network) -> changed entries of the row one sample later.
+        """Function (row of a flight, outputs of the network) -> changed entries of the row one
+        sample later.
 
         The changed entries are X, memory, lowest and highest X and U so far, and past.
         """
@@ -196,23 +207,23 @@ class SampledFlight:
         return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges, *past)])
 
     def sample(self) -> ca.Function:
-        """Return the function row -> row one sample later."""
+        """Return the function from the row of a flight to its row one sample later."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.vec(self.steered.network(self.entering()(row)))
         later = ca.vertcat(self.later()(row, raw), row[self.changing :])
         return ca.Function("sample", [row], [later])
 
     def _parts(self, row: ca.MX) -> list[ca.MX]:
-        """Split a row into its parts, with `sizes` entries each."""
+        """Return the parts of a flight's row, in the order of the module's description."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
-        """Return (X, U before the sample, trim, extra) of a row."""
+        """Return X, U just before the sample, the trim and the extra entries of a flight's row."""
         X, memory, _, _, _, _, _, trim, _, extra = self._parts(row)
         return X, memory[-len(self.deployed.model.inputs) :], trim, extra
 
     def _entered(self, row: ca.MX) -> tuple[ca.MX, ...]:
-        """Return the arguments of `steered.enters` for a row."""
+        """Return the arguments of `steered.enters` at a sample, from the row of a flight."""
         past = [] if self.steered.past is None else [self._parts(row)[6]]
         return (*self.observed(row), *past)
 
@@ -232,9 +243,9 @@ class SampledFlight:
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:
-        """Reset the lowest and highest values of rows in place.
+        """Restart the recording of lowest and highest values in the rows of flights, in place.
 
-        The values of X become the present X. The lowest U becomes inf, and the highest U -inf.
+        Lowest and highest X become the present X. The lowest U becomes inf, and the highest U -inf.
         """
         X, _, low_X, high_X, low_U, high_U, *_ = self.slices
         rows[:, low_X] = rows[:, X]
@@ -281,12 +292,12 @@ class SampledFlight:
 
 
 def _first_result(function: Rows) -> RowNetwork:
-    """Return a function of rows that returns the first result of `function`."""
+    """Return the function of many rows that returns only the first of the results of `function`."""
     return lambda rows: function(rows)[0]
 
 
 class Window:
-    """Function that advances rows by a fixed number of samples."""
+    """Function that advances the rows of flights by a fixed number of samples."""
 
     def __init__(
         self,
@@ -301,7 +312,7 @@ class Window:
         self._later = later
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Return the rows at the end of the window."""
+        """Return the rows of the flights at the end of the window."""
         rows = rows.copy()
         with np.errstate(all="ignore"):
             for _ in range(self._samples):

@@ -68,7 +68,11 @@ class DeployedPolicy(Policy):
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured deviations of states) -> deviations of inputs."""
+        """Return the function that computes the inputs of the aircraft at each tick of a flight.
+
+        The function maps (number of the tick, measured deviations of the states from trim (n,)) to
+        the deviations of the inputs from trim, (m,).
+        """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
         states = np.array(self.point.states)
@@ -136,7 +140,10 @@ def flown_deployment(
 
 
 def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> DeployedPolicy:
-    """Return the policy of a deployment on its aircraft about a trim."""
+    """Return a deployment on its aircraft as a policy for flights from a trim.
+
+    name: name of the policy in reports
+    """
     text = deployed.sampled.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))

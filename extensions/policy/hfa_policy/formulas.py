@@ -133,7 +133,7 @@ def _check_number(value: Any, text: str) -> None:
 
 
 def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Return the value of a checked syntax tree.
+    """Return the value of a formula's syntax tree as a CasADi expression.
 
     values: name -> value
     """

@@ -64,7 +64,7 @@ class AircraftEnvironment(gymnasium.Env):
 
     @property
     def state(self) -> dict[str, float]:
-        """State -> value, in the units of the model."""
+        """Present values of the aircraft's states, by name, in the units of the model."""
         return dict(zip(self.model.states, self._X.tolist(), strict=True))
 
     @property
@@ -168,7 +168,7 @@ class AircraftEnvironment(gymnasium.Env):
 
 
 def observation_space(observed: int) -> spaces.Box:
-    """Return the unbounded space of `observed` observations."""
+    """Return the space of vectors of `observed` numbers without bounds."""
     return spaces.Box(-np.inf, np.inf, (observed,), np.float32)
 
 

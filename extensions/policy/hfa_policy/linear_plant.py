@@ -35,7 +35,10 @@ def linear_plant(path: str) -> Model:
 
 
 def _unit_weights(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return identity matrices as Q and R, which an assessment does not use."""
+    """Return identity matrices for the weights Q and R.
+
+    An assessment does not use these weights.
+    """
     n, m = parts["B"].shape
     words = "the identity"
     return Defaults({"Q": np.eye(n), "R": np.eye(m)}, {"Q": words, "R": words})

@@ -113,7 +113,8 @@ class _Observed(NamedTuple):
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
         """Return the distance of the nearest trim from the record's mean, in standard deviations.
 
-        If the standard deviation is 0, the result is neither far nor near.
+        If the standard deviation is 0, a value is returned that counts neither as a fit nor as a
+        contradiction.
         """
         if record.spread == 0.0:
             return 0.5 * (_FITS + _FAR)
@@ -185,9 +186,11 @@ def mistakes_of_observations(
 def _exchanged_with(
     number: int, observed: Sequence[_Observed], records: Sequence[_Record]
 ) -> list[str]:
-    """Return the names of the observations that agree with each other's records if exchanged.
+    """Return the names of the observations that may have been exchanged with one observation.
 
-    number: index of the observation to be exchanged
+    Two observations may have been exchanged if each agrees with the training's record of the other.
+
+    number: index of the one observation
     """
     names = []
     for place, other in enumerate(observed):
@@ -238,10 +241,10 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return mean and standard deviation of the training's observations, (k,) each.
+    """Return (mean (k,), standard deviation (k,), whether they are statistics of many
+    observations).
 
-    The result is None if both are unknown. The third value is True for statistics of many
-    observations.
+    The values describe the observations in the training. The result is None if they are unknown.
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
@@ -268,7 +271,10 @@ def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.nda
 
 
 def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint]) -> _Observed:
-    """Return observation number `index` of the deployment file at the trims."""
+    """Return one observation of the deployment file, with its values at the trims.
+
+    index: index of the observation
+    """
     name = list(deployed.deployment.observation)[index]
     entry = deployed.deployment.observation[name]
     state = entry.get("formula", name)

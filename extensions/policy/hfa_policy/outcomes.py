@@ -286,7 +286,10 @@ class FlownRows:
         self.status[flying[lost]] = _LOST
 
     def _flown(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
-        """Return the rows of flights after a window, with the lowest and highest values within it.
+        """Advance flights by one window and return their rows (`flights.py`) at its end.
+
+        The lowest and highest values in these rows are those within the window. The disturbance
+        pulse ends at its time.
 
         flying: indices of the flights
         number: number of earlier windows
@@ -512,8 +515,10 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """Return the limit cycle of the flight that begins at a row, or None without a limit cycle.
+    """Return the limit cycle of a flight, or None if it has none.
 
+    row: initial row of the flight (`flights.py`)
+    place: trim of the flight
     seconds: duration of the flight
     """
     model = place.point.model

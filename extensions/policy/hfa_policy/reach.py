@@ -137,10 +137,11 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the largest change of an observation for each mode, (r,).
+    """Return the largest change of an observation caused by each mode, (r,).
 
-    The change is relative to the range of the observation in a box.
+    A change is relative to the range of the observation over the initial-condition box.
 
+    C: slopes of the observations with respect to the linear states, (observations, k)
     modes: (k, r), a column for each mode
     box: half-widths of the box, (k,)
     """
@@ -163,7 +164,11 @@ def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.nda
 
 
 def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMode]:
-    """Return the modes of the aircraft with the eigenvalue `value`."""
+    """Return the modes of the aircraft that belong to one eigenvalue or its conjugate.
+
+    A: (k, k), of the aircraft
+    value: the eigenvalue, 1/s
+    """
     model = deployed.model
     found = []
     for mode in modes_of(A, model.linear, model.modes):

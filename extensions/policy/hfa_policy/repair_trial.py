@@ -205,11 +205,14 @@ class _Trial:
 
     @cached_property
     def _of_gains(self) -> list[Flown]:
-        """Results of the file as written, without control, and with the other gains."""
+        """Results of the flights with each change of gain alone.
+
+        The first gains are those of the file as written and of no control.
+        """
         return self.flights.flown(self.gains, _WHOLE)
 
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
-        """Return the changes whose flights cost about as much as the flights of the optimum.
+        """Return the found changes whose flights cost about as much as the flights of the optimum.
 
         All are returned if the deployment file contains no cost or no optimum exists.
         """
@@ -236,7 +239,10 @@ class _Trial:
         return _brings_most_back(on_time)
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
-        """Return the changes with the lowest costs in a few short flights, `_LEFT` of each kind."""
+        """Return the changes that remain after a few short flights with each: `_LEFT` of each kind.
+
+        These changes have the lowest costs of their kind.
+        """
         flown = self.flights.flown(repairs, _SHORT)
         costs = [float(np.log(of_repair.costs).sum()) for of_repair in flown]
         left: dict[str, list[Repair]] = {}
@@ -320,9 +326,9 @@ class _Trial:
     # Comparison with the training's record.
 
     def _nearer(self, repair: Repair) -> float:
-        """Return how much a change reduces the misfit to the training's record.
+        """Return the misfit of the file as written minus the misfit of a change (`_misfit`).
 
-        The result is 0 without a record.
+        The result is 0 if the observations of the training are unknown.
         """
         if observations_of_training(self.card) is None:
             return 0.0
@@ -330,14 +336,15 @@ class _Trial:
 
     @cached_property
     def _misfit_of_card(self) -> float:
-        """Misfit of the file as written."""
+        """Misfit of the file as written to the observations in training (`_misfit`)."""
         return self._misfit(self.card)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Return the misfit Σ |log(size of the initial observations / size in training)|.
+        """Return the difference of the observations in size from those in the training.
 
-        The sum is over the observations, at the trim with the worst flights. A size is the root
-        mean square about the training's mean.
+        The misfit is Σ |log(size of the initial observations / size in training)| over the
+        observations, at the trim with the worst flights. A size is the root mean square about the
+        training's mean.
         """
         seen = observations_of_training(deployment)
         assert seen is not None
@@ -354,7 +361,7 @@ class _Trial:
 
 
 def _said(found: _Found, of_card: Flown) -> str:
-    """Return a sentence on a change, with the cost of the file as written relative to the change.
+    """Return a sentence that recommends a change, with the ratio of the costs without and with it.
 
     of_card: results of the file as written
     """

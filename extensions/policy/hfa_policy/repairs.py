@@ -41,7 +41,7 @@ def card_with_gain(card: Deployment, gain: float) -> Repair:
 
 
 def repairs_of(deployed: Deployed) -> list[Repair]:
-    """Return all changes of the deployment that are tried, one at a time."""
+    """Return the trial changes of a deployment, each of which corrects one possible mistake."""
     card = deployed.deployment
     of_observations = [*_exchanges(card), *_abouts(card), *_scales(deployed)]
     return [*of_observations, *_signs(card), *_exchanged_actions(card), *_units(deployed)]
@@ -58,9 +58,12 @@ def _with_observation(
 def _with_gains(
     card: Deployment, kind: str, text: str, changed: Deployment, gain: np.ndarray
 ) -> Repair:
-    """Return a change that multiplies the actions by gains (m,).
+    """Return the change of a deployment that multiplies each action by a gain.
 
+    kind: type of the corrected mistake
+    text: assumption of the change, for the message
     changed: the changed deployment
+    gain: (m,)
     """
     return Repair(kind, text, changed, np.eye(len(card.observation)), gain, np.eye(gain.size))
 
@@ -91,7 +94,9 @@ def _signs(card: Deployment) -> Iterator[Repair]:
 
 
 def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Return the entry of an action in which the map contains factor * a in place of a."""
+    """Return the entry of an action in the deployment file with factor * a in place of a in its
+    map.
+    """
     map_of_action = entry.get("map", "trim + a")
     return {**entry, "map": re.sub(r"\ba\b", f"({factor!r} * a)", map_of_action)}
 
@@ -114,9 +119,9 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entry of an action with the box of `place`.
+    """Return the entry of an action in the deployment file with the box of another action.
 
-    Without a box in `place`, the result has no box.
+    place: entry of the other action; if it has no box, the result has none
     """
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
@@ -179,7 +184,10 @@ def _scales(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _divided(card: Deployment, scales: np.ndarray) -> dict[str, Any]:
-    """Return the table `observation` of a deployment with these scales."""
+    """Return the table `observation` of a deployment with other scales.
+
+    scales: scale of each observation, (k,)
+    """
     entries = zip(card.observation.items(), scales.tolist(), strict=True)
     return {name: {**entry, "scale": scale} for (name, entry), scale in entries}
 

@@ -34,14 +34,14 @@ _WHOLE = 1e-9
 
 
 class Chain(NamedTuple):
-    """System s⁺ = F s + G v, u = C s, closed by v = u.
+    """Sampled loop s⁺ = F s + G v with the command u = C s, closed by v = u.
 
     F: (N, N).
     G: (N, m).
     C: (m, N).
     states: number of aircraft states, the first entries of s.
     dt: sample time, s.
-    start: (N, states), s at the first sample per deviation of the states.
+    start: (N, states), matrix from the deviations of the states to s at the first sample.
     """
 
     F: np.ndarray
@@ -179,9 +179,11 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
 
 
 def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int) -> float:
-    """Return the first unstable delay, s, within the sample that ends at `samples`.
+    """Return the first unstable delay within one sample, s.
 
     The resolution is 1/`_PARTS` of a sample. Delays below the deployed delay are omitted.
+
+    samples: end of this sample, in samples; unstable as a delay
     """
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt
@@ -209,7 +211,10 @@ def margins(chain: Chain) -> Margins:
 
 
 def _closed_loop(chain: Chain) -> ClosedLoop:
-    """Return M = I/2 + C (z I - closed)⁻¹ G as a system in s, with z = (1 + s) / (1 - s)."""
+    """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s.
+
+    z is replaced by (1 + s) / (1 - s), which maps the axis s = jω to the unit circle.
+    """
     closed = chain.closed
     one = np.eye(len(closed))
     total = closed + one

@@ -150,7 +150,11 @@ def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
 
 
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
-    """Return the trim with one parameter or input changed."""
+    """Return the operating point with another value of one parameter or input.
+
+    name: the parameter or input
+    value: the new value
+    """
     model = point.model
     if name in model.parameters:
         return replace(point, model=model.with_parameters(**{name: value}), problem=None)

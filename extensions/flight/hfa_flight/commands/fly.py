@@ -60,8 +60,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the provenance of the model: the path of the discrete-time plant, or the aircraft.
-        """
+        """Return the provenance of the model: path of the discrete-time plant, or the aircraft."""
         return super().origin() if self.steps is None else {"model": str(self.steps)}
 
 

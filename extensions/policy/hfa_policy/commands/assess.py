@@ -53,7 +53,10 @@ _COMPARED = 5
 
 
 def _need(name: str, text: str) -> float:
-    """Return a required value.
+    """Return the required value that is typed after --need, a number of at least 0.
+
+    name: the requirement
+    text: the typed number
 
     Raises BadInputError for a name that is not in `NEEDS`, and for a negative value.
     """
@@ -67,9 +70,13 @@ def _need(name: str, text: str) -> float:
 
 
 def _half_width(model: Model, name: str, text: str) -> float:
-    """Return the half-width of the initial-condition box in a linear state.
+    """Return the typed half-width of the initial-condition box in a linear state, in the model's
+    units.
 
-    Raises BadInputError unless the half-width is positive.
+    name: the linear state
+    text: the typed number
+
+    Raises BadInputError for an unknown state, and unless the half-width is positive.
     """
     width = linear_state(model, name, text)
     if width <= 0.0:
@@ -78,9 +85,13 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Return the lowest and highest value of a parameter or an input, or nan for an unknown name.
+    """Return the lowest and highest value typed for a variation, in the model's units.
 
-    An unknown name is refused when the actions are known.
+    The result is (nan, nan) for a name that is neither a parameter nor an input. Such a name is
+    refused later, when the actions are known.
+
+    name: the parameter or input
+    text: the typed interval
     """
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
@@ -88,7 +99,10 @@ def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
 
 
 def _card_path(text: str) -> Path:
-    """Return the path of a deployment file or of a file with a critic."""
+    """Return the typed path of a deployment file, or of a file with a critic.
+
+    Raises BadInputError if the file is missing or has another suffix.
+    """
     return input_file(".toml", *critic_suffixes())(text)
 
 
@@ -215,7 +229,10 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return found
 
     def compared(self, deployment: Deployment) -> int:
-        """Return the number of flights at each trim that are compared with the best flights."""
+        """Return the number of flights at each trim to be compared with the best flights.
+
+        The default is 0 if the deployment has no cost.
+        """
         if self.best is not None:
             return self.best
         has_best_flights = "assess.best" in offered(PARTS)
@@ -244,9 +261,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 def _best_flights(
     request: AssessRequest, deployed: Deployed
 ) -> Callable[[AssessedPoint], BestCosts] | None:
-    """Return the function that compares flights at an assessed trim with the best flights.
+    """Return the function that compares the policy's flights at a trim with the best flights.
 
-    The result is None if no flights are to be compared.
+    Its argument is the result at the trim. None is returned if no flights are to be compared.
     """
     count = request.compared(deployed.deployment)
     if count == 0:
