@@ -277,7 +277,7 @@ class Episodes:
         return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """Return the CasADi Function from the row of a flight (`flights.py`) to observations, (k,)."""
+        """Return the CasADi Function from the row of a flight (`flights.py`) to observations."""
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])

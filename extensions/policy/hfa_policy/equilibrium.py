@@ -383,7 +383,7 @@ class EquilibriumSearch:
         return tuple(dict.fromkeys(names[number] for number in clipped))
 
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the inputs of the policy if X and U are constant over all samples in the history."""
+        """Return the inputs of the policy if X and U are constant over the whole history."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         return np.tile(o, self.deployed.deployment.history)
 
