@@ -103,9 +103,10 @@ def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _reason(parent: Element, child: Element) -> str:
-    """Return the reason why an unread child may be omitted, or "" for descriptive text.
+    """Return the reason why a child element that was not read may be omitted.
 
-    Raises BadInputError if the child may not be omitted.
+    The reason is "" for descriptive text, such as comments. Raises BadInputError if the child may
+    not be omitted.
     """
     name = child.name
     if name in _TEXT:
@@ -221,7 +222,7 @@ def _is_zero(writer: Writer) -> bool:
 
 
 def _of_prefix(name: str, reasons: dict[str, str]) -> str:
-    """Return the reason whose key is a prefix of the name, or "".
+    """Return the reason for the first prefix with which the name of a property begins, or "".
 
     reasons: prefix -> reason
     """

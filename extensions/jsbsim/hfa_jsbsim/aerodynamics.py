@@ -118,7 +118,10 @@ class Aerodynamics:
         return total
 
     def _to_body(self, frame: str) -> ca.SX:
-        """Return the rotation matrix (3, 3) from a frame to body axes."""
+        """Return the rotation matrix (3, 3) from a frame to body axes.
+
+        frame: "WIND" or "STABILITY"; any other frame is BODY
+        """
         if frame == "WIND":
             return self._motion.wind_to_body
         if frame == "STABILITY":
@@ -146,7 +149,10 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Return the lift, lb, which in JSBSim's frames is the lift of the previous frame."""
+        """Return the lift on which functions of the aerodynamics may depend, lb.
+
+        In a simulation with JSBSim's frames, this is the lift of the previous frame.
+        """
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()

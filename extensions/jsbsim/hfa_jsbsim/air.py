@@ -129,7 +129,7 @@ class Motion:
 
 
 def motion_of(x: Any, winds: Winds) -> Motion:
-    """Return the motion with its derived quantities.
+    """Return the motion of the aircraft with derived quantities, for given states and winds.
 
     x: object with the model's states as attributes
     """
@@ -275,7 +275,7 @@ def _full_turn(angle: Any) -> Any:
 
 
 def _sizes(metrics: Metrics) -> dict[str, Any]:
-    """Return name -> value of JSBSim's properties of geometry."""
+    """Return the values of JSBSim's properties of the geometry, by name such as metrics/bw-ft."""
     chord_area = metrics.chord * metrics.area
     span_area = metrics.span * metrics.area
     values = {

@@ -286,7 +286,12 @@ class Equations:
         return mass_properties(self.mass)[name]
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
-        """Define a property that is computed from the states when it is first read."""
+        """Define a property of the motion by a function, which is called when the property is first
+        read.
+
+        name: name of the property
+        compute: function without arguments that returns the value
+        """
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
@@ -309,7 +314,7 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Use throttle positions as inputs where the control system ignores the throttle commands.
+        """Use throttle positions as inputs for engines whose throttle command has no effect.
 
         A note reports this to the user.
         """
@@ -385,8 +390,8 @@ class Equations:
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
         """Define the property named by a function or a table, to be computed when it is first read.
 
-        If a property in `copyto` is read, BadInputError is raised, which asks for the function's
-        name.
+        The copy of the property named by `copyto` is not supported. Reading it raises
+        BadInputError.
 
         number: index of the engine that contains the function, or None
         order: position in JSBSim's order of evaluation

@@ -74,7 +74,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Tank:
-    """Tank.
+    """Tank for fuel or oxidizer, as described in the files.
 
     kind: "FUEL" or "OXIDIZER".
     contents: contents in the file, lb.
@@ -114,7 +114,7 @@ class Tank:
 
 @dataclass(frozen=True)
 class PointMass:
-    """Point mass.
+    """Point mass of the aircraft, such as a pilot or a payload.
 
     weight: lb.
     location: structural frame, inches.
@@ -273,7 +273,11 @@ def read_empty(element: Element) -> Body:
 
 
 def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
-    """Return the mass of the empty aircraft together with other bodies, as expressions."""
+    """Return weight, center of gravity and inertia of several bodies together, as expressions.
+
+    empty: the empty aircraft
+    others: tank contents and point masses
+    """
     bodies = [empty, *others]
     weight = sum((ca.SX(body.weight) for body in bodies), start=ca.SX(0.0))
     moment = sum((_column(body.location) * body.weight for body in bodies), start=ca.SX.zeros(3))

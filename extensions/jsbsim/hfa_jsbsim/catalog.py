@@ -106,7 +106,7 @@ def access(name: str) -> str:
 
 
 def of_component(name: str) -> bool:
-    """Return whether JSBSim creates a property of this name for a control-system component."""
+    """Return whether a property has a name that JSBSim gives to values of a control component."""
     return name.endswith(_OF_COMPONENTS)
 
 

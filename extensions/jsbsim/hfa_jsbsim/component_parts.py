@@ -55,13 +55,16 @@ def ends_of(element: Element) -> tuple[float, float]:
 
 
 def travels(component: Element) -> bool:
-    """Return whether a <kinematic> takes time to move between two detents."""
+    """Return whether a <kinematic> takes time to move between any two of its detents."""
     settings = component.need("traverse").all("setting")
     return any(setting.need("time").number() > 0.0 for setting in settings)
 
 
 def beyond(value: Any, width: Any) -> Any:
-    """Return a value after a deadband of this width, centered at 0."""
+    """Return a value after a deadband centered at 0: the part of the value outside the deadband.
+
+    width: width of the deadband
+    """
     half = 0.5 * width
     value = ca.SX(value)
     above = ca.if_else(value > half, value - half, 0.0)

@@ -176,7 +176,8 @@ def join_surface(
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     """Return the output of a component, within its limits.
 
-    The output is that of one frame in equations of a frame, else the steady-state output.
+    - In a simulation with JSBSim's frames: the output of dynamic components in this frame.
+    - Otherwise: the steady-state output, or an expression of filter states.
 
     Raises BadInputError if the component has no steady-state output.
     """

@@ -126,7 +126,10 @@ class EngineFile:
         return low + 0.6 * (high - low)
 
     def full_name(self, name: str) -> str:
-        """Return the full name of one of the engine's properties."""
+        """Return the full name of a property of this engine, such as propulsion/engine[0]/n1.
+
+        name: last part of the name
+        """
         return f"propulsion/engine[{self.number}]/{name}"
 
 
@@ -213,7 +216,7 @@ class Surroundings:
 
 
 def running(file: EngineFile, around: Surroundings) -> ca.SX:
-    """Return 1 if the engine runs, else 0, as an expression.
+    """Return an expression that is 1 if the engine runs and 0 if it does not.
 
     An engine runs if its parameter is positive and tanks feed it (`FGPropulsion::ConsumeFuel`). An
     electric engine needs no tank.
@@ -275,7 +278,9 @@ def placed(file: EngineFile, around: Surroundings) -> ca.SX:
 def pushed(
     file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
-    """Return the force, lb, and moment, ft lb, of a thrust along the thruster's axis, in body axes.
+    """Return the force, lb, and the moment about the center of gravity, ft lb, caused by a thrust.
+
+    The thrust acts along the axis of the thruster. Both results are in body axes, (3,).
 
     thrust: lb.
     location: point of action, inches, or None for the location of the thruster.
@@ -368,8 +373,8 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
 def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
     """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`).
 
-    The limiter acts once per frame. Outside frames, or without limiter or propeller, the throttle
-    is returned unchanged.
+    The limiter changes the throttle from frame to frame of JSBSim. In steady-state equations, and
+    without limiter or propeller, the throttle is returned unchanged.
     """
     given = throttle_of(file, around)
     properties = around.properties
@@ -448,7 +453,7 @@ def _augmented(
     """Return the thrust of a turbine with its afterburner, lb.
 
     dry_and_bled: thrust without afterburner, before and after the loss by bleed air
-    shares: name of a thrust function -> its value
+    shares: name of a thrust function -> its value as a fraction of the rated thrust
     """
     engine = file.engine
     dry, bled = dry_and_bled
@@ -520,7 +525,7 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
 def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     """Return the power of a turboprop, hp (`FGTurboProp::Run`).
 
-    Outside frames the torque limit is smooth.
+    In steady-state equations, the power at the torque limit is limited smoothly.
 
     Raises BadInputError if a table is missing.
     """

@@ -84,7 +84,10 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """Add the values stored for the next frame, and the stored values on which they depend."""
+        """Add the values that components store for the next frame to the results of the frame.
+
+        Stored values on which these values depend are added too.
+        """
         memories = self.properties.memories
         done = 0
         while done < len(memories):
@@ -425,7 +428,10 @@ def _column(values: Iterable[Any]) -> ca.SX:
 
 
 def _split(motion: Any) -> dict[str, Any]:
-    """Return name -> part of a vector of motion, such as attitude or position."""
+    """Return the parts of the vector of motion by name, such as attitude or position.
+
+    motion: variables of motion, (_SIZE,)
+    """
     parts = {}
     begin = 0
     for name, size in _MOTION.items():

@@ -16,14 +16,14 @@ from hfa_jsbsim.xml_file import Element
 
 
 class _Past:
-    """Values that a component stores from frame to frame."""
+    """Values that a component of the control system stores from one frame to the next."""
 
     def __init__(self, component: Element, properties: Properties) -> None:
         self._key = f"{component.where} {component.attributes.get('name', '')}"
         self._properties = properties
 
     def of(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """Return the symbol of the value of `compute` in the previous frame.
+        """Return the symbol of a stored value, as it was at the end of the previous frame.
 
         name: key of the value in the component
         compute: function without arguments that returns the value in this frame
@@ -31,7 +31,9 @@ class _Past:
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:
-        """Return `begin` in the first frame, and `value` in all later frames."""
+        """Return an expression that equals `begin` in the first frame and `value` in all later
+        frames.
+        """
         has_begun = self.of("begun", lambda: ca.SX(1.0))
         return ca.if_else(has_begun > 0.0, value, begin)
 
@@ -41,7 +43,7 @@ class _Past:
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
-    """Return Tustin's factors of a lag: for both inputs, and for the last output.
+    """Return Tustin's factors (c, d) of a first-order lag, y = c (u + u_last) + d y_last.
 
     rate: corner frequency, 1/s
     step: s
@@ -149,7 +151,11 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _slowed(component: Element, value: ca.SX, past: _Past, properties: Properties) -> ca.SX:
-    """Return a value within the rate limits of an actuator."""
+    """Return the input of an actuator within its rate limits.
+
+    value: the input
+    past: stored values of the actuator
+    """
     limits: dict[str, Any] = {}
     for child in component.all("rate_limit"):
         limit = properties.value(child.text, child)

@@ -286,7 +286,7 @@ class Table:
 
 
 def read_table(element: Element) -> Table:
-    """Return the content of a <table>, or of a <tableData> that contains others.
+    """Return the content of a <table>, or of a <tableData> that contains <tableData> elements.
 
     Raises BadInputError for missing or faulty data, fewer than two rows or columns, or breakpoints
     that do not increase.

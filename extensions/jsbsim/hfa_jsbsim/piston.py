@@ -98,16 +98,22 @@ def piston_power(
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
-    """Return a number from the engine's file, or the value that a system sets instead.
+    """Return a number of a piston engine, which the engine's file or a system can set.
 
-    default: value if the file does not contain the number
+    A value that a system sets takes precedence.
+
+    name: name of the number
+    default: value if neither sets the number
     """
     default_value = file.engine.value_of(name, default)
     return around.properties.read_or(file.full_name(name), default_value, file.mount.where)
 
 
 class _Breathing:
-    """Flow impedances of air box and throttle, computed from the pressures in the file."""
+    """Flow resistance of the air box and throttle of a piston engine.
+
+    The resistances are computed from the pressures in the engine's file.
+    """
 
     def __init__(self, engine: Element) -> None:
         self.stroke = engine.value_of("stroke", 4.375, "IN")

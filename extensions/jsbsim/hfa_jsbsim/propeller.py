@@ -84,10 +84,11 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 
 
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle, deg, and {state: time derivative} of a governed angle, else {}.
+    """Return the blade angle of a propeller, deg, and its time derivative as {state: derivative}.
 
-    The governor turns the blades at rpm - (wanted rpm), in deg/s. The limits of the angle are
-    reached within one frame and are equilibria.
+    The dictionary is empty if no governor changes the angle. A governor turns the blades at
+    rpm - (wanted rpm), in deg/s. The limits of the angle are reached within one frame and are
+    equilibria.
     """
     prop = file.thruster
     lowest = prop.value_of("minpitch", 0.0)

@@ -140,7 +140,7 @@ class Properties:
         self.centered = False
 
     def define(self, name: str, value: Any) -> None:
-        """Set a property to a value that later components of the control system may override."""
+        """Add a value of a property that components of the control system may override."""
         self._writers.setdefault(plain(name), []).append(Writer(lambda: value, "", order=-1))
 
     def define_initial(self, name: str, value: float) -> None:
@@ -195,7 +195,10 @@ class Properties:
         return self.memories[name].symbol
 
     def before(self, name: str) -> Any:
-        """Return a property at the end of the previous frame, or now outside frames."""
+        """Return the value of a property at the end of the previous frame.
+
+        In steady-state equations, the present value is returned.
+        """
         key = plain(name)
         if not self.step:
             return self.read(key, "")
@@ -205,9 +208,13 @@ class Properties:
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
     def read_commanded(self, name: str) -> Any:
-        """Return a command as JSBSim copies it to the position.
+        """Return the value of a pilot command that JSBSim copies to the position of the surface or
+        lever.
 
-        In frames, a command that a component sets has the value of the previous frame.
+        In a simulation with JSBSim's frames, this is the value of the previous frame if a component
+        sets the command.
+
+        name: name of the command
         """
         writer = self.writer(name)
         if self.step and writer is not None and writer.component is not None:
@@ -228,7 +235,7 @@ class Properties:
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
-        """Return the writer of a property that was added last, or None."""
+        """Return the last writer that was added for a property, or None if it has none."""
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 
@@ -280,10 +287,12 @@ class Properties:
         return self.value_of(before[-1] if before else writers[-1], key, where)
 
     def _is_late(self, key: str, before: list[Writer]) -> bool:
-        """Return whether the current component reads the property's value of the previous frame.
+        """Return whether a component reads the value of a property from the previous frame.
+
+        The component is the one that is evaluated now.
 
         key: name of the property
-        before: writers of the property that precede the current component
+        before: writers of the property that precede the component
         """
         if self._order == BEFORE_AIR:
             return key in _SET_IN_AIR
@@ -344,7 +353,7 @@ class Properties:
             return default
 
     def read_centered(self, name: str, commands: ca.SX) -> Any:
-        """Return the value of a property with all pilot commands and all integrators at 0.
+        """Return the value of a property with all pilot commands at 0 and all integrators at 0.
 
         commands: symbols of the commands
         """

@@ -35,9 +35,10 @@ class Reactions:
     def _begin(self, names: list[str], vector: np.ndarray | None) -> None:
         """Set the initial values of three properties to the components of a vector.
 
-        Without a vector, properties without a value are set to 0.
+        If `vector` is None, a property without a value is set to 0.
 
         names: names of the properties
+        vector: (3,), or None
         """
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):

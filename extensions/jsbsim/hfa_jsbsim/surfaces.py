@@ -43,10 +43,10 @@ def names_read_by(element: Element) -> list[str]:
 def cut_surfaces(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
 ) -> list[Note]:
-    """Make surfaces inputs whose commands act through an integrator or a closed loop.
+    """Replace pilot commands by surface positions as inputs where no steady-state relation exists.
 
-    Other properties that depend on such a command have their values for centered controls. Returns
-    notes for the user.
+    The command of such a surface acts through an integrator or a closed loop. Other properties that
+    depend on such a command receive their values for centered controls. Returns notes for the user.
 
     names: properties on which the aerodynamic forces depend
     inputs: inputs by name. A surface replaces the command of the same name.
@@ -90,10 +90,12 @@ def _surface(name: str) -> str:
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
-    """Return the limits of the component that sets a surface, infinite if unknown.
+    """Return the limits of a surface input, as given by the component that sets the surface.
 
-    The limits of an angle are in rad.
+    Unknown limits are infinite. The limits of an angle are in rad.
 
+    name: property that is read
+    surface: name of the surface
     sign: 1, or -1 if the surface moves opposite to its input
     """
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
@@ -108,10 +110,11 @@ def _limits(name: str, surface: str, properties: Properties, sign: float) -> tup
 
 
 def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) -> None:
-    """Set the properties of a surface in all units.
+    """Set the properties of a surface position in all its units, and of its magnitude.
 
     name: property that is read
-    value: rad for an angle
+    surface: name of the surface
+    value: position, rad for an angle
     """
     if not name.endswith(("-rad", "-deg")):
         properties.replace(name, value)
@@ -124,7 +127,9 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
 
 
 def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
-    """Replace throttle positions that do not depend on the throttle by the input, and return notes.
+    """Set the throttle positions that the control system does not connect to the throttle input.
+
+    Each such position equals the input. Returns notes for the user.
 
     engines: indices of the engines
     throttle: symbol of the input

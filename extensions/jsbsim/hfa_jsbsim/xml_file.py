@@ -136,7 +136,7 @@ class Element:
         )
 
     def as_number(self, text: str) -> float:
-        """Return the number in a text. Raises BadInputError for other text and infinite numbers."""
+        """Return the number in a text. Raises BadInputError unless it is one finite number."""
         value = number_of(text)
         if value is None:
             raise self.error(f"<{self.name}> contains {shortened(text)!r}; give a number")
@@ -145,7 +145,11 @@ class Element:
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:
-        """Return the number in the first child of this name, or the default without one."""
+        """Return the number in the first child of this name, or the default if there is no such
+        child.
+
+        unit: unit of the result, or "" for no conversion
+        """
         child = self.find(name)
         return default if child is None else child.number(unit)
 
@@ -265,7 +269,7 @@ def parsed(text: bytes, file: str) -> Element:
 
 
 def _strip(element: Element) -> None:
-    """Join the pieces of each line of text, in an element and in all elements below it.
+    """Join the pieces of text on each line of an element, and of all elements inside it.
 
     White space around lines and empty lines are removed.
     """

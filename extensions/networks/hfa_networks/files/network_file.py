@@ -176,13 +176,15 @@ def network_in(
 def _refuse_unread(
     found: Mapping[str, Parts], networks: Mapping[str, list[Layer]], name: str
 ) -> None:
-    """Raise BadInputError if a tensor that is not read may act on the network `name`.
+    """Raise BadInputError if one network in a file cannot be read completely.
 
-    Also raises BadInputError if the normalizer or the squash does not have one entry for each input
-    or output of the network.
+    - A tensor that is not read may act on this network.
+    - The normalizer does not have one entry for each input of the network.
+    - The squash does not have one entry for each output of the network.
 
-    found: name -> tensors of a network, by function
-    networks: name -> layers of a network, in order
+    found: name of each network -> its tensors, by function
+    networks: name of each network -> its layers, in order
+    name: name of the network to be checked
     """
     read = {tensor for parts in found.values() for tensor in parts.layers}
     others = {key: array for key, array in found[name].others.items() if key not in read}
@@ -443,7 +445,10 @@ def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
 
 
 def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
-    """Return the function x (N, n) -> (N, k) that normalizes x and then calls `on_rows`."""
+    """Return the function x (N, n) -> (N, k) of a network for many rows, with its normalizer.
+
+    on_rows: function of normalized x, (N, n) -> (N, k)
+    """
 
     def normalized_first(x: np.ndarray) -> np.ndarray:
         normal = (x - normalizer.mean) / normalizer.deviation

@@ -401,14 +401,16 @@ def _evaluate(
     operators: Mapping[str, Callable[..., Any]],
     arrays: dict[str, Any],
 ) -> tuple[list[str], str]:
-    """Evaluate the nodes and add their results to `arrays`.
+    """Evaluate the nodes of a graph in order, and add their results to `arrays`.
 
-    Returns the operators that depend on the network's inputs, with the sizes of their results, and
-    the lowest precision of the nodes' constants. Raises BadInputError for an unsupported operator
-    and for results with too many numbers.
+    Returns two results:
+    - the operators that depend on the network's inputs, with the sizes of their results
+    - the lowest precision of the nodes' constants
 
     operators: name -> function of the operator
     arrays: name -> array of each input and constant
+
+    Raises BadInputError for an unsupported operator and for results with too many numbers.
     """
     steps = []
     precision = "float64"
@@ -502,7 +504,7 @@ def check_width(width: int, states: int, inputs: int) -> None:
 def _constants(
     onnx: Any, tensors: Mapping[str, Any], folder: Path | None = None
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Return the arrays of ONNX tensors by name, and their precision.
+    """Return the arrays of ONNX tensors by name, and the precision of their weights.
 
     folder: folder of the files that may contain the data of a tensor
     """

@@ -60,7 +60,13 @@ class Products:
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
     def rows(self, outputs: np.ndarray) -> RowNetwork | None:
-        """Return the function x (N, n) -> (N, k) of all rows, or None if no product is large."""
+        """Return the function of many states x (N, n) -> `outputs` (N, k), or None if no product is
+        large.
+
+        The large products are computed by NumPy for all states together.
+
+        outputs: array of CasADi scalars, k in total
+        """
         if not self._factors:
             return None
         steps = []
@@ -81,14 +87,21 @@ class Products:
         return on_rows
 
     def _value(self, entries: ca.SX, values: list[ca.MX]) -> ca.MX:
-        """Return `entries` as an expression of the values of the symbols."""
+        """Return an expression in terms of x and the large products, evaluated at given values.
+
+        entries: the expression, a column of CasADi scalars
+        values: values of x and of the first products, in the order in which they were formed
+        """
         part, places = self._part(entries, len(values))
         return part(*(values[place] for place in places))
 
     def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
-        """Return a function for `entries`, and the positions of its arguments among the symbols.
+        """Return a CasADi Function that computes an expression from x and the large products.
 
-        The arguments are x and each of the first `count` symbols on which `entries` depends.
+        The second result lists the positions of its arguments among x and the products.
+
+        entries: the expression, a column of CasADi scalars
+        count: number of symbols, x and the first products, that may occur in the expression
         """
         places = [0]
         for place in range(1, count):

@@ -245,7 +245,7 @@ def _has_word(name: str, part: str) -> bool:
 
 
 def _grouped(tensors: Tensors) -> dict[str, dict[str, np.ndarray]]:
-    """Return module -> {name within the module: tensor}."""
+    """Return the tensors of a state dict by module: module -> {name within the module: tensor}."""
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, array in tensors.items():
         stem, _, leaf = name.rpartition(".")

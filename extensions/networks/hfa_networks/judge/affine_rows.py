@@ -153,7 +153,11 @@ class _Reader:
         return {self._node("step", row): _ONE}
 
     def _has_both_sides(self, step: Row, total: Row) -> bool:
-        """Return whether `step` is the step of some t and `total - step` is the step of -t."""
+        """Return whether two rows are the steps of opposite arguments, t and -t.
+
+        step: the first row
+        total: sum of both rows
+        """
         others = _plus(total, step, -_ONE)
         arguments = []
         for row in (step, others):
@@ -215,7 +219,12 @@ class _Reader:
         return self._monomials[powers]
 
     def _node(self, kind: str, *rows: Row) -> int:
-        """Return the variable of a node, and add the node unless it has one argument and exists.
+        """Return the variable of a nonlinear operation.
+
+        A node is added for the operation, unless it has one argument and its node exists.
+
+        kind: kind of the `Node`
+        rows: rows of its one or two arguments
 
         Raises NotReadError if there are too many nodes.
         """

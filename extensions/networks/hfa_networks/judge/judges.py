@@ -22,6 +22,8 @@ def in_time(
 ) -> Findings:
     """Return the findings on a critic in continuous time, over the box |z_i| <= b_i.
 
+    exact: exact solution of the game
+    b: half-widths of the box, (n,)
     limit: largest relative error that passes
     scope: duration of the proof, number of simulations and further settings
     """
@@ -33,6 +35,8 @@ def in_steps(
 ) -> Findings:
     """Return the findings on a critic in discrete time, over the box |z_i| <= b_i.
 
+    exact: exact solution of the game
+    b: half-widths of the box, (n,)
     limit: largest relative error that passes
     scope: duration of the proof, number of simulations and further settings
     """

@@ -459,7 +459,9 @@ def flown_losses(
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
     """Return random initial conditions in the box |z_i| <= b_i, (count, n).
 
-    Rows 0, 2, 4, ... are corners of the box.
+    Every second initial condition, beginning with the first, is a corner of the box.
+
+    b: (n,)
     """
     starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])

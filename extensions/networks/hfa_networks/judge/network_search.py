@@ -140,7 +140,10 @@ class Comparison(NamedTuple):
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
-    """Return the sizes, each at least `SMALL` times the largest, or 1 if all are 0."""
+    """Return the largest magnitudes of several quantities, bounded below, as scales of errors.
+
+    The lower bound is `SMALL` times the largest of them. If all are 0, the scales are 1.
+    """
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 

@@ -175,10 +175,10 @@ _Blocks = dict[int, np.ndarray]
 
 
 class _Group(NamedTuple):
-    """Nodes of one kind and level.
+    """Nodes of one kind and level, evaluated together.
 
     kind: kind of the nodes.
-    arguments: for each argument, the rows of all nodes.
+    arguments: for each argument, its rows for all nodes, as returned by `_blocks`.
     """
 
     kind: str
@@ -289,9 +289,10 @@ class Relaxation:
         return Bounds(height + reach + rest, height + reach - rest, corner, gaps)
 
     def _rounded(self, line: Lines, group: _Group, sizes: list[np.ndarray]) -> Lines:
-        """Return the enclosure with the rounding error of its evaluation added to the radius.
+        """Return linear enclosures of nodes, enlarged by the rounding error of their evaluation.
 
-        group: nodes of the enclosure
+        line: enclosures without rounding error
+        group: the nodes
         sizes: for each group of variables, the bounds on |v|, (boxes, variables)
         """
         rounding = np.abs(line.constant)
@@ -301,9 +302,11 @@ class Relaxation:
         return line._replace(radius=np.where(rounding <= _LARGEST, radius, np.inf))
 
     def _back(self, blocks: _Blocks, sizes: list[np.ndarray], lines: list[Lines]) -> _Affine:
-        """Return rows of all variables as rows of the inputs alone.
+        """Return rows of inputs and nodes as rows of the inputs alone, with radii.
 
-        blocks: the rows, in blocks by group
+        The nodes are replaced by their linear enclosures, from the last group to the first.
+
+        blocks: the rows, as returned by `_blocks`
         sizes: for each group, the bounds on |v|, (boxes, variables)
         lines: enclosures of the nodes of each group
         """
@@ -329,11 +332,11 @@ class Relaxation:
     def _range(
         self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middle and the half-width of each row's range, (boxes, rows) each.
-
-        The range is over each box.
+        """Return the middle and the half-width of the range of each row over each box, (boxes,
+        rows) each.
 
         affine: the rows, as rows of the inputs
+        centres, half_widths: (boxes, n)
         """
         middle = affine.constant + np.matmul(affine.slopes, centres[:, :, None])[:, :, 0]
         sizes = np.abs(affine.slopes)
@@ -345,7 +348,7 @@ class Relaxation:
 def _blocks(
     rows: Iterable[Row], positions: Mapping[int, tuple[int, int]], widths: Sequence[int]
 ) -> _Blocks:
-    """Return the coefficients of rows as group -> matrix (rows, width of the group).
+    """Return the coefficients of rows as matrices: group of variables -> (rows, variables).
 
     positions: variable -> (group, column)
     widths: number of variables of each group
@@ -364,6 +367,7 @@ def _blocks(
 def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
     """Return Σ_j |w_j| |v_j| for each row w, (boxes, rows).
 
+    blocks: coefficients w, as returned by `_blocks`
     sizes: for each group, the bounds on |v_j|, (boxes, variables)
     """
     terms = [sizes[group] @ np.abs(block).T for group, block in blocks.items()]
@@ -371,9 +375,10 @@ def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _times(stack: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return stack @ matrix.
+    """Return the matrix product stack @ matrix, (boxes, rows, columns).
 
     stack: (boxes, rows, inner)
+    matrix: (inner, columns)
     """
     boxes, rows, inner = stack.shape
     return (stack.reshape(boxes * rows, inner) @ matrix).reshape(boxes, rows, -1)
