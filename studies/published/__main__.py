@@ -35,10 +35,10 @@ as printed: all 20 entries
 ...
 ```
 
-`python -m studies.published` checks the [files with the printed
-digits](../studies/published/sources) of all solutions and writes the [verdict on each
-solution](../studies/published/results.csv). The table shows the number of
-published solutions with each [verdict](critics.md#a-printed-answer).
+`python -m studies.published` checks all [files with published
+solutions](../studies/published/sources) and writes a [verdict for each
+file](../studies/published/results.csv). The table shows the number of files with each
+[verdict](critics.md#a-printed-answer).
 """
 
 
