@@ -14,7 +14,7 @@ from hfa_support.version import VERSION
 
 
 def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
-    """Return the program version and a hash of the settings that determine a result.
+    """Return the version of this project and a hash of the settings that determine a result.
 
     decides: the settings, JSON values
     """
@@ -22,8 +22,9 @@ def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of a finished part with its stamp and a digest, as JSON values.
+    """Return a finished part of a computation with its stamp and a digest, as JSON values.
 
+    content: results of the finished part
     decides: settings that determine the content
     """
     whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
@@ -71,7 +72,7 @@ def row_by_row(
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Return a SHA-256 digest of the content without its digest and provenance.
+    """Return a SHA-256 digest of a finished part, computed without its own digest and provenance.
 
     Equal results have equal digests.
     """

@@ -51,10 +51,11 @@ _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 
 
 def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
-    """Return the best flight found from x(0), together with the flights of three policies.
+    """Return the best flight found from the paper's x(0), together with flights of three policies.
 
     The policies are the exact LQR, a critic learned as by `hfa learn`, and the exact game policy.
 
+    linear: linear model at the trim
     limits: name of a state -> (lowest, highest)
     """
     game = hfa.paper.published_game(linear)
@@ -74,9 +75,11 @@ def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, flo
 
 
 def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
-    """Return the stored data of the flights at one dihedral angle within one set of limits.
+    """Return the data stored for the flights at one dihedral angle within one set of limits.
 
+    degrees: dihedral angle
     name: name of the set of limits
+    best: the best flight and the flights of the policies
     """
     linear, learned, exact = best.policies
     return {
@@ -95,7 +98,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
 
 
 def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
-    """Return name -> [lowest, highest] for the variables of the envelope and the free inputs."""
+    """Return [lowest, highest] of each state in the envelope and of each moving input, by name."""
     envelope = problem.envelope
     pairs = zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True)
     limits = {name: list(pair) for name, pair in zip(envelope.names, pairs, strict=True)}
@@ -106,7 +109,7 @@ def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
 
 
 def study() -> tuple[FlightsData, list[BestFlight]]:
-    """Return (data to store, flights) for all dihedral angles and sets of limits."""
+    """Return the data to store and the flights, for all dihedral angles and sets of limits."""
     aircraft = hfa.aircraft()
     models = [hfa.paper.level_model(aircraft, np.radians(degrees)) for degrees in DEGREES]
     flown = []
@@ -126,7 +129,7 @@ def study() -> tuple[FlightsData, list[BestFlight]]:
 
 
 def drawn(flights: Sequence[BestFlight]) -> Figure:
-    """Draw a column of panels for each dihedral angle.
+    """Return a figure with a column of panels for each dihedral angle.
 
     Each panel shows one signal of the best flight found and of the exact game policy.
     """
@@ -145,7 +148,9 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
 
 
 def _draw(axes: Axes, best: BestFlight, name: str) -> None:
-    """Draw one signal of the best flight found and of the exact game policy, with its limits."""
+    """Draw a signal of the best flight found and of the exact game policy, with its limits, in a
+    panel.
+    """
     unit = best.model.unit(name)
     limits = shown_values(np.array(limits_of(best.problem)[name]), unit)
     exact = best.compared[-1]

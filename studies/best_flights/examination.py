@@ -1,6 +1,6 @@
 """Best flights of twelve aircraft from many random initial conditions.
 
-The study counts the flights that are found and the reasons why others are refused. The cost of each
+The study counts the flights that are found, and the failed searches by reason. The cost of each
 flight is computed again by an integrator of SciPy with the model's equations. The study writes
 FOLDER/examination.json after each aircraft, and an interrupted run can be continued.
 """
@@ -71,7 +71,9 @@ def problem_of(source: str) -> FlightProblem:
 
 @cache
 def rates_of(problem: FlightProblem) -> BoundFunction:
-    """Return the function (X, U) -> dX/dt from the equations of the model."""
+    """Return the function from states X and inputs U to dX/dt, made from the equations of the
+    model.
+    """
     model = problem.model
     X = ca.SX.sym("X", len(model.states))
     U = ca.SX.sym("U", len(model.inputs))
@@ -83,9 +85,10 @@ def rates_of(problem: FlightProblem) -> BoundFunction:
 def independent_cost(problem: FlightProblem, flown: Flown) -> float:
     """Return the cost of a flight, computed by SciPy's DOP853 with the equations of the model.
 
-    The inputs of the flight are interpolated linearly. The linear policy, acting on the deviation
-    from the flight's states, prevents the growth of rounding errors. Inputs are saturated at their
-    limits. The linear optimum's cost of the final state is added.
+    The inputs of the flight are interpolated linearly and corrected by the linear policy, which
+    acts on the deviation from the states of the flight. The correction prevents the growth of
+    rounding errors. The inputs are saturated at their limits. The cost of the final state under the
+    linear optimum is added.
     """
     trim_x = np.array(problem.point.states)
     trim_u = np.array(problem.point.inputs)
@@ -122,8 +125,9 @@ def independent_cost(problem: FlightProblem, flown: Flown) -> float:
 
 
 def examined(name: str, source: str, count: int) -> dict[str, Any]:
-    """Search for the best flights of one aircraft and return its row of the results.
+    """Return the results for one aircraft: best flights from random initial conditions.
 
+    name: name of the aircraft in the results
     source: "published", "newton" or a file of an aircraft
     count: number of initial conditions
     """
@@ -156,9 +160,10 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return counts, largest errors, median cost ratio, mean time, and the flights.
+    """Return the summary of an aircraft's flights: counts, largest errors, median cost ratio and
+    times.
 
-    The mean processor time excludes the first flight.
+    The mean processor time excludes the first flight. The summary also contains all flights.
     """
     found = [each for each in flights if "cost" in each]
     lost = [each["linear_over_best"] is None for each in found]

@@ -1,8 +1,8 @@
 """Proved lower bounds on the cost for five aircraft, compared with simulated flights.
 
 The bounds are compared with the best flights found from random initial conditions, and with many
-other flights. The study takes a quarter of an hour. It writes FOLDER/bounds.json after each
-aircraft, and an interrupted run can be continued.
+flights of other control laws. The study takes a quarter of an hour. It writes FOLDER/bounds.json
+after each aircraft, and an interrupted run can be continued.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Bounded(NamedTuple):
     """An aircraft of the study.
 
     model: function that returns the aircraft
-    degree: degree of the bound W
-    margin: margin of W
+    degree: degree of the bound W, a polynomial
+    margin: relative distance of W below the linear quadratic cost
     flights: number of flights compared with the bound
     """
 
@@ -56,7 +56,7 @@ AIRCRAFT = {
 
 
 def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any]:
-    """Prove a lower bound for one aircraft, compare it with flights, and return the row.
+    """Return the results for one aircraft: a proved lower bound, compared with flights.
 
     starts: number of initial conditions of best flights
     flights: number of other flights, or None for the default of the aircraft

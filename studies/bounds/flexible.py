@@ -34,7 +34,10 @@ def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 def envelope(x: Any, p: Any) -> dict[str, tuple[float, float]]:
-    """Return state -> (lowest, highest), the paper's limits about a trim, without the altitude."""
+    """Return the paper's limits of each state about a trim, state -> (lowest, highest).
+
+    The altitude is omitted.
+    """
     limits_about = _PAPER.extras.envelope
     assert limits_about is not None
     limits = limits_about(_AtAltitude(x), p)

@@ -1,4 +1,4 @@
-"""Many simulated flights to the trim, whose costs must not be below a proved lower bound."""
+"""Costs of many simulated flights to the trim, for the comparison with a proved lower bound."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class FlownAbove(NamedTuple):
 def flown_above(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
 ) -> FlownAbove:
-    """Compare the costs of at least `flights` flights that end at the trim with a lower bound.
+    """Return the costs of at least `flights` flights to the trim, compared with a lower bound.
 
     Half of the flights begin on the faces of the usual box. Pulses are added to the inputs. Three
     control laws are used in turn:
@@ -125,9 +125,11 @@ def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> 
     """Return the function (z, pulse, settings) -> (z after a step, cost of the step).
 
     The step is a fourth-order Runge-Kutta step with constant, saturated inputs. The cost is
-    integrated by Simpson's rule. settings[0] is 1 for the inputs that minimize the running cost
-    plus the rate of the bound, linearized in the inputs, or 0 for the linear gain. settings[1:] are
-    factors on the rows of the gain.
+    integrated by Simpson's rule.
+
+    - settings[0] is 0 for the linear gain. It is 1 for the inputs that minimize the running cost
+      plus the rate of the bound, linearized in the inputs.
+    - settings[1:] are factors on the rows of the gain.
     """
     n, m = len(problem.states), len(problem.inputs)
     z, pulse, settings = ca.SX.sym("z", n), ca.SX.sym("pulse", m), ca.SX.sym("settings", 1 + m)

@@ -41,9 +41,10 @@ Columns = dict[str, np.ndarray]
 
 
 def flown(model: Model) -> Columns:
-    """Simulate a 3-2-1-1 elevator input (2 deg, 0.4 s per unit) and return the record's columns.
+    """Return the columns of a simulated record with a 3-2-1-1 elevator input (2 deg, 0.4 s per
+    unit).
 
-    The integrator is SciPy's, and the record has no noise.
+    SciPy integrates the equations. The record has no noise.
     """
     point = find_operating_point(model)
     time = np.arange(0.0, _SECONDS, _INTERVAL)
@@ -66,7 +67,9 @@ def flown(model: Model) -> Columns:
 
 
 def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
-    """Return the columns with sensor noise whose autocorrelation is pole^lag."""
+    """Return the columns of a record with added sensor noise, whose autocorrelation at a lag is
+    pole^lag.
+    """
     random = np.random.default_rng(seed)
     noisy = dict(columns)
     for name, size in SENSORS.items():
@@ -102,7 +105,9 @@ def coverage(model: Model, columns: Columns, count: int, pole: float, first: int
 
 
 def faults() -> Iterator[tuple[str, str, Callable[[np.ndarray], np.ndarray]]]:
-    """Yield (description of a fault, column, function that plants the fault in the column)."""
+    """Yield each fault: its description, the column, and the function that changes the column's
+    values.
+    """
     for column in ("alpha", "pitch_rate", "pitch", "elevator"):
         yield "degrees", column, np.degrees
         yield "sign", column, np.negative

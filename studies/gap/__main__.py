@@ -64,7 +64,7 @@ def train_missing(runs: Sequence[Run]) -> None:
 
 
 def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]:
-    """Return the results of the flights of an aircraft's policies.
+    """Return the results of the flights of all trained policies of an aircraft.
 
     Stored results are reused if the policy files and the settings are unchanged.
     """
@@ -91,7 +91,10 @@ def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]
 
 
 def rows_of(aircraft: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Return the table rows of an aircraft: the LQR, then each algorithm with all its seeds."""
+    """Return the table rows of an aircraft: one for the LQR, then one for each algorithm.
+
+    The row of an algorithm summarizes the training runs of all seeds.
+    """
     starts = aircraft["starts"]
     rows = [_row(aircraft["aircraft"], "LQR, saturated", [aircraft["lqr"]], starts)]
     for algorithm in BUDGETS:
@@ -121,11 +124,11 @@ def _row(
 
 
 def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
-    """Return the median of the seeds' medians, or the largest of their worst ratios, as text.
+    """Return a cost ratio of one algorithm over all its training runs, as text.
 
-    summaries: results of the training runs of one algorithm
+    summaries: results of the training runs
     key: "over_best" or "over_lqr"
-    which: "median" or "worst"
+    which: "median" for the median of the runs' medians, "worst" for the largest ratio of any run
     """
     values = [each[key][which] for each in summaries if each[key] is not None]
     if not values:
@@ -134,7 +137,8 @@ def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
 
 
 def drawn(aircraft: Sequence[dict[str, Any]]) -> Figure:
-    """Draw each policy's median cost relative to the best flight found, a row per aircraft.
+    """Return a figure of each policy's median cost relative to the best flight, with a row per
+    aircraft.
 
     A policy that always leaves the envelope is drawn at the right edge.
     """

@@ -44,11 +44,11 @@ class Outcome:
 
 
 def judged(task: Task, runs: Sequence[Run], progress: Progress | None = None) -> dict[str, Any]:
-    """Simulate the policies of an aircraft and return their results.
+    """Return the results of simulated flights of an aircraft's policies.
 
     All flights begin at the initial conditions of the best flights.
 
-    runs: the trained policies
+    runs: training runs of the policies
     """
     point = task.point()
     problem = flight_problem(point.model, point, *cost_of(point))

@@ -1,9 +1,9 @@
 """Aircraft of the study, and the rule that derives the deployment of a policy from the aircraft.
 
 All states of the linear model are observed, scaled by the half-widths of the initial-condition box.
-Each input can move in both directions as far as its nearer limit. The cost follows Bryson's rule,
-with weight 1 for a state at its half-width and an input at its limit. No setting is chosen for a
-single aircraft.
+Each input can move in both directions by the distance from the trim to its nearer limit. The cost
+follows Bryson's rule, with weight 1 for a state at its half-width and an input at this distance. No
+setting is chosen for a single aircraft.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Task:
     hold: Mapping[str, float] = field(default_factory=dict)
 
     def point(self) -> OperatingPoint:
-        """The trim of the aircraft."""
+        """Return the trim of the aircraft at the values in `hold`."""
         model = hfa.aircraft() if self.aircraft is None else hfa.load_model(self.aircraft)
         return hfa.find_operating_point(model, hold=dict(self.hold))
 
@@ -73,20 +73,24 @@ def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Depl
 
 
 def cost_of(point: OperatingPoint) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the diagonals of Q and R by Bryson's rule, each as name -> weight."""
+    """Return the diagonals of Q and R by Bryson's rule, as weights by name of the state or
+    input.
+    """
     Q = {name: width**-2 for name, width in _widths(point).items()}
     R = {name: reach**-2 for name, reach in _reaches(point).items()}
     return Q, R
 
 
 def _widths(point: OperatingPoint) -> dict[str, float]:
-    """Return name -> half-width of the initial-condition box for the states of the linear model."""
+    """Return the half-width of the initial-condition box in each state of the linear model, by
+    name.
+    """
     model = point.model
     return dict(zip(model.linear, start_box(model, point).tolist(), strict=True))
 
 
 def _reaches(point: OperatingPoint) -> dict[str, float]:
-    """Return name -> distance of the trim from the nearer limit for each input."""
+    """Return the distance of each input from the trim to its nearer limit, by name."""
     reaches = {}
     for name, signal in point.model.inputs.items():
         value = float(getattr(point.inputs, name))

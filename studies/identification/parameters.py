@@ -1,7 +1,7 @@
 """Identification of the aircraft from the printed matrices by weighted least squares.
 
-The unknowns are the parameters. The trim inputs, which are not printed, are functions of the
-parameters and are solved for at every step. Each printed entry is weighted by half a unit of its
+The unknowns are the parameters. The trim inputs are not printed. They are functions of the
+parameters and are computed at every step. Each printed entry is weighted by half a unit of its
 last digit.
 """
 
@@ -361,7 +361,8 @@ class _Problem:
         return list(z * self._system.scales)
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (entry - print) / half unit for entries that depend on θ, and the Jacobian.
+        """Return (entry - print) / half unit for each printed entry that depends on θ, and the
+        Jacobian.
 
         The Jacobian includes the change of the trim. The last result is cached, because the solver
         requests values and Jacobian separately.
@@ -432,11 +433,11 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
-    """Return the covariance of the rounding errors of the entries, in half units².
+    """Return the covariance of the rounding errors of the printed entries, in half units².
 
     The rounding error of an entry, uniform within ±h, has the variance h²/3. Entries with equal
     derivatives are the same number printed at both angles, for example B(speed, throttle). Their
-    rounding errors are equal, so the second one contains no further information.
+    rounding errors are equal, and the second entry contains no further information.
 
     relative: Jacobian of the entries with respect to relative parameters
     """

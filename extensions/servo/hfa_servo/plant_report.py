@@ -73,7 +73,7 @@ class PlantSolution(Result, Reported):
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """Name of each matrix of the controller -> names of its rows and columns."""
+        """Names of the rows and columns of each matrix of the controller, by name of the matrix."""
         raise NotImplementedError
 
     def report(self) -> Report:
@@ -95,7 +95,7 @@ class PlantSolution(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """Return a table with one row for each entry of each matrix."""
+        """Return a table with one row for each entry of each matrix of the controller."""
         rows = []
         for name, (row_names, column_names) in self.matrices.items():
             matrix = getattr(self.solution, name)
@@ -130,7 +130,7 @@ class OutputSolution(PlantSolution):
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """Name of each matrix of the controller -> names of its rows and columns."""
+        """Names of the rows and columns of each matrix of the controller, by name of the matrix."""
         own = numbered("xk", len(self.solution.Ak))
         measured = numbered("y", self.solution.Bk.shape[1])
         inputs = numbered("u", len(self.solution.Ck))
@@ -167,18 +167,18 @@ class StateSolution(PlantSolution):
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """P and K -> names of their rows and columns."""
+        """Names of the rows and columns of P and of K."""
         states = numbered("x", len(self.solution.P))
         inputs = numbered("u", len(self.solution.K))
         return {"P": (states, states), "K": (inputs, states)}
 
 
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
-    """Return the report on the controller of a generalized plant.
+    """Return the report on the certified controller of a generalized plant in a file.
 
     file: file of the plant, for messages
     arrays: content of the file
-    delta: bound of the gain, or None for that of the file
+    delta: bound of the gain, or None for the bound in the file
 
     Raises NoSolutionError if there is no certified controller.
     """
@@ -190,9 +190,9 @@ def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Rep
 def solution_of_plant(
     plant: GeneralizedPlant, delta: float | None, origin: str, notes: Sequence[str] = ()
 ) -> PlantSolution:
-    """Return the certified controller of a generalized plant.
+    """Return the certified controller of a generalized plant, with delta_min and the closed loop.
 
-    delta: bound of the gain; by default `USUAL_MARGIN` times delta_min, or 1 if delta_min is 0
+    delta: bound of the gain, or None for `USUAL_MARGIN` times delta_min, or 1 if delta_min is 0
     origin: name of the plant
     notes: notes on the file of the plant
 

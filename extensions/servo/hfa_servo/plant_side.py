@@ -1,10 +1,11 @@
-"""The control side of a generalized plant as a game.
+"""The control side of a generalized plant, converted to a game.
 
 The filter side is the control side of the transposed plant. Completing the squares in u and then
 in w converts the Riccati equation of a side to that of a `Game`. [C D] is split into a part that u
-can cancel and a remainder. The feedthrough of the remainder becomes a change of A, E and C. The
-cancellation causes rounding errors proportional to the canceled terms, which are stored with the
-game. Source: Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2.
+can cancel and a remainder. The feedthrough of the remainder changes A, E and C of the game. The
+cancellation causes rounding errors proportional to the canceled terms. The magnitudes of these
+terms are stored with the game. Source: Zhou, Doyle and Glover, Robust and Optimal Control, Theorem
+17.1 and Section 17.2.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from hfa_discrete.feedthrough import without_feedthrough
 
 
 class Reduced(NamedTuple):
-    """Problem with the input v, u = v - N⁺ (C x + D w), in which the cost of the input is v'N'N v
-    alone.
+    """Side of a generalized plant without cross terms, for the input v with u = v - N⁺ (C x + D w).
+
+    The cost of v is v'N'N v.
 
     past: N⁺
-    A, E, C, D: matrices of the problem
+    A, E, C, D: matrices of the reduced side
     """
 
     past: np.ndarray
@@ -49,8 +51,8 @@ class Side(NamedTuple):
     N: np.ndarray
 
     def reduced(self) -> Reduced:
-        """Return the problem without cross terms: only v has a cost, and the remaining cost depends
-        on x and w.
+        """Return the side without cross terms, in which the cost is a sum of terms in v and in
+        (x, w).
         """
         past, rest = self._split()
         into = self.B @ past
@@ -67,7 +69,8 @@ class Side(NamedTuple):
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
     def form(self, delta: float) -> NormalForm:
-        """Return the normal form of the game at δ, with bounds on its rounding errors.
+        """Return the normal form of the game at δ, with bounds on the rounding errors of its
+        matrices.
 
         The bounds are the magnitudes of the terms from which the matrices of the game are computed.
         """
@@ -76,7 +79,10 @@ class Side(NamedTuple):
         return replace(form, made_of=sizes)
 
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return F1 of the worst w = F1 x and F2 of the best u = F2 x, for the value x'X x."""
+        """Return F1 of the worst disturbance w = F1 x and F2 of the best input u = F2 x.
+
+        X: (n, n), matrix of the value x'X x
+        """
         past, _, E, C, D = self.reduced()
         F1 = np.linalg.solve(
             np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2
@@ -98,8 +104,8 @@ class Side(NamedTuple):
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
 
     def _sizes(self, delta: float) -> Sizes:
-        """Return the sums of absolute terms in `reduced` and `without_feedthrough`, for each
-        matrix.
+        """Return for each matrix of the game the sums of absolute values of the terms of its
+        entries.
         """
         past, rest = self._split()
         into = np.abs(self.B) @ np.abs(past)

@@ -193,7 +193,7 @@ class ScheduledController(ByValue, Reported):
         return GainSchedule(self.breakpoints, gains, self.model)
 
     def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
-        """Raise BadInputError if the controller was made for another model or does not cover a
+        """Raise BadInputError if the controller was made for another model, or does not cover a
         range.
 
         lowest, highest: range of the scheduling variable
@@ -221,7 +221,10 @@ class ScheduledController(ByValue, Reported):
             )
 
     def _between(self, first: float, last: float) -> str:
-        """Return a range as text, such as "5 to 20 deg"."""
+        """Return a range of the scheduling variable as text, such as "5 to 20 deg".
+
+        first, last: ends of the range
+        """
         schedule = self.model.schedule
         lowest = shown_value(first, self.model.unit(schedule))
         return f"{lowest} to {self.model.describe(schedule, last)}"
@@ -253,7 +256,7 @@ class ScheduledController(ByValue, Reported):
         return Report(title, (self._summary(limit), table), data=self._data())
 
     def _where(self) -> str:
-        """Return the number of breakpoints and their range as text."""
+        """Return a text with the number of breakpoints and their range."""
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:
@@ -280,8 +283,9 @@ class ScheduledController(ByValue, Reported):
         return "; ".join(parts)
 
     def _data(self) -> dict[str, Any]:
-        """Return the JSON data: the content of the file without name and trims, and the units of
-        the signals.
+        """Return the JSON data of the controller, with the units of its signals.
+
+        Compared with a controller file, name and trims are omitted.
         """
         stored = _stored(self)
         signals = (*self.measurements, *self.commands)
@@ -309,7 +313,7 @@ def identity(model: Model) -> str:
 
 
 def in_units_of(controller: ScheduledController, model: Model) -> ScheduledController:
-    """Return the controller in the units of a model, converted if they differ.
+    """Return the controller converted to the units of a model, or unchanged if the units agree.
 
     If signals are scaled by f, s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x,
     D' = f_u D / f_y, W' = f_x W / f_u.
@@ -339,21 +343,26 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
 
 
 def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
-    """Return the factors from the units of one model to those of another.
+    """Return the factors that convert named signals from the units of one model to those of
+    another.
 
-    The factor of a name that implies no unit is 1.
+    The factor is 1 for a name that implies no unit.
+
+    before, after: the two models
     """
     found = [conversion(signal_unit(before, name), signal_unit(after, name)) for name in names]
     return np.array([1.0 if factor is None else factor for factor in found])
 
 
 def _key(model: Model) -> str:
-    """Return the key of the scheduling values in files and data."""
+    """Return the key under which files and data store the scheduling values of a model's
+    controller.
+    """
     return f"{model.schedule}s" if model.extras.names_schedule else "places"
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
-    """Return the arrays, names and texts of a controller by their keys in files and data."""
+    """Return the content of a controller file as a dictionary: arrays, names and texts."""
     content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
     content |= {key: list(getattr(controller, key)) for key in _NAMES}
     for key in _ARRAYS:
@@ -367,7 +376,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     """Write a controller to a .npz or .mat file. If an error occurs, no file is written.
 
     Matrices are (N, rows, columns) in a .npz file and (rows, columns, N) in a .mat file. Names are
-    arrays of text, or cells in a .mat file. `about` is JSON text.
+    arrays of text in a .npz file and cells in a .mat file. `about` is JSON text.
 
     Raises BadInputError if the suffix is not supported or the folder does not exist.
     """

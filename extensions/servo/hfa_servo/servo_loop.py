@@ -1,4 +1,4 @@
-"""Closed loop of a controller and a plant with given actuators: poles and single-loop margins."""
+"""Closed loop of a controller and a plant with given actuators: poles, and margins of each loop."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ TOGETHER = "all inputs"
 
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
-    """Loop of a plant and a controller, at constant commands.
+    """Closed loop of a plant and a controller at constant commands.
 
     The plant is x' = A x + B u, y = C x. The controller is x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y.
     """
@@ -57,9 +57,9 @@ class ServoLoop:
 
     @property
     def closed(self) -> np.ndarray:
-        """Matrix of the closed loop, with the states [x; x_c].
+        """State matrix of the closed loop, with the states [x; x_c].
 
-        Raises NoSolutionError if a number of the matrix overflows.
+        Raises NoSolutionError if an entry overflows.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
@@ -80,8 +80,9 @@ def servo_plant(
     controller: ScheduledController,
     actuators: Mapping[str, Actuator],
 ) -> DesignModel:
-    """Return the linear model with these actuators, and the controller's measurements as
-    sensors.
+    """Return the linear model with given actuators. Its sensors are the controller's measurements.
+
+    actuators: input -> actuator
     """
     loop = Design(
         "loop",
@@ -95,9 +96,10 @@ def servo_plant(
 
 
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
-    """Return the loop of a controller and a plant at the plant's scheduling value.
+    """Return the closed loop of a controller and a plant at the plant's scheduling value.
 
-    A direct path from inputs to a measured output is included in the controller's matrices.
+    If inputs act directly on a measured output, this direct path is included in the controller's
+    matrices.
     """
     Ak, Bk, Ck, Dk = controller.at(plant.model.point.values[controller.model.schedule])
     measured = len(controller.measurements)
@@ -115,10 +117,10 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
 def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
-    """Return the margins of each loop, opened at one input or sensor with all others closed.
+    """Return the margins at each input and sensor, by name, with all other loops closed.
 
     The entry `TOGETHER` is for a gain, phase or delay common to all inputs. Raises NoSolutionError
-    if the loop is unstable.
+    if the closed loop is unstable.
     """
     closed = loop.closed
     matrices = (closed, loop.A, loop.Ak)
@@ -163,7 +165,11 @@ class LoopRow(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """A margin, and the loop or scheduling value to which it belongs."""
+    """Entry of a table of margins.
+
+    margin: the margin
+    where: text that names the loop or the scheduling value of the margin
+    """
 
     margin: LoopMargin
     where: str
@@ -180,7 +186,7 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def single(self) -> tuple[LoopMargin, ...]:
-        """Margins of the loops that are opened one at a time, in all rows."""
+        """Margins of all rows, without those of a change common to all inputs."""
         return tuple(
             margin for row in self.rows for name, margin in row.loops.items() if name != TOGETHER
         )
@@ -227,10 +233,10 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def data_rows(self) -> list[dict[str, Any]]:
-        """Rows of the data, one for each scheduling value and set of actuators.
+        """Margins as JSON data, with a row for each scheduling value and set of actuators.
 
-        A row contains the abscissa, and for each loop gain (dB), phase (deg), crossover (rad/s) and
-        delay (s).
+        A row contains the spectral abscissa of the closed loop, and gain (dB), phase (deg),
+        crossover (rad/s) and delay (s) of each loop.
         """
         by = self.controller.model.schedule
         rows = []
@@ -260,11 +266,14 @@ class MarginTable(Checked, Result, Reported):
 def _smallest_table(
     names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
 ) -> Table:
-    """Return a table of the smallest gain, phase and delay margins, one row for each name.
+    """Return a table of the smallest gain, phase and delay margins, with a row for each set of
+    margins.
 
-    The place of the smallest gain margin and of the smallest phase margin is included.
+    A row names the loop or scheduling value of the smallest gain margin and of the smallest phase
+    margin.
 
-    names: header of the first columns
+    names: headers of the first columns
+    cells_by_name: texts of the first columns -> margins
     """
     rows = []
     for words, cells in cells_by_name.items():

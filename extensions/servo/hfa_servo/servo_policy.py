@@ -45,7 +45,7 @@ class ServoPolicy(Policy):
     scheduled_at: float
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return u for the controller's inputs and 0, the trim, for all others."""
+        """Return the deviations of all inputs from the trim. Inputs without a controller are 0."""
         _, _, C, D, _ = self._matrices(measurements)
         u = ca.mtimes(C, memory) + ca.mtimes(D, self._inputs(t, measurements))
         return ca.mtimes(ca.DM(self._chosen), u)
@@ -58,7 +58,7 @@ class ServoPolicy(Policy):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Return the rate of the controller states x."""
+        """Return the time derivative of the controller states x, (n,)."""
         A, B, _, _, W = self._matrices(measurements)
         rate = ca.mtimes(A, memory) + ca.mtimes(B, self._inputs(t, measurements))
         if not self.controller.W.any():
@@ -80,7 +80,7 @@ class ServoPolicy(Policy):
         }
 
     def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
-        """Return y = [measured; commands], with command 0 for an output that is not commanded."""
+        """Return the input y = [measured; commands] of the controller. Missing commands are 0."""
         values = dict(
             zip(
                 COMMAND_SIGNALS,
@@ -106,7 +106,9 @@ class ServoPolicy(Policy):
 
     @property
     def _chosen(self) -> np.ndarray:
-        """Matrix (m, l) from the controller's l inputs to the m inputs of the model."""
+        """Matrix of zeros and ones that maps the controller's l inputs to the m inputs of the
+        model, (m, l).
+        """
         inputs = self.regulated.model.inputs
         return np.array(
             [[float(name == moved) for moved in self.controller.inputs] for name in inputs]
@@ -119,9 +121,10 @@ class ServoPolicy(Policy):
 
 
 class MatrixTables:
-    """Several tables of matrices (N, rows, columns), linear between breakpoints.
+    """Several tables of matrices (N, rows, columns), interpolated linearly between breakpoints.
 
-    All tables are one CasADi function, which is called and not inlined.
+    All tables are one CasADi function. Expressions call this function instead of including its
+    terms.
     """
 
     def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
@@ -132,7 +135,7 @@ class MatrixTables:
         self._function = ca.Function("table", [eta], [values], {"never_inline": True})
 
     def at(self, eta: ca.SX) -> tuple[ca.SX, ...]:
-        """Return each matrix at the scheduling value `eta`."""
+        """Return the interpolated matrix of each table at the scheduling value `eta`."""
         ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
         parts = ca.vertsplit(self._function(eta), ends)
         return tuple(

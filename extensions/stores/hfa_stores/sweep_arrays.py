@@ -11,10 +11,10 @@ from hfa_aircraft.model import Model
 
 
 class SweepArray(NamedTuple):
-    """Array over the points of a sweep.
+    """Array in the result of a sweep, whose first axes are the points of the sweep.
 
-    axes: axes in addition to those of the points
-    units: unit of all entries, or the coordinate that contains the unit of each entry
+    axes: names of the further axes
+    units: unit of all entries, or name of the coordinate that contains the unit of each entry
     meaning: description
     """
 
@@ -24,9 +24,9 @@ class SweepArray(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes by the CF conventions.
+        """Attributes of the array by the CF conventions: description and unit.
 
-        If the units differ, `units_of` is in place of `units`.
+        If the entries have different units, the attribute `units_of` replaces `units`.
         """
         kind = "units" if self.units == "1/s" else "units_of"
         return {"long_name": self.meaning, kind: self.units}
@@ -42,7 +42,7 @@ ARRAYS = {
 
 
 def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the coordinates of the axes for xarray: names and units along each axis.
+    """Return the xarray coordinates of states, rates and inputs: names and units along each axis.
 
     rates: names of the states whose rates are the rows of A and B
     """

@@ -55,7 +55,7 @@ class SweepAttributes(StatesAndInputs, Result):
 
     @property
     def status(self) -> tuple[str, ...]:
-        """Meaning of each number in the array `status`."""
+        """Meanings of the numbers 0, 1, ... in the array `status`."""
         return tuple(map(str, STATUS))
 
 

@@ -67,10 +67,11 @@ def _run_here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int,
 def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
-    """Run tasks in a pool and yield (key, result) of each task as it finishes.
+    """Run tasks in a pool, and yield (key, result) of each task when it is finished.
 
-    in_flight: largest number of submitted tasks
-    tasks: (key, arguments of `function`) of each task
+    in_flight: largest number of tasks that are submitted at a time
+    function: function that every task calls
+    tasks: pairs (key, arguments of `function`)
     """
     waiting = iter(tasks)
     keys: dict[Future[Any], int] = {}
@@ -137,9 +138,9 @@ def _processes(count: int) -> Iterator[Run]:
 
 @contextmanager
 def _signals_blocked() -> Iterator[None]:
-    """Block SIGINT, SIGTERM and SIGHUP in this thread until the block ends.
+    """Block SIGINT, SIGTERM and SIGHUP in this thread while the context is open.
 
-    A process that is started in the block inherits the blocked signals permanently. Ctrl-C in a
+    A process that is started in this context inherits the blocked signals permanently. Ctrl-C in a
     terminal reaches every process, and only the parent process must respond.
     """
     if not hasattr(signal, "pthread_sigmask"):
@@ -158,9 +159,12 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def _serve(connection: Any) -> None:
-    """Evaluate each received (function, arguments), and send (result, None) or (None, error).
+    """Evaluate the calls received from the parent process, and send the results.
 
-    The process ends when its parent process ends for any reason.
+    A call is (function, arguments). The answer is (result, None) or (None, error). The process ends
+    when its parent process ends for any reason.
+
+    connection: this process's end of the pipe
     """
     import multiprocessing
 

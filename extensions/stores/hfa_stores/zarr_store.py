@@ -98,7 +98,7 @@ class RowJob(NamedTuple):
         return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
 
     def rows_of(self, number: int) -> slice:
-        """Return the rows of the chunk with this number."""
+        """Return the slice of row numbers in the chunk with this number."""
         first = number * self.chunk
         return slice(first, min(first + self.chunk, self.rows))
 
@@ -136,11 +136,11 @@ def fill_store(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Compute each row that is missing in the store at `path`, and return the store.
+    """Compute all rows that are missing in the store at `path`, and return the store.
 
     The result is an `xarray.Dataset`.
 
-    workers: as in `open_workers`; the results do not depend on it
+    workers: as in `open_workers`; the results do not depend on the workers
     resume: True to continue an interrupted job and recompute damaged chunks; False if the store
         does not exist
     provenance: provenance of a new store, as JSON data
@@ -175,7 +175,7 @@ def fill_store(
 
 
 def open_store(path: Path) -> Any:
-    """Open a store as `xarray.Dataset`, whose arrays are read when they are used."""
+    """Return a store as `xarray.Dataset`. Its arrays are read when they are used."""
     _require_xarray()
     import xarray
 
@@ -208,13 +208,14 @@ def _compute_chunk(
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk in a worker and write them into the store.
+    """Compute the rows of a chunk in a worker process and write them into the store.
 
-    Without a path in `place`, the rows are returned by name instead.
+    If `place` has no path, the rows are returned by name of the array instead.
 
-    rows: rows of the chunk
+    place: destination of the chunk
+    rows: row numbers of the chunk
     names: names of the arrays to keep
-    function, arguments: computation of the rows
+    function, arguments: call that computes the rows
     """
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
@@ -289,7 +290,7 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
     """Write the store of a job without results: metadata, names and units.
 
-    A signal that ends the process also ends the writing, because this thread writes the files.
+    This thread writes all files. A signal that ends the process therefore also ends the writing.
     Threads of Zarr could create a removed folder again.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
@@ -322,7 +323,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 def _refuse_another(path: Path, job: RowJob) -> None:
     """Raise BadInputError unless the store at `path` belongs to this job and this version.
 
-    An array is opened only after the metadata agree with those of a new store.
+    The metadata are compared with those of a new store before any array is opened.
     """
     _require_xarray()
     with temporary_folder() as folder:
@@ -364,7 +365,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
 
 
 def _deciding(attributes: Mapping[str, Any]) -> str:
-    """Return the attributes that determine the results, as JSON in their order."""
+    """Return the attributes of a store that determine its results, as JSON text."""
     compared = {
         key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
     }
@@ -372,10 +373,10 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
 
 
 def _metadata(store: Path) -> dict[str, Any]:
-    """Return name -> metadata of each array, and "." -> metadata of the group, as JSON data.
+    """Return the metadata of each array of a store by name, and those of the store itself as ".".
 
-    Entries that depend on the run are removed. Raises OSError, BadInputError, LookupError or
-    TypeError if the metadata cannot be read.
+    Attributes that differ between runs of a job are removed. Raises OSError, BadInputError,
+    LookupError or TypeError if the metadata cannot be read.
     """
     found = {}
     for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
@@ -389,10 +390,12 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the first file that differs from the request's store, or "".
+    """Return the path of the first file of a store that is not as expected, or "".
 
-    Such a file has other metadata, does not belong to the store, or is a symbolic link, which could
-    lead anywhere.
+    An unexpected file has other metadata, does not belong to the store, or is a symbolic link. If
+    the metadata cannot be read, the result is "the metadata of an array".
+
+    expected: metadata of a new store, as `_metadata` returns them
     """
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
@@ -410,7 +413,9 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(path: Path, row: str) -> dict[str, list[Any]]:
-    """Return array -> names or units, for each array without an axis of rows or chunks."""
+    """Return the names or units in each array without an axis of rows or chunks, by name of the
+    array.
+    """
     stored = open_store(path)
     return {
         str(name): variable.values.tolist()
@@ -427,9 +432,9 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that are missing in an array or are damaged.
+    """Return the numbers of the chunks that are damaged or missing in at least one array.
 
-    Warns of the number of damaged chunks.
+    A warning states the number of damaged chunks.
     """
     group = _opened(path, "r")
     missing = []
@@ -450,7 +455,7 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
 
 
 def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
-    """Return whether each array's chunk has the stored checksum."""
+    """Return whether the stored chunk of each array has the stored checksum."""
     rows = job.rows_of(place.number)
     try:
         stored = group[_CHECKSUM][place.number].tolist()
@@ -461,7 +466,11 @@ def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
 
 
 def _is_written(folder: Path, array: Any, number: int) -> bool:
-    """Return whether an array's chunk with this number is stored."""
+    """Return whether the file of an array's chunk exists.
+
+    folder: folder of the array
+    number: number of the chunk
+    """
     indices = (number, *(0 for _ in array.shape[1:]))
     return (folder / array.metadata.encode_chunk_key(indices)).is_file()
 
