@@ -36,7 +36,7 @@ class ActuatorFault:
     inputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if a number is out of range."""
+        """Raise BadInputError unless `begin` is at least 0 and the other numbers are positive."""
         for name in ("effectiveness", "bandwidth", "damping"):
             if (value := getattr(self, name)) is not None:
                 refuse_unless_positive(f"the {name} after a fault", value)
@@ -80,7 +80,7 @@ class ActuatorBank:
     faults: tuple[ActuatorFault, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if a number is out of range or a fault names an unknown input."""
+        """Raise BadInputError for numbers or faults that the class does not permit."""
         numbers = zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True)
         for name, lag, lowest, highest, rate in numbers:
             refuse_unless_positive(f"the lag of {name}", lag, " s")
@@ -102,12 +102,13 @@ class ActuatorBank:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
+        """Names of the m inputs that the actuators move."""
         return tuple(self.lag._fields)
 
     def refuse_step(self, step: float) -> None:
-        """Raise BadInputError if the integration step, s, is too long for the lag of an
-        actuator.
+        """Raise BadInputError if an integration step is too long for the lag of an actuator.
+
+        step: s
         """
         for name, lag in zip(self.inputs, self.lag, strict=True):
             if step > LONGEST_STEP * lag * (1 + 1e-9):
@@ -117,8 +118,9 @@ class ActuatorBank:
                 )
 
     def refuse_trim(self, trim: np.ndarray) -> None:
-        """Raise BadInputError if an input of the trim U0, (m,), is outside its actuator's
-        position limits.
+        """Raise BadInputError if a trim input is outside the position limits of its actuator.
+
+        trim: U0, (m,)
         """
         rows = zip(self.inputs, trim, self.lowest, self.highest, strict=True)
         for name, value, lowest, highest in rows:
@@ -139,9 +141,7 @@ class ActuatorBank:
 
     @property
     def held_size(self) -> int:
-        """Number of actuator parameters that are inputs of the loop: 3 m with faults, 0 without
-        faults.
-        """
+        """Number of actuator parameters that are inputs of the loop: 3 m, or 0 without faults."""
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:
@@ -186,6 +186,7 @@ class ActuatorBank:
     def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:
         """Return the time derivative of the actuator states.
 
+        states: positions a and, for order 2, rates v
         reachable: c, (m,)
         held: `held_inputs`, or empty without faults
         """

@@ -38,10 +38,9 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
 
 
 def gust_speed(point: OperatingPoint) -> float:
-    """Return the trim value of the state or output `speed`, the speed at which gusts pass the
-    aircraft.
+    """Return the speed at which gusts pass an aircraft: the trim value of `speed`.
 
-    Raises BadInputError if the model has no such state or output.
+    `speed` is a state or an output of the model. Raises BadInputError if the model has neither.
     """
     model = point.model
     if "speed" not in (*model.states, *model.outputs):

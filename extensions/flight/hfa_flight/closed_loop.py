@@ -106,7 +106,10 @@ class LinearPlant(Plant):
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return A x + B u + d + E w, with d added to the chosen states."""
+        """Return the time derivative of the states, A x + B u + d + E w, (n,).
+
+        The arguments are those of `Plant.rate`. d acts on the states selected by `chosen`.
+        """
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
         rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
         for name, w in winds.items():
@@ -139,7 +142,10 @@ class NonlinearPlant(Plant):
         return len(self.model.parameters) if self.uncertain else 0
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return f(X0 + x, U0 + u, p, w) + d, with d added to the states of the linear model."""
+        """Return the time derivative of the states, f(X0 + x, U0 + u, p, w) + d, (n,).
+
+        The arguments are those of `Plant.rate`. d acts on the states of the linear model.
+        """
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
         model = self._in(winds)
@@ -286,7 +292,7 @@ class ClosedLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Sizes of the parts of y."""
+        """Numbers of entries of y for the plant, the actuators and the memory of the policy."""
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],
@@ -296,7 +302,7 @@ class ClosedLoop:
 
     @cached_property
     def held_sizes(self) -> HeldParts:
-        """Sizes of the parts of the held inputs."""
+        """Numbers of held inputs for the plant, the actuators and the other parts."""
         scenario = self.scenario
         return HeldParts(
             parameters=self.plant.parameters_size,
@@ -351,11 +357,11 @@ class ClosedLoop:
         )
 
     def _reference(self, t: ca.SX) -> Any:
-        """Return the reference x_d(t), (k,)."""
+        """Return the reference x_d(t) of the states of the linear model, (k,)."""
         return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
-        """Return disturbance -> value at t, for the disturbances that the scenario sets."""
+        """Return the disturbances of the model that the scenario sets, as name -> value at t."""
         winds: dict[str, Any] = {}
         if self.scenario.gust is not None:
             winds = self.scenario.gust.winds(t, inputs.gust)
@@ -381,8 +387,9 @@ class ClosedLoop:
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """Return the states of the plant, (n,), with measured values for the states of the linear
-        model.
+        """Return the states of the plant with sensor noise, (n,).
+
+        The states outside the linear model have no noise.
 
         plant: (n,), deviations of the states from trim
         of_linear: (k,), measured values of the states of the linear model
@@ -417,13 +424,17 @@ class ClosedLoop:
 
     @cached_property
     def held_slices(self) -> HeldParts:
-        """Slices of the parts of the held inputs."""
+        """Slices of the vector `held` for the plant, the actuators and the other parts."""
         offsets = _offsets(self.held_sizes)
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
     def hold(self, tick: int, held: np.ndarray) -> None:
-        """Write the held inputs of a tick into `held`, except parameters of the plant and delayed
-        commands.
+        """Write the held inputs of a tick into a vector.
+
+        The entries for parameters of the plant and for delayed commands are left unchanged.
+
+        tick: number of the tick
+        held: the vector of all held inputs
         """
         scenario = self.scenario
         sizes = self.held_sizes
@@ -437,7 +448,10 @@ class ClosedLoop:
             held[parts.gust] = scenario.gust.held_inputs(tick)
 
     def parts(self, y: np.ndarray) -> StateParts:
-        """Return the columns of y, (..., size), that belong to each part of the state."""
+        """Return the columns of y for the plant, the actuators and the memory of the policy.
+
+        rows: y at one or several times, (..., size)
+        """
         return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
 
 

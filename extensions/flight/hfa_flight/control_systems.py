@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
-    """Return a model as a system x' = f(x, u, p), y = outputs.
+    """Return a model as a python-control system x' = f(x, u, p), y = outputs.
 
     Names are kept. Disturbances are 0.
 
@@ -55,7 +55,7 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
 def from_control(
     system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
 ) -> Model:
-    """Return the model of a system whose functions accept arrays of CasADi symbols.
+    """Return the model of a python-control system whose functions accept CasADi symbols.
 
     units: name -> unit or `Signal`; the unit is 1 for names that are not given
     declared: further fields of `Model`

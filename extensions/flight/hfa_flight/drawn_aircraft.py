@@ -31,8 +31,7 @@ _STILL = 1e-9
 def with_stability(
     report: Report, plan: MonteCarlo, condition: TrimCondition, progress: Progress
 ) -> Report:
-    """Return the report of a Monte Carlo simulation, extended by the stability of the drawn
-    aircraft.
+    """Return the report of a Monte Carlo simulation with the stability of each drawn aircraft.
 
     For each aircraft, the loop is linearized at the aircraft's own trim.
 

@@ -66,8 +66,9 @@ def _beyond(value: float, limit: float, unit: str) -> str:
 
 
 def limits_text(lowest: float, highest: float, unit: str) -> str:
-    """Return text such as "-20 to 20", with angles in degrees, or "none" if both limits are
-    infinite.
+    """Return limits as text such as "-20 to 20", with angles in degrees.
+
+    The text is "none" if both limits are infinite.
     """
     if np.isinf([lowest, highest]).all():
         return "none"
@@ -161,7 +162,7 @@ def departure(
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
     """Raise BadInputError if a flight begins outside its envelope.
 
-    limited: (n,), first row of the argument of `departure`
+    limited: (n,), absolute initial states; in moving air with the angle of attack in place of alpha
     """
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
@@ -177,13 +178,14 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
 
 
 def control_limits(model: Model) -> Limits:
-    """Return the limits of all inputs of a model."""
+    """Return the lowest and highest permitted values of all inputs of a model."""
     return Limits.of(model, tuple(model.inputs))
 
 
 def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
-    """Return the inputs that exceed their limits, sorted by excess relative to the range, largest
-    first.
+    """Return the largest excess of each input that exceeds a control limit during a flight.
+
+    The results are sorted by excess relative to the range of the input, largest first.
 
     inputs: (N, m), absolute
     """

@@ -89,8 +89,9 @@ def _moves(result: Flight, index: int) -> bool:
 
 
 def _widened(axes: Axes, nominal: float, unit: str) -> None:
-    """Widen the vertical range to at least 2 % of the nominal size, so that rounding is not
-    visible.
+    """Widen the vertical range of a panel, so that it does not show rounding errors.
+
+    The range is at least 2 % of the nominal size of the variable.
     """
     low, high = axes.get_ylim()
     least = 0.02 * float(shown_values(nominal, unit))
@@ -100,10 +101,12 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
-    """Draw the absolute value of the state with this index.
+    """Draw one state over time in a panel, as absolute values.
 
     The panel shows the reference, the linear prediction, the nonlinear flight and the envelope. In
     moving air, the panel of alpha also shows the angle of attack through the air.
+
+    index: index of the state
     """
     model = result.point.model
     name = tuple(model.states)[index]
@@ -148,7 +151,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
 
 
 def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
-    """Draw the inputs with this unit and their limits."""
+    """Draw all inputs that have one unit, and their limits, over time in a panel."""
     inputs = result.point.model.inputs
     names = [name for name, signal in inputs.items() if signal.unit == unit]
     for name in names:

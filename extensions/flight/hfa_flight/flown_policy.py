@@ -97,13 +97,14 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
-    """Return input steps at the union of all times.
+    """Return commands of several inputs as one table of steps.
 
-    Each value is 0 before the first step of its name and constant between steps.
+    The times are the union of the times of all inputs. Each input is 0 before its first step and
+    constant between steps.
 
     given: name of an input -> pairs (time in s, value)
 
-    Raises BadInputError unless the steps of each name are pairs with increasing times of at least
+    Raises BadInputError unless the steps of each input are pairs with increasing times of at least
     0.
     """
     for name, pairs in given.items():
@@ -162,11 +163,11 @@ class PythonPolicy(Policy):
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured states) -> u (m,), deviations of the inputs from
+        """Return the function that computes u (m,) at each tick, as deviations of the inputs from
         trim.
 
-        The returned function raises BadInputError if the Python function does not return finite
-        inputs.
+        Its arguments are the number of the tick and the measured deviations of the states from
+        trim, (n,). It raises BadInputError if the Python function does not return finite inputs.
         """
         trim = np.array(self.point.inputs)
         states = np.array(self.point.states)

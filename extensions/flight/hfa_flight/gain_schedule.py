@@ -45,9 +45,7 @@ class GainSchedule(Reported):
     model: Model
 
     def __post_init__(self) -> None:
-        """Raise BadInputError unless K has a valid shape, all numbers are finite and the
-        breakpoints increase.
-        """
+        """Raise BadInputError unless K and the breakpoints have valid shapes and values."""
         count = np.size(self.breakpoints)
         m = len(self.model.inputs)
         n = len(self.model.linear)
@@ -79,10 +77,11 @@ class GainSchedule(Reported):
         return self.breakpoints
 
     def refuse_beyond(self, lowest: float, highest: float) -> None:
-        """Raise BadInputError if the interval of η from `lowest` to `highest` exceeds the
-        breakpoints.
+        """Raise BadInputError if an interval of η is not within the breakpoints.
 
         A single gain is valid for all values.
+
+        lowest, highest: ends of the interval
         """
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])

@@ -89,8 +89,9 @@ def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def missing_states(model: Model, component: str) -> list[str]:
-    """Return the states that a gust component needs and that the model lacks or has in another
-    unit.
+    """Return the states that a gust component requires but the model lacks.
+
+    A state that the model has in another unit counts as missing.
     """
     return [
         name
@@ -101,8 +102,7 @@ def missing_states(model: Model, component: str) -> list[str]:
 
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
-    """Return the model with added disturbances (`ADDED`) for gust components that it does not
-    declare.
+    """Return the model with added disturbances (`ADDED`) for undeclared gust components.
 
     A component is added only if the model has the states that the component needs. The states
     remain relative to the ground. Let v be the velocity and ω the angular velocity of the aircraft.

@@ -26,8 +26,9 @@ class Gust:
     held_size = 0
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return disturbance of the model -> value at t.
+        """Return the gust at a time, as disturbance of the model -> value.
 
+        t: s
         held: (held_size,), held inputs of the tick
         """
         return {UPDRAFT: ca.SX(self.updraft(t))}
@@ -37,8 +38,9 @@ class Gust:
         raise NotImplementedError
 
     def left_out(self, model: Model) -> list[str]:
-        """Return a sentence for each gust component that the model does not support, with the
-        reason.
+        """Return a sentence for each gust component that the model does not support.
+
+        Each sentence states the reason.
         """
         return []
 
@@ -77,7 +79,7 @@ class OneMinusCosine(Gust):
     begin: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if a number is out of range."""
+        """Raise BadInputError if a number is not finite, or if length or speed is not positive."""
         for name in ("length", "speed"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():

@@ -1,6 +1,4 @@
-"""Detection of an oscillation at the end of a flight that persists after the excitation has
-ended.
-"""
+"""Detection of oscillations at the end of a flight that persist without excitation."""
 
 from __future__ import annotations
 
@@ -123,7 +121,7 @@ def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitC
 
 
 class _Swings(NamedTuple):
-    """An oscillation, evaluated over complete half-periods.
+    """An oscillation of one variable, evaluated over complete half-periods.
 
     amplitude: mean of the peaks
     frequency: rad/s, from the first and the last zero crossing

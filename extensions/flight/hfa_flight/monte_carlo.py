@@ -136,9 +136,7 @@ class MonteCarlo(StatesAndInputs, Reported):
 
     @cached_property
     def identity(self) -> str:
-        """JSON text of everything that determines the results, including the order of the drawn
-        errors.
-        """
+        """JSON text of all that determines the results, such as seed, scenario and policy."""
         data = {
             "members": self.members,
             "seed": self.seed,

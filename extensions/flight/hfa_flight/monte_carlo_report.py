@@ -1,6 +1,4 @@
-"""Report of a Monte Carlo simulation: number of members within limits, and quantiles of the
-errors.
-"""
+"""Report of a Monte Carlo simulation: counts of flights within limits, quantiles of errors."""
 
 from __future__ import annotations
 
@@ -28,7 +26,7 @@ Read = Callable[[str], np.ndarray]
 
 
 def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
-    """Return the outcomes of the members of a plan.
+    """Return the outcomes of all flights of a Monte Carlo plan.
 
     read: function from the name of a result to its values, (N, ...), one row for each member
     """
@@ -118,9 +116,10 @@ def _listed(counts: Mapping[str, float]) -> str:
 
 
 def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
-    """Return quantity -> variable -> values of `QUANTILES` over the members inside the envelope.
+    """Return quantiles of the results of the members inside the envelope.
 
-    The values of a variable are None if no member is inside.
+    The result maps quantity -> variable -> values at the levels `QUANTILES`. The values of a
+    variable are None if no member is inside.
 
     inside: mask of these members, (N,)
     """

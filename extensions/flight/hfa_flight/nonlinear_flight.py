@@ -287,8 +287,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return the absolute values, (N,), of a state, an input or an output, in the model's
-        units.
+        """Return the absolute values, (N,), of a state, an input or an output, in its unit.
 
         Raises BadInputError if the name is unknown.
         """
@@ -423,8 +422,9 @@ class Flight(StatesAndInputs, Result, Reported):
         ]
 
     def title(self) -> str:
-        """Return the first lines of the report: the verdict, a line on the flight, and a line for
-        each further finding.
+        """Return the first lines of the report: the verdict, a line on the flight, and findings.
+
+        Each finding has its own line.
         """
         flight = f"Flight, {self.point.model.title}"
         scheduled = self.point.at_scheduled.removeprefix("at ")
@@ -480,16 +480,18 @@ class Flight(StatesAndInputs, Result, Reported):
         return frame(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an `xarray.Dataset` of states, inputs and the linear prediction over time, with
-        units.
+        """Return an `xarray.Dataset` of states, inputs and linear prediction over time.
+
+        The Dataset contains the units.
         """
         from hfa_flight.flight_tables import dataset
 
         return dataset(self)
 
     def report(self) -> Report:
-        """Return the report of the flight: outcome, states, inputs, cost if there are weights, and
-        a picture.
+        """Return the report of the flight: outcome, tables of states and inputs, and a picture.
+
+        The cost is included if there are weights.
         """
         moving = bool(self.flight.winds) and flown_through_air(self.model)
         parts: list[Part] = []
@@ -523,8 +525,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
-        """Return a table with one row for each state: deviations, errors, envelope and linear
-        prediction.
+        """Return a table of the states, one row each: deviations, errors, envelope, prediction.
 
         moving: whether a row for the angle of attack through the air is added
         """
@@ -555,9 +556,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(tuple(header), rows)
 
     def _inputs(self) -> Table:
-        """Return a table with one row for each input: its range, and the time beyond its control
-        limits.
-        """
+        """Return a table of the inputs, one row each: range, and time beyond the control limits."""
         shares = self.share_beyond_control_limits
         rows = []
         for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
@@ -583,8 +582,9 @@ class Flight(StatesAndInputs, Result, Reported):
         return FlightHistory(history=columns)
 
     def _records(self) -> Table:
-        """Return the time history as a table of numbers, one row for each tick, with units in
-        the header.
+        """Return the time history as a table of numbers, one row for each tick.
+
+        The header contains the units.
         """
         history = self.history().history
         model = self.point.model
@@ -604,7 +604,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
 
 def _tracking_table(commanded: Mapping[str, Any]) -> Table:
-    """Return a table with rms and largest error and the unit of each commanded output.
+    """Return a table of the tracking errors of the commanded outputs: rms, largest error and unit.
 
     commanded: result of `Policy.tracking_errors`
     """

@@ -135,9 +135,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Options that are weights of the flight's cost but do not affect the policy; by default
-        none.
-        """
+        """Options that are weights of the flight's cost but not of the policy; by default none."""
         return ()
 
     def check_policy(self) -> None:
@@ -167,10 +165,11 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             self.refuse(("seed",), f"applies only to a learning law or --turbulence; {nothing}")
 
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
-        """Return the policy about a trim: read from a file, exact, or learned on the linear model.
+        """Return the policy about a trim that the options specify.
 
-        A nonlinear policy, such as a network, is saturated at the control limits of the model.
-        Raises NoSolutionError if learning does not converge.
+        The policy is read from a file, computed exactly, or learned on the linear model. A
+        nonlinear policy, such as a network, is saturated at the control limits of the model. Raises
+        NoSolutionError if learning does not converge.
         """
         from controller.critic.critic_file import critic_in
         from controller.riccati.gare import solve_game
@@ -315,8 +314,9 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
 
 
 def noise_option(about: str) -> Any:
-    """Return the option `--noise`, state -> standard deviation of sensor noise, as a dataclass
-    field.
+    """Return the option `--noise` as a dataclass field.
+
+    The value of the field maps a state to the standard deviation of its sensor noise.
 
     about: help text
     """
@@ -333,9 +333,10 @@ def gust_at(
 ) -> OneMinusCosine | None:
     """Return the gust of the option --gust at the speed of a trim, or None without the option.
 
-    typed: length, peak and start of the gust
+    typed: length, peak and start of the gust, in the units of the model and s
+    duration: s
 
-    Raises BadInputError if the gust begins outside the duration, s.
+    Raises BadInputError if the gust begins outside the duration.
     """
     if typed is None:
         return None
@@ -501,8 +502,9 @@ class FlightOptions(ScenarioOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Options that are weights of the flight's cost: --Q and --R for a single flight, else
-        none.
+        """Options that are weights of the flight's cost: --Q and --R for a single flight.
+
+        There are none for several flights.
         """
         return ("Q", "R") if self.members is None else ()
 

@@ -26,8 +26,7 @@ _WHOLE = 1e-6
 
 
 def refuse_method(model: Model, method: str, step: float | None) -> None:
-    """Raise BadInputError if the method is unknown or does not support the aircraft or the given
-    step.
+    """Raise BadInputError unless the method exists and supports the aircraft and the step.
 
     step: value of --step, or None. Only the method "jsbsim" accepts a step.
     """

@@ -97,8 +97,9 @@ class Policy(Reported):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """Gain K (m, k) of u = -K z near the trim, or None if the policy has no constant gain or
-        has memory.
+        """Gain K (m, k) of u = -K z near the trim, or None.
+
+        None means that the policy has no constant gain or has a memory.
         """
         return None
 
@@ -139,7 +140,7 @@ class GainPolicy(Policy):
         object.__setattr__(self, "identity", {"K": gains})
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return -K z."""
+        """Return the commanded inputs u = -K z, (m,)."""
         return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
 
     @property
@@ -148,9 +149,7 @@ class GainPolicy(Policy):
         return self.gains[0] if len(self.gains) == 1 else None
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the JSON data on the policy: name, units of the states, and the gain of the
-        last tick.
-        """
+        """Return the JSON data on the policy: name, units of the states, and the last gain."""
         units = list(model.units(model.linear))
         return {"law": self.name, "state_units": units, "K": self.gains[-1]}
 
@@ -168,7 +167,7 @@ class FunctionPolicy(Policy):
     highest: np.ndarray
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return π(z), clipped to the limits."""
+        """Return the commanded inputs π(z), (m,), clipped to the limits."""
         return self.limited(measurements.error)
 
     @property

@@ -57,9 +57,7 @@ class Uncertainty:
     turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if a standard deviation is negative or not finite, or the turbulence
-        has another type.
-        """
+        """Raise BadInputError for an invalid standard deviation or another type of turbulence."""
         if not isinstance(self.turbulence, Turbulence | None):
             given = shown(self.turbulence)
             raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
@@ -70,7 +68,7 @@ class Uncertainty:
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
-        """Return the drawn ratio of each parameter to its nominal value, (E,), in the order of
+        """Return drawn ratios of parameters to their nominal values, (E,), in the order of
         `errors`.
 
           exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
@@ -96,7 +94,7 @@ class Uncertainty:
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
-    """Return the seed sequence of one kind of random quantity of a member."""
+    """Return the seed sequence of a member for one kind of random quantity, such as noise."""
     return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 
@@ -145,9 +143,7 @@ class Scenario(Reported):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if times do not match each other, or if a factor or the delay is out
-        of range.
-        """
+        """Raise BadInputError if times do not fit each other, or a factor or the delay is invalid."""
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
@@ -191,14 +187,15 @@ class Scenario(Reported):
 
     @property
     def moving_air(self) -> bool:
-        """True if there is a gust, another disturbance of the model, or turbulence not yet
-        drawn.
+        """True if there is a gust, turbulence or another disturbance of the model.
+
+        Turbulence that is not yet drawn counts too.
         """
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s, or inf."""
+        """Time at which the last signal, gust or noise ends, s; inf if one of them never ends."""
         if self.samples is not None:
             return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
@@ -206,8 +203,9 @@ class Scenario(Reported):
         return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
-        """Return this scenario completed for a model, with zeros for a missing initial condition or
-        signal.
+        """Return this scenario completed for a model.
+
+        A missing initial condition or signal becomes 0.
 
         Raises BadInputError if the scenario names an unknown parameter, state or disturbance, if
         its gust needs a disturbance that the model neither declares nor receives from `in_gusts`,

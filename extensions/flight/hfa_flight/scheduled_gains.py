@@ -59,7 +59,7 @@ class TrimPath(Result):
         return self.base.values[self.base.model.schedule] + self.commands.at(t)
 
     def at(self, t: Any) -> ca.SX:
-        """Return x_d(t), (k,).
+        """Return the reference x_d(t) of the states of the linear model, (k,).
 
         The entry for the rate of the scheduling variable, a state named NAME_rate, is r'(t).
         """
@@ -72,7 +72,7 @@ class TrimPath(Result):
         return ca.vertcat(*(rows[name] for name in model.linear))
 
     def inputs_at(self, t: Any) -> ca.SX:
-        """Return U0(r(t)) - U_base, (m,)."""
+        """Return the inputs of the reference, U0(r(t)) - U_base, (m,)."""
         return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
     @property
@@ -94,7 +94,7 @@ class ScheduledGainPolicy(Policy):
     path: TrimPath
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return U0(r(t)) - U_base - K(η) z."""
+        """Return the commanded inputs U0(r(t)) - U_base - K(η) z, (m,)."""
         model = self.schedule.model
         row = model.linear.index(model.schedule)
         measured = self.path.base.values[model.schedule] + measurements.states[row]

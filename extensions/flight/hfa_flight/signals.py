@@ -221,7 +221,7 @@ class CommandedStates(Result):
         return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
 
     def at(self, t: Any) -> ca.SX:
-        """Return x_d(t), (k,)."""
+        """Return the reference x_d(t), (k,), as a CasADi expression."""
         names = self.commands.names
         chosen = np.array([[float(name == state) for name in names] for state in self.states])
         value = self.commands.at(t) if self.filtered else self.commands.end(t)

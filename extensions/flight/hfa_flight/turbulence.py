@@ -298,12 +298,15 @@ class TurbulentAir(Gust):
         return 1 + 2 * len(self.names)
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """Return [time; values; slopes] at the start of a tick."""
+        """Return [time; values; slopes] of the disturbances at the start of a tick.
+
+        The values are those of `values`, and the slopes are their time derivatives during the tick.
+        """
         now, later = self.values[tick : tick + 2]
         return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return disturbance of the model -> value at t."""
+        """Return the turbulence at time t, as disturbance of the model -> value."""
         count = len(self.names)
         now = held[1 : 1 + count] + (t - held[0]) * held[1 + count :]
         return dict(zip(self.names, ca.vertsplit(now), strict=True))
@@ -433,11 +436,11 @@ class AirFilter:
 
     @cached_property
     def root(self) -> np.ndarray:
-        """Matrix G with G G' equal to the covariance."""
+        """Matrix G with G G' equal to `covariance`, (n, n)."""
         return _root(self.covariance)
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
-        """Return a draw of the components at `count` ticks, (count, 6).
+        """Return random gust components at `count` ticks, (count, 6).
 
         The initial state is drawn from the stationary distribution.
         """

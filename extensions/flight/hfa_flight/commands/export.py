@@ -132,8 +132,7 @@ def _write_function(request: ExportRequest) -> int:
 def _written_card(
     request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
 ) -> list[Path]:
-    """Write a function that computes the command of a deployed policy at one sample, as C or as an
-    FMU.
+    """Write the command of a deployed policy at one sample as a C function or an FMU.
 
     Returns the paths of the written files.
 

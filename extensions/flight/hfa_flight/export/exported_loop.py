@@ -1,5 +1,4 @@
-"""Loops for export to C and FMI: an aircraft with or without a policy, and interpolated linear
-    models.
+"""Loops for export: an aircraft with or without a policy, and interpolated linear models.
 
 Signals that a simulation computes from time, such as references and disturbances, are inputs of an
 exported loop.

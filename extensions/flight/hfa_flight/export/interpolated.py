@@ -96,11 +96,10 @@ class InterpolatedModel:
         return Interpolated(*whole)
 
     def to_casadi(self) -> ca.Function:
-        """Return the CasADi Function from the vector of the variables of the sweep to X0, U0, A and
-        B.
+        """Return the CasADi Function from the variables of the sweep to X0, U0, A and B.
 
-        The result is constant beyond the grid. The method `.generate("models.c")` of the Function
-        writes C code that needs no library.
+        The argument is the vector of the variables. The results are constant beyond the grid. The
+        method `.generate("models.c")` of the Function writes C code that needs no library.
         """
         at = ca.SX.sym("at", len(self.axes))
         weights = ca.SX(1)
@@ -115,9 +114,10 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """SciPy's interpolator from points (..., variables) to entries (..., entries).
+        """SciPy interpolator of X0, U0, A and B over the variables of the sweep.
 
-        The entries are X0, U0, A and B in this order, each row by row.
+        It maps points (..., variables) to entries (..., entries). The entries are those of X0, U0,
+        A and B in this order, each row by row.
         """
         from scipy.interpolate import RegularGridInterpolator
 
@@ -127,7 +127,7 @@ class InterpolatedModel:
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
-        """X0, U0, A and B over the grid.
+        """Arrays of X0, U0, A and B over the grid of the sweep.
 
         The first axes are the variables of the sweep, ascending. The last axes are those of X0, U0,
         A or B.
@@ -147,9 +147,11 @@ class InterpolatedModel:
 
 
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
-    """Return the weight of each value of `axis` for linear interpolation at x.
+    """Return the weight of each breakpoint for linear interpolation at x, as an expression.
 
-    Beyond the ends of the axis, x is replaced by the nearest end.
+    Beyond the first and the last breakpoint, the nearest breakpoint has the weight 1.
+
+    axis: breakpoints, ascending
     """
     held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
     rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
