@@ -163,8 +163,7 @@ class PythonPolicy(Policy):
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function that computes u (m,) at each tick, as deviations of the inputs from
-        trim.
+        """Return the function that computes u (m,), deviations of the inputs, at each tick.
 
         Its arguments are the number of the tick and the measured deviations of the states from
         trim, (n,). It raises BadInputError if the Python function does not return finite inputs.

@@ -127,7 +127,7 @@ class _OwnTick:
         )
 
     def __call__(self) -> None:
-        """Advance the flight by one tick. If the time is 0, the JSBSim simulation is restarted."""
+        """Advance the flight by one tick. At time 0, the JSBSim simulation is restarted."""
         now, held = self.inputs
         rows = self.results[0].reshape(self._count, -1)
         observed = self.results[1].reshape(self._count, -1)

@@ -68,8 +68,7 @@ class Uncertainty:
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
-        """Return drawn ratios of parameters to their nominal values, (E,), in the order of
-        `errors`.
+        """Return drawn ratios of parameters to nominal values, (E,), in the order of `errors`.
 
           exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
 
@@ -143,7 +142,7 @@ class Scenario(Reported):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if times do not fit each other, or a factor or the delay is invalid."""
+        """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
@@ -195,7 +194,7 @@ class Scenario(Reported):
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s; inf if one of them never ends."""
+        """Time at which the last signal, gust or noise ends, s; inf if one never ends."""
         if self.samples is not None:
             return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())

@@ -326,8 +326,9 @@ def sums_of_products(values: np.ndarray) -> np.ndarray:
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
-    """Return the fraction of lags 1 to `LAGS` with an autocorrelation in the 95 % band of white
-    noise.
+    """Return the fraction of lags with an autocorrelation in the 95 % band of white noise.
+
+    The lags are 1 to `LAGS`.
 
     residual: residuals of one quantity, (N,)
     present: whether each sample was measured, (N,)

@@ -147,8 +147,9 @@ def _estimated(search: Search) -> dict[str, SensorError]:
 
 
 def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the products of two sets of slopes, summed over records, samples and quantities, (c,
-    d).
+    """Return the sum of products of two sets of slopes, (c, d).
+
+    The sum is over records, samples and quantities.
 
     one: array (N, k, c) of each record
     other: array (N, k, d) of each record

@@ -387,11 +387,11 @@ def _tried(
     windows: int,
     progress: Callable[[float, float], None] | None,
 ) -> list[tuple[float, _Undone, Search, np.ndarray]]:
-    """Return (level, correction, search, unknowns in calm air) of each candidate, lowest level
-    first.
+    """Return (level, correction, search, unknowns in calm air) of each candidate.
 
     The level is the negative log-likelihood L after a few Gauss-Newton steps on short windows, plus
-    a penalty on the change of the parameters. Candidates whose simulation diverges are omitted.
+    a penalty on the change of the parameters. The lowest level is first. Candidates whose
+    simulation diverges are omitted.
 
     steps: largest number of Gauss-Newton steps
     windows: approximate largest number of windows

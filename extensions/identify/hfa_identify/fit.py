@@ -239,11 +239,10 @@ class OutputError:
     def _lowered(
         self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
     ) -> tuple[int, Fit | None]:
-        """Return the first Gauss-Newton trial that does not raise L: its index in `_TRIALS`, and
-        its fit.
+        """Return the index and the fit of the first Gauss-Newton trial that does not raise L.
 
-        Each trial scales the step and adds damping to it. The fit is None if every trial raises L
-        or fails.
+        Each trial, an entry of `_TRIALS`, scales the step and adds damping to it. The fit is None
+        if every trial raises L or fails.
 
         undamped: the step without damping
         first: index of the first trial

@@ -190,8 +190,7 @@ class Identified(Result, Reported):
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most between the two minima, and its value at the
-        second one.
+        """Return the parameter that differs most between the two minima, and its second value.
 
         The difference is relative to the width of the parameter's band.
         """

@@ -103,11 +103,11 @@ def _with(fit: Fit, place: int, value: float) -> np.ndarray:
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield (multiple, ratio) for each local minimum of `different` other than the one nearest to
-    1.
+    """Yield (multiple, ratio) for each second minimum of the change of the state derivatives.
 
-    The ratio is the value at the minimum divided by the largest value between both minima. Only
-    minima with a ratio below `_FALL` are yielded.
+    The first minimum is the one nearest to the multiple 1. The ratio is the value at the second
+    minimum divided by the largest value between both. Only minima with a ratio below `_FALL` are
+    yielded.
 
     multiples: multiples of an estimate
     different: change of the state derivatives at each multiple

@@ -213,10 +213,12 @@ class Predictions(Responses):
         return self._gains[1:]
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return A (N, n, n), C (N, k, n), W (N, n, n) and R (N, k) of N linear models for the
-        filter.
+        """Return the matrices A, C, W and the vector R of N linear models for the filter.
 
-        W is the power of the turbulence. R are the variances of the sensor noise.
+        A: (N, n, n)
+        C: (N, k, n)
+        W: power of the turbulence, (N, n, n)
+        R: variances of the sensor noise, (N, k)
 
         theta: N sets of unknowns, (N, p)
         """

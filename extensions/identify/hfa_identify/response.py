@@ -232,10 +232,10 @@ class Responses:
         return symbols[name] if name in self._errors else 0.0
 
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs of a record corrected for unknown delays, and θ with these delays set
-        to 0.
+        """Return the inputs of a record without their unknown delays, and the other unknowns.
 
-        The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown.
+        The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown. In
+        the returned unknowns (p,), these delays are 0.
 
         theta: unknowns, (p,)
         """
@@ -435,8 +435,9 @@ class Responses:
         return states
 
     def _advance(self, steps: int) -> BoundFunction:
-        """Return the function that integrates over a number of steps, and yields the state after
-        each step.
+        """Return the function from a state to the states after each of several integration steps.
+
+        steps: number of steps
         """
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))

@@ -286,8 +286,7 @@ class Equations:
         return mass_properties(self.mass)[name]
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
-        """Define a property of the motion by a function, which is called when the property is first
-        read.
+        """Define a property by a function that is called when the property is first read.
 
         name: name of the property
         compute: function without arguments that returns the value

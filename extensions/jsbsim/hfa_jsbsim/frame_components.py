@@ -31,9 +31,7 @@ class _Past:
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:
-        """Return an expression that equals `begin` in the first frame and `value` in all later
-        frames.
-        """
+        """Return an expression that equals `begin` in the first frame, and `value` afterwards."""
         has_begun = self.of("begun", lambda: ca.SX(1.0))
         return ca.if_else(has_begun > 0.0, value, begin)
 

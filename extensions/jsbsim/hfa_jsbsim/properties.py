@@ -208,8 +208,7 @@ class Properties:
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
     def read_commanded(self, name: str) -> Any:
-        """Return the value of a pilot command that JSBSim copies to the position of the surface or
-        lever.
+        """Return the value of a pilot command that JSBSim copies to a surface or lever.
 
         In a simulation with JSBSim's frames, this is the value of the previous frame if a component
         sets the command.

@@ -383,11 +383,11 @@ class _Declaration:
         return signals
 
     def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return initial values of propeller speeds and blade angles of engines that do not run, by
-        name.
+        """Return initial values of propeller speeds and blade angles of engines that do not run.
 
-        An engine does not run if it is off or without fuel. The initial speed is the windmilling
-        speed, or 0. If `values` contains an array of several airspeeds, the result is empty.
+        The values are by name. An engine does not run if it is off or without fuel. The initial
+        speed is the windmilling speed, or 0. If `values` contains an array of several airspeeds,
+        the result is empty.
 
         values: name -> initial or imposed value
         """
@@ -527,11 +527,10 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return a function from the imposed values to the initial values of a trim search, both by
-        name.
+        """Return a function from the imposed values to the initial values of a trim search.
 
-        The angle of attack follows from the lift coefficient of level flight. Propellers begin at a
-        typical advance ratio.
+        Both are mappings by name. The angle of attack follows from the lift coefficient of level
+        flight. Propellers begin at a typical advance ratio.
         """
         usual_speed = self.usual_speed
         propellers = [
@@ -578,9 +577,7 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
 
 
 def _usual(name: str, parts: Parts) -> float:
-    """Return the constant value of an input or parameter that has no effect: 1 for an engine, else
-    0.
-    """
+    """Return the value of an input or parameter without effect: 1 for an engine, else 0."""
     return 1.0 if name.startswith("engine") else 0.0
 
 

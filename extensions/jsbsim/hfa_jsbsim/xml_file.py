@@ -145,8 +145,7 @@ class Element:
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:
-        """Return the number in the first child of this name, or the default if there is no such
-        child.
+        """Return the number in the first child of this name, or the default without one.
 
         unit: unit of the result, or "" for no conversion
         """

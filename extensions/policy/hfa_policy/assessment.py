@@ -272,8 +272,7 @@ class Assessor:
     def _place(
         self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """Return the description of one trim for flights: its box, its equilibrium and the modes
-        there.
+        """Return the description of one trim for flights: box, equilibrium and modes.
 
         search: search for the equilibrium at this trim
         widths: half-widths of the initial-condition box, (k,)

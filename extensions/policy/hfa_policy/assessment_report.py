@@ -228,8 +228,7 @@ class Assessment(Result, Reported):
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
-        """Return a phrase on changed aircraft that the policy does not stabilize, or "" if none
-        exist.
+        """Return a phrase on changed aircraft that the policy does not stabilize, or "".
 
         The phrase contains the number of these aircraft and describes the first.
         """
@@ -364,12 +363,13 @@ class Assessment(Result, Reported):
         return text if len(where) == len(holding) else f"{text} {self._where(where)}"
 
     def _offset(self) -> str:
-        """Return a phrase on the steady-state error that is largest relative to the
-        initial-condition box.
+        """Return a phrase on the largest steady-state error, relative to the box.
 
         - A trim has no equilibrium: a phrase that reports this.
         - The error is negligible and the policy holds: "no steady-state error".
         - The error is negligible and the policy does not hold: "".
+
+        The box is the initial-condition box of each trim.
         """
         nowhere = [point for point in self.points if point.equilibrium is None]
         if nowhere:
@@ -491,9 +491,7 @@ class Assessment(Result, Reported):
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
-        """Return the findings at all trims as sentences, each preceded by the trims that it
-        concerns.
-        """
+        """Return the findings at all trims, each preceded by the trims that it concerns."""
         where: dict[str, list[AssessedPoint]] = {}
         for point in self.points:
             for finding in point.findings:

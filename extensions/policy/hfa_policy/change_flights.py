@@ -258,8 +258,7 @@ class ChangeFlights:
     def _costs_and_kept(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray, seconds: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Simulate flights and return their costs, (N,), and whether they stay within the limits,
-        (N,).
+        """Return the costs of flights, (N,), and whether they stay within the limits, (N,).
 
         `rows` receives the final rows of the flights. The cost is the sum of x'Qx + u'Ru over the
         windows, with the largest deviations from trim in each window. Weights of outputs are

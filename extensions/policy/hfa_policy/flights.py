@@ -129,9 +129,7 @@ class SampledFlight:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Number of entries of each part of a flight's row, in the order of the module's
-        description.
-        """
+        """Number of entries of each part of a flight's row, in the module's order."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         trim = n + m + len(model.parameters)
@@ -141,7 +139,7 @@ class SampledFlight:
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of a flight's row, in the order of the module's description."""
+        """Slices of the parts of a flight's row, in the module's order."""
         ends = np.cumsum([0, *self.sizes]).tolist()
         return tuple(slice(begin, end) for begin, end in pairwise(ends))
 
@@ -187,10 +185,10 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """Function (row of a flight, outputs of the network) -> changed entries of the row one
-        sample later.
+        """Function that computes the entries of a flight's row that change in one sample.
 
-        The changed entries are X, memory, lowest and highest X and U so far, and past.
+        It maps (row, outputs of the network) to X, memory, lowest and highest X and U so far, and
+        past, all one sample later.
         """
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
@@ -214,7 +212,7 @@ class SampledFlight:
         return ca.Function("sample", [row], [later])
 
     def _parts(self, row: ca.MX) -> list[ca.MX]:
-        """Return the parts of a flight's row, in the order of the module's description."""
+        """Return the parts of a flight's row, in the module's order."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:

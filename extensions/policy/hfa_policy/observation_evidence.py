@@ -241,10 +241,10 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return (mean (k,), standard deviation (k,), whether they are statistics of many
-    observations).
+    """Return mean (k,) and standard deviation (k,) of the observations in the training.
 
-    The values describe the observations in the training. The result is None if they are unknown.
+    The third result is True if these are statistics of many observations. The result is None if
+    nothing is known.
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0

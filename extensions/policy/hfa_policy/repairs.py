@@ -94,8 +94,9 @@ def _signs(card: Deployment) -> Iterator[Repair]:
 
 
 def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Return the entry of an action in the deployment file with factor * a in place of a in its
-    map.
+    """Return the entry of an action in the deployment file with the action scaled.
+
+    In the map of the result, factor * a replaces a.
     """
     map_of_action = entry.get("map", "trim + a")
     return {**entry, "map": re.sub(r"\ba\b", f"({factor!r} * a)", map_of_action)}

@@ -209,8 +209,7 @@ class DrawnAircraft:
         return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
 
     def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
-        """Return the result for loops A - B K: number of stable loops, band of the largest real
-        part.
+        """Return the number of stable loops A - B K, and the band of the largest real part.
 
         own: largest real part of the eigenvalues for the given aircraft, 1/s
         drawn: linear models of the drawn aircraft

@@ -60,10 +60,10 @@ class Products:
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
     def rows(self, outputs: np.ndarray) -> RowNetwork | None:
-        """Return the function of many states x (N, n) -> `outputs` (N, k), or None if no product is
-        large.
+        """Return the function of many states x (N, n) -> `outputs` (N, k).
 
-        The large products are computed by NumPy for all states together.
+        The large products are computed by NumPy for all states together. The result is None if no
+        product is large.
 
         outputs: array of CasADi scalars, k in total
         """

@@ -332,8 +332,7 @@ class Relaxation:
     def _range(
         self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middle and the half-width of the range of each row over each box, (boxes,
-        rows) each.
+        """Return the middle and the half-width of each row's range over each box, (boxes, rows).
 
         affine: the rows, as rows of the inputs
         centres, half_widths: (boxes, n)

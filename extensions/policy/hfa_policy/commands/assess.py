@@ -70,8 +70,7 @@ def _need(name: str, text: str) -> float:
 
 
 def _half_width(model: Model, name: str, text: str) -> float:
-    """Return the typed half-width of the initial-condition box in a linear state, in the model's
-    units.
+    """Return the typed half-width of the initial-condition box, in the model's units.
 
     name: the linear state
     text: the typed number
