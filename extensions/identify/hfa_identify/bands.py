@@ -139,7 +139,7 @@ class Noise:
 
 
 def noise_of(fit: Fit) -> list[dict[int, Noise]]:
-    """Return, for each record, index of a measured quantity -> its noise.
+    """Return the noise of the measured quantities in each record, by index of the quantity.
 
     The residuals are v = (I - P) e, where e is the noise and P is the projection onto the
     sensitivities S of all unknowns. The expected weighted sum of squares of a quantity q with N
@@ -149,8 +149,8 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
 
     with the noise variance r, M_q = S' S / r and V_q = S' R_vv S / r² of the quantity, V = Σ V_q,
     and K = (Σ M_q)⁻¹. Slow noise resembles the sensitivities. V_q then exceeds M_q, and each
-    unknown reduces the sum of squares by more than the variance of one sample. A reduction by more
-    than the fraction `_MOST_TAKEN` is not assumed.
+    unknown reduces the sum of squares by more than the variance of one sample. The assumed
+    reduction is at most the fraction `_MOST_TAKEN`.
     """
     from scipy.linalg import block_diag
 
@@ -190,10 +190,12 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
 
 
 def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return Σ_i Σ_j S_i' r(i - j) S_j for one quantity.
+    """Return the covariance Σ_i Σ_j S_i' r(i - j) S_j of the sum Σ S_i' e_i, (p, p).
+
+    e is the noise of one quantity.
 
     S: sensitivities of consecutive samples, (N, p)
-    covariance: r at lags 0, 1, ..., and 0 at greater lags
+    covariance: autocovariance r of the noise at lags 0, 1, ..., and 0 at greater lags
     """
     from scipy.signal import oaconvolve
 
@@ -256,8 +258,8 @@ def _unbiased(total: float, fitted: float, count: int) -> float:
 def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
     """Return the BIC, the pole and the share of white noise plus a first-order process.
 
-    The share is the fraction of the variance that the first-order process has. The fixed pole and
-    share with the largest Whittle likelihood are chosen.
+    The share is the fraction of the variance that the first-order process has. Among fixed poles
+    and shares, those with the largest Whittle likelihood are chosen.
 
     seen: autocorrelation at lags 0, 1, ...
     count: number of samples
@@ -354,10 +356,10 @@ def explained(fit: Fit) -> np.ndarray:
 
 
 def unexplained(fit: Fit) -> np.ndarray:
-    """Return whether the simulated motion of each quantity contradicts the measured motion, (k,).
+    """Return a mask (k,), True for quantities whose simulated motion contradicts the records.
 
-    The noise variance then exceeds `_WORSE` times the variance of the measured samples. A constant
-    simulated value would leave smaller residuals.
+    For such a quantity, a constant would fit better than the simulation: the noise variance exceeds
+    `_WORSE` times the variance of the measured samples.
     """
     motions = [np.concatenate(_samples(fit, place)[0]).var() for place in range(len(fit.noise))]
     return np.asarray(fit.noise > _WORSE * np.array(motions))
@@ -379,7 +381,7 @@ def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:
-    """Return the (p, p) correlation coefficients of estimates.
+    """Return the correlation coefficients (p, p) of estimates with a given covariance.
 
     Coefficients of an estimate with infinite variance are 0.
     """

@@ -63,9 +63,7 @@ class ColumnError(Result):
 
     @property
     def clear(self) -> float:
-        """Ratio of the magnitude of the estimate to its standard deviation, or 0 without an
-        estimate.
-        """
+        """Magnitude of the estimate divided by its standard deviation, or 0 without an estimate."""
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0
 
 

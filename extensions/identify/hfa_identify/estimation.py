@@ -152,7 +152,9 @@ def _listed(records: Any) -> list[Any]:
 def _with_given(
     model: Model, given: Mapping[str, float] | Sequence[str]
 ) -> tuple[Model, tuple[str, ...]]:
-    """Return the model with the given values, and the names of the given parameters.
+    """Return the model with the fixed values of parameters, and the names of these parameters.
+
+    given: names of parameters that keep the model's values, or name -> fixed value
 
     Raises BadInputError if a parameter is unknown, or a value is not finite or beyond the
     parameter's limits.

@@ -213,9 +213,9 @@ def sensor_fault(
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with the other interpolation of the inputs: steps or linear.
+    """Return the fit with inputs in steps if they were linear between samples, or vice versa.
 
-    The original fit is returned if this search diverges or does not converge.
+    The original fit is returned if the search diverges or does not converge.
     """
     records = [replace(record, has_steps=not record.has_steps) for record in search.records]
     try:
@@ -233,12 +233,14 @@ def _with_value(search: Search, name: str, value: float) -> str:
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Return whether a sensor can have this column error.
+    """Return whether an error of a column may be caused by a sensor.
 
-    A greater error indicates motion that the model lacks. These errors are plausible:
+    These errors may:
     - a bias smaller than the largest magnitude of the column
     - a scale error between -0.5 and 1
     - any delay
+
+    A greater error indicates motion that the model lacks.
     """
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":

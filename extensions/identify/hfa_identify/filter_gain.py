@@ -95,8 +95,9 @@ def gain_with_slopes(
 def _steady(
     A: np.ndarray, C: np.ndarray, W: np.ndarray, R: np.ndarray, interval: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return K, T⁻¹ and the diagonal of D of N steady-state filters.
+    """Return K (N, n, k), T⁻¹ (N, k, k) and the diagonal of D (N, k) of N steady-state filters.
 
+    A, C, W: matrices of N models
     R: diagonals of the sensor covariances, (N, k)
     interval: time between samples, s
     """
@@ -114,7 +115,10 @@ def _steady(
 
 
 def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Φ and Q between two samples, from third-order series over short intervals."""
+    """Return Φ and Q between two samples, (N, n, n) each, from series of third order.
+
+    The series are evaluated over short intervals and composed.
+    """
     norm = float(np.abs(A).sum(axis=2).max())
     doublings = _HALVINGS + max(0, math.ceil(math.log2(max(norm * interval, 1.0))))
     h = interval / 2.0**doublings

@@ -455,7 +455,7 @@ class OutputError:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Return the pseudoinverse of a symmetric matrix, computed with a unit diagonal."""
+    """Return the pseudoinverse of a symmetric matrix, computed after scaling to a unit diagonal."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size

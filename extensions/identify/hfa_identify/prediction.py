@@ -166,7 +166,9 @@ class Predictions(Responses):
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether a column error can be an unknown: not delays of measured quantities."""
+        """Return whether a column error can be an unknown: all except delays of measured
+        quantities.
+        """
         return error.kind != "delay" or error.column in self.model.inputs
 
     def compile(self) -> None:
@@ -190,9 +192,8 @@ class Predictions(Responses):
     # Filter gain.
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the variances of the innovations, and the derivatives of their logarithms.
-
-        The shapes are (k,) and (k, p).
+        """Return the variances of the innovations, (k,), and the derivatives of their logarithms,
+        (k, p).
         """
         gain, slopes = self._gain(theta)
         return gain.variances, slopes.logarithms
@@ -377,7 +378,7 @@ class Predictions(Responses):
 
 
 def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
-    """Return a table (sources, n) with 1 for each state that a white noise drives, else 0.
+    """Return a table (sources, n), 1 where a source of white noise drives a state, else 0.
 
     A noise drives the state of its name, and the rotation of the air that follows this state.
     """

@@ -30,7 +30,10 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def _held(model: Model, name: str, text: str) -> float:
-    """Return the value given for an input or an initial state, in the model's units.
+    """Return the value typed for an input or an initial state, in the model's units.
+
+    name: the input or state
+    text: the typed number
 
     Raises BadInputError if the model has no such input or state.
     """
@@ -39,7 +42,10 @@ def _held(model: Model, name: str, text: str) -> float:
 
 
 def _given(model: Model, name: str, text: str) -> float:
-    """Return the value given for a parameter, in the model's units.
+    """Return the value typed for a parameter, in the model's units.
+
+    name: the parameter
+    text: the typed number
 
     Raises BadInputError if the model has no such parameter.
     """
