@@ -15,7 +15,7 @@ _ENDING = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED}
 def main() -> int:
     """Run `hfa` in this process and return its exit code.
 
-    Return 2 if the package cannot be imported.
+    The exit code is 2 if the package cannot be imported.
     """
     for name in _ENDING:
         number = getattr(signal, name, None)  # not every system has every signal

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class CommandEntry(NamedTuple):
-    """Entry of a command in `hfa --help`, whose module is imported when the command is called.
+    """Entry point of a command, listed in `hfa --help` without loading the command's module.
 
     group: heading in the help, an existing or a new one
     about: summary of the command in one line
@@ -153,9 +153,11 @@ def command_named(name: str) -> CommandEntry:
 
 
 def words_after(name: str) -> Mapping[str, str]:
-    """Return second word -> summary for the commands of two words that begin with this name.
+    """Return the possible second words of commands with two words, second word -> summary.
 
     The result is empty for a command of the core.
+
+    name: first word, for example "prove"
     """
     if name in CORE:
         return {}
@@ -168,10 +170,14 @@ def words_after(name: str) -> Mapping[str, str]:
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
-    """Split a command line into (name of the command, remaining words).
+    """Return the name of the command in a command line, and the remaining words.
 
-    The name is "" if the first word is not a command. Raises BadInputError if the second word is
-    missing or unknown, or if an option comes before or between the words of the name.
+    The name is "" if the first word is not a command.
+
+    words: command line without the program name
+
+    Raises BadInputError if a second word of the name is missing or unknown, or if an option comes
+    before or between the words of the name.
     """
     first = words[0] if words else ""
     if first in CORE:

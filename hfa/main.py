@@ -43,10 +43,11 @@ _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    argv: command line without the program name, or None for the command line of this process
+    - 0: the command succeeded.
+    - 1: a check failed or no solution exists.
+    - 2: the usage or the input is invalid.
 
-    The exit code is 0 if the command succeeded, 1 if a check failed or no solution exists, and 2
-    for bad usage or input.
+    argv: command line without the program name, or None for the command line of this process
     """
     return reported(list(sys.argv[1:] if argv is None else argv), _named_command)
 
@@ -84,7 +85,10 @@ def reported(words: list[str], find: Find) -> int:
 
 
 def _failure(error: BaseException) -> tuple[str, int]:
-    """Return (message, exit code) for an exception listed in `FAILURES`, or for Ctrl-C."""
+    """Return the error message and the exit code for an exception.
+
+    error: KeyboardInterrupt (Ctrl-C), or an exception of a class in `FAILURES`
+    """
     match error:
         case NoSolutionError():
             return str(error), FAILED
@@ -169,9 +173,13 @@ def _refuse_small_address_space() -> None:
 
 
 def _request(command: Command, program: str, words: list[str]) -> Request:
-    """Parse the option words of a command into its request.
+    """Return the request of a command, with the values of the options in its command line.
 
     The model is loaded first, because the other options are parsed with its names and units.
+
+    command: the command
+    program: name of the program in messages, such as "hfa trim"
+    words: words of the command line after the name of the command
     """
     from hfa.options.trims import named_model
     from hfa_support.provenance import now
@@ -207,10 +215,11 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
-    """Print each distinct warning of a successful run as a note.
+    """Print the warnings of a successful run as notes, each distinct text once.
 
-    Warnings intended for programmers, such as deprecations, are not printed. Of the warnings that
-    are not of the class UserWarning, at most `_MOST_NOTES` are printed.
+    - UserWarning: all are printed.
+    - warnings for programmers, such as deprecations: none is printed.
+    - other warnings, such as those of NumPy: at most `_MOST_NOTES` are printed.
     """
     from hfa.output import say_notes
 
@@ -243,9 +252,9 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
 
 
 def filled(parser: Parser, command: Command, model: Model) -> Parser:
-    """Add the options of a command to a parser and return the parser.
+    """Return the parser with the help text and the options of a command.
 
-    The options use the names and units of the model.
+    The options have the names and units of the model.
     """
     from hfa.options.trims import is_own
 

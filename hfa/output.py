@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def stated(report: Report, request: Request) -> Report:
-    """Return the report with the provenance of the run and the units of --units."""
+    """Return the report with the provenance of the run and the unit system of --units."""
     units = getattr(request, "units", None)
     if units is not None:
         report = report.with_data(units=units)
@@ -49,9 +49,11 @@ def show(
 
     Either both files are written or none. Notes are printed after the report.
 
+    report: the report
+    request: the options of the command
     figure: function that draws the picture, or None if there is none
-    printed: shorter report to print in place of `report`
-    only_in_files: data added to the file of -o only
+    printed: shorter report to print in place of `report`, or None
+    only_in_files: data added to the file of -o only, or None
     notes: notes on the result
 
     Raises NoSolutionError with `report.failure` if this text is not empty.
@@ -102,10 +104,12 @@ def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = 
 
 
 def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
-    """Trim the aircraft under the condition given by the options and return the operating point.
+    """Return the operating point at the trim condition given by the options.
 
-    Raises TrimError if no trim is found. With --json, the nearest point within the limits, the
-    active limits and the reason are printed first.
+    If no trim is found, the command reports the reason. With --json, the report of the nearest
+    point within the limits, with the active limits, is printed before the error is raised.
+
+    Raises TrimError if no trim is found.
     """
     from trim.point.solve import TrimError
     from trim.point.trim_report import trim_report
@@ -123,7 +127,7 @@ def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
 
 
 def say_notes(warnings: Iterable[str]) -> None:
-    """Print each warning as one line on standard error, prefixed by "hfa: note: "."""
+    """Print each note as one line on standard error, prefixed by "hfa: note: "."""
     for warning in warnings:
         say_aside(f"hfa: note: {on_one_line(warning)}")
 
@@ -134,9 +138,9 @@ _LONG = 300.0
 
 
 class ProgressLine:
-    """Progress on one line of standard error, erased at the end.
+    """Display of the progress of a run, on one line of standard error that is erased at the end.
 
-    The line is shown only on a terminal. A note announces a long run in any case.
+    The line is shown only on a terminal. A note on a long run is printed in any case.
     """
 
     def __init__(self, name: str) -> None:
@@ -147,8 +151,9 @@ class ProgressLine:
         self._last = ""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Show the percentage done / total.
+        """Show the progress as a percentage.
 
+        done, total: amounts of work, in any unit
         what: current step, shown after the percentage
         """
         self._announce(done, total)
@@ -160,9 +165,10 @@ class ProgressLine:
             say_aside(line, end="\r\033[K" if done >= total else "")
 
     def _announce(self, done: float, total: float) -> None:
-        """Print a note with the remaining time, once, if a run is expected to take long.
+        """Print a note with the remaining time of a long run, at most once.
 
-        The time is extrapolated after `_TRIAL` seconds. The note is printed above `_LONG` seconds.
+        The time is estimated from the progress in the first `_TRIAL` seconds. The note is printed
+        if more than `_LONG` seconds remain.
         """
         now = time.monotonic()
         is_next = self._first is not None and done < self._first[1]  # of several computations

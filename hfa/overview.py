@@ -14,7 +14,7 @@ GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 
 def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
-    """Return a group of commands as text, for the overview.
+    """Return one group of commands as text for the overview, one line for each command.
 
     name: heading of the group
     entries: name of each command -> its entry
@@ -25,9 +25,9 @@ def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
 
 
 def overview() -> Parser:
-    """Return a parser that accepts --help, --version and the name of a command.
+    """Return the parser of a command line without a command, whose help lists all commands.
 
-    The help lists all commands.
+    The parser accepts --help, --version and the name of a command.
     """
     by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
     for name, entry in commands().items():

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameRequest(GameOptions, OutputOptions):
-    """Options of a command that needs one game."""
+    """Options of a command that solves, learns or checks one game."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,7 +96,7 @@ def learn(request: LearnRequest) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Judged(Result):
-    """Comparison of a learned critic with the exact solution.
+    """Checks of a learned critic against the exact solution, as written to files.
 
     certificates: the checks of this comparison
     converged: True if all checks pass
@@ -113,11 +113,15 @@ class Judged(Result):
 def show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
-    """Print and save the learned critic with its checks, and return the exit code.
+    """Print and save a learned critic with its checks, and return the exit code.
 
-    Return 0 if all checks pass, otherwise 1.
+    The exit code is 0 if all checks pass, otherwise 1.
 
-    H: learned Q-function of a discrete-time plant, or None
+    request: the options of `hfa learn`
+    named: the game and its plant
+    run: training run of the critic
+    verdict: comparison of the critic with the exact solution
+    H: learned Q-function of a discrete-time plant, or None in continuous time
     """
     from hfa_support.reporting.checks import checks_block
 

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 
 def _names_of(*kinds: str) -> OfModel:
-    """Return an option type that parses a list of the model's signal names.
+    """Return an option type that converts a comma-separated list of the model's signal names.
 
-    kinds: accepted lists of names, from "states", "inputs" and "outputs"
+    kinds: kinds of signals whose names are accepted: "states", "inputs" and "outputs"
     """
 
     def convert(model: Model, text: str) -> tuple[str, ...]:
@@ -126,11 +126,13 @@ def _with_winds(
     outputs: tuple[str, ...],
     kept: tuple[str, ...],
 ) -> LinearModel:
-    """Return the linear model of all states at a trim, with winds as disturbances.
+    """Return the linear model of all states at a trim, with the aircraft's winds as disturbances.
 
-    The winds are left out if a wind acts on an omitted state that acts on a kept state. The reduced
-    model has no column for this effect. The winds of the HFA are always included.
+    The winds are left out if a wind acts on the kept states through an omitted state, because the
+    reduced model has no column for this effect. The winds of the paper's flexible aircraft are
+    always included.
 
+    aircraft: the model
     point: the trim
     outputs: names of the outputs of the linear model
     kept: names of the states in the reduced model
@@ -147,11 +149,11 @@ def _with_winds(
 
 
 def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
-    """Return the report of a linear model of the HFA.
+    """Return the report of a linear model of the paper's flexible aircraft.
 
     If the paper prints the matrices of these states and inputs, two parts are added:
-    - a comparison with the other dynamics, if they have a trim at this condition
-    - error bands, if they are known for the parameters
+    - a comparison with the linear model of other dynamics, if they have a trim at this condition
+    - error bands of the entries, if they are known for the parameters
     """
     parameters = request.parameter_set
     condition = request.trim_condition
@@ -167,9 +169,9 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
 
 
 def _is_printed(model: LinearModel) -> bool:
-    """Return whether the paper prints A and B for the states and inputs of this model.
+    """Return whether the paper prints A and B for the states and inputs of a linear model.
 
-    The result is False for any aircraft except the HFA.
+    The result is False for any aircraft except the paper's flexible aircraft.
     """
     return model.model.name in VARIANTS and (model.states, model.inputs) == (
         LINEAR_STATES,

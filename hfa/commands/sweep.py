@@ -49,7 +49,7 @@ STORE = "sweep.store"
 
 
 def _suffixes(kind: str) -> tuple[str, ...]:
-    """Return the suffixes of the outputs that installed packages can write.
+    """Return the suffixes of outputs of a sweep that installed packages can write, such as ".zarr".
 
     kind: FILE or STORE
     """
@@ -58,7 +58,7 @@ def _suffixes(kind: str) -> tuple[str, ...]:
 
 
 def _purpose() -> str:
-    """Return the help text on file and store suffixes, or "" if there are none."""
+    """Return the help text on the output suffixes of installed packages, "" if there are none."""
     said = [
         f"{suffix}: {about_part(f'{kind}{suffix}')}"
         for kind in (FILE, STORE)
@@ -93,12 +93,12 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     @property
     def stored(self) -> bool:
-        """True if the output is a store, according to its suffix."""
+        """True if the suffix of the output is that of a store, and not of a file."""
         return self.output is not None and self.output.suffix.lower() in _suffixes(STORE)
 
     @cached_property
     def common_condition(self) -> TrimCondition:
-        """The trim condition common to all points, without the variables listed in a file."""
+        """Trim condition shared by all points, without the variables that a list of points sets."""
         if isinstance(self.condition, Path):
             return replace(self, condition=None).common_condition
         return super().common_condition
@@ -106,9 +106,11 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def plan(self) -> SweepPlan:
         """Return the plan of the sweep: axes, aircraft and trim condition.
 
-        In a sweep over a grid without a store, the axes with a single value come first. Raises
-        BadInputError if nothing is swept, if an axis is invalid, or if a picture is requested for
-        more than one varied axis.
+        The axes are those of a list of points, or the swept options. For a grid that is not written
+        to a store, the axes with a single value come first.
+
+        Raises BadInputError if nothing is swept, if an axis is invalid, or if a picture is
+        requested for more than one varied axis.
         """
         listing = self.condition if isinstance(self.condition, Path) else None
         condition = self.common_condition
@@ -142,10 +144,13 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """Return name -> values, from the columns of a list of points and from options.
+        """Return the axes of a sweep over a list of points, name -> value at each point, (N,).
+
+        A variable that an option sets to one value is an axis with this value at all points.
 
         listing: CSV file of points
-        ranges: value of each variable given by an option
+        condition: trim condition of the sweep
+        ranges: name -> values, for the variables that options set
 
         Raises BadInputError if an option gives several values, or a variable that is also a column.
         """
@@ -212,11 +217,16 @@ def _in_store(request: SweepRequest) -> int:
 
 
 def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
-    """Read a CSV file of trim points and return name -> values, one for each point.
+    """Return name -> value at each point, (N,), from a CSV file of trim points.
 
     The first row contains names. Each further row is one point, with values in the units of --hold
-    (degrees). Raises BadInputError for an unreadable file, for a name that is repeated or cannot be
-    held, if there are no values, for a row of another length, or for an invalid value.
+    (degrees).
+
+    path: the CSV file
+    condition: trim condition, whose model defines the names and units
+
+    Raises BadInputError for an unreadable file, for a name that is repeated or cannot be held, if
+    there are no values, for a row of another length, and for an invalid value.
     """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()

@@ -48,10 +48,13 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def _critics(text: str) -> list[Path]:
-    """Return the path of a file in a list, or the paths of all critics in a folder.
+    """Return the paths of the critic files given by --weights.
 
-    The files of a folder are sorted by the numbers in their names. Raises BadInputError if the
-    folder contains no critic.
+    text: path of one file, or of a folder with critic files. The files of a folder are sorted by
+        the
+        numbers in their names.
+
+    Raises BadInputError if the folder contains no critic.
     """
     folder = Path(text)
     if not folder.is_dir():
@@ -174,7 +177,10 @@ def verify(request: VerifyRequest) -> int:
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """Return a figure of one critic with the exact solution, or of the errors of several critics.
+    """Return a figure that compares critics with the exact solution.
+
+    - one critic: the critic and the exact solution
+    - several critics: their errors
 
     verdicts: source of each critic -> its verdict
     origin: description of the game
@@ -185,9 +191,13 @@ def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
 
 
 def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the lines of the report on Q, R and delta.
+    """Return the lines of the report on Q, R and delta of the game.
 
-    A line on --limit-cost is added if the grade is "near" and no limit is given.
+    If the grade is "near" and no cost limit is given, a line on --limit-cost is added.
+
+    named: the game
+    verdict: verdict on the critic
+    limit_cost: value of --limit-cost, percent, or None if not given
     """
     lines = [named.weights_line()]
     if limit_cost is None and verdict.grade == "near":
@@ -198,9 +208,12 @@ def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
     """Return the scope of the checks: the box of states, and other games for comparison.
 
-    The box is that of the ordinary ranges of the paper's aircraft. For other states of a linear
-    model, the box is the largest one within the limits, or None (`box_within_limits`). Otherwise
-    the box is None. Other games are compared only if a dihedral angle is given.
+    - a plant with the paper's states, inputs and units: the box of their ordinary ranges
+    - other states of a linear model: the largest box within their limits, or None
+      (`box_within_limits`)
+    - otherwise: no box (None)
+
+    The critic is compared with other games only if a dihedral angle is given.
     """
     names = named.game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
@@ -212,10 +225,13 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return other games for comparison.
+    """Return other games with which a critic is compared: it may belong to one of them.
 
     - the games of the printed matrices whose B has the same shape
-    - the game as a function of the dihedral angle in degrees
+    - the games at other dihedral angles
+
+    request: the options of `hfa verify`
+    game: the game of the request
     """
     from hfa_model.printed_matrices import published_models
 
@@ -234,9 +250,9 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
-    """Raise BadInputError if an option of the request has no effect or contradicts another.
+    """Raise BadInputError if an option of `hfa verify` has no effect or contradicts another option.
 
-    paths: files of critics, empty for a learning law
+    paths: files of critics, empty if the critic is learned
     """
     if not any(map(is_network, paths)):
         request.refuse(("network",), "applies only to a network; name its file with --weights")
@@ -272,9 +288,13 @@ def _check_file(
 ) -> Verdict:
     """Return the verdict on the critic in a file.
 
-    A file with several critics over time is checked as a history.
+    A file with one critic for each of several times is checked as a history.
 
-    files: number of files in the request
+    path: the critic file
+    request: the options of `hfa verify`
+    named: the game
+    scope: box of states and other games for comparison
+    files: number of files in the request, which share the time of the checks
 
     Raises BadInputError if --set predefined_time is given for a critic without time.
     """
@@ -309,7 +329,9 @@ def _check_history(
     named: NamedGame,
     scope: Scope,
 ) -> Verdict:
-    """Return the verdict on a history of critics over time, with a check of the last critic."""
+    """Return the verdict on a history of critics over time, including the checks of the last
+    critic.
+    """
     from verification.critic.history import check_history
 
     with said_of(path):

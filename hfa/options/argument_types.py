@@ -22,9 +22,11 @@ _LARGEST_WHOLE = 10**18
 
 
 def number(text: str, declared: Number = NUMBER) -> float:
-    """Convert a word to a number.
+    """Return the number that a word represents.
 
-    Raises BadInputError for another text, or for a number outside the declared limits.
+    declared: permitted range of the number
+
+    Raises BadInputError for another text, and for a number outside the range.
     """
     try:
         value = declared.of(float(text))
@@ -39,10 +41,15 @@ positive = partial(number, declared=POSITIVE)
 
 
 def quantity(model: Model, name: str, text: str) -> float:
-    """Convert the text of a named variable to a number in the unit that the model declares.
+    """Return the value of a named variable, in internal units, from its text.
 
-    Angles are typed in degrees and returned in radians. A name without a declared unit is a plain
-    number.
+    Angles are typed in degrees and returned in radians. All other values are in the unit that the
+    model declares. A name without a declared unit is a plain number.
+
+    name: a state, input, output or parameter, or the rate of a state
+    text: the number as typed
+
+    Raises BadInputError if the text is not a number.
     """
     signals = {**model.rates, **model.signals}
     unit = signals[name].unit if name in signals else "1"
@@ -50,9 +57,9 @@ def quantity(model: Model, name: str, text: str) -> float:
 
 
 def breakpoint_value(model: Model, text: str) -> float:
-    """Convert a word to the value of the scheduling variable at one trim.
+    """Return the value of the model's scheduling variable at one trim, in internal units.
 
-    Raises BadInputError for a list or a range. The message names the command that accepts it.
+    Raises BadInputError for a list or a range. The message names `hfa sweep`, which accepts it.
     """
     if "," in text or ":" in text:
         raise BadInputError(
@@ -62,7 +69,7 @@ def breakpoint_value(model: Model, text: str) -> float:
 
 
 def span(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Convert `LOW:HIGH` of a named variable to (low, high) in internal units.
+    """Return the limits (low, high) of a named variable, in internal units, from `LOW:HIGH`.
 
     Raises BadInputError unless low < high.
     """
@@ -93,7 +100,10 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
 
 
 def one_of(*words: str) -> Callable[[str], str]:
-    """Return an option type that accepts one of these words and converts it to lower case."""
+    """Return an option type that accepts one of these words, in upper or lower case.
+
+    The value is the word in lower case.
+    """
 
     def convert(text: str) -> str:
         word = text.lower()
@@ -141,11 +151,11 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(
     *suffixes: str, folder: bool = False, stores: Sequence[str] = ()
 ) -> Callable[[str], Path]:
-    """Return an option type for an output file, whose path is checked before the computation.
+    """Return an option type for the path of an output file, checked before the computation.
 
-    suffixes: accepted suffixes
-    folder: whether folders without a suffix are accepted too
-    stores: suffixes of stores, which are folders and may exist already
+    suffixes: accepted suffixes of files
+    folder: True to also accept a folder, whose name has no suffix
+    stores: accepted suffixes of stores, which are folders that may already exist
     """
 
     def convert(text: str) -> Path:

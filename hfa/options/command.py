@@ -26,5 +26,8 @@ class Command(NamedTuple):
 
 
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
-    """Return a decorator that converts a function (request) -> exit code to a `Command`."""
+    """Return a decorator that makes a `Command` from a function (request) -> exit code.
+
+    request: class of the requests, whose fields are the options
+    """
     return lambda run: Command(request, run)

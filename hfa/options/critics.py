@@ -30,9 +30,11 @@ READING_SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def critic_path(text: str) -> Path:
-    """Convert a word to the path of an existing critic file.
+    """Return the path of a critic file.
 
-    Raises BadInputError if the file does not exist or if its suffix is not supported.
+    text: path of an existing file with a supported suffix
+
+    Raises BadInputError if the file does not exist, or if its suffix is not supported.
     """
     if Path(text).suffix.lower() in MATRIX_FILES:
         return input_file(*MATRIX_FILES)(text)
@@ -41,7 +43,7 @@ def critic_path(text: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReadingOptions(Request):
-    """Options for properties of a critic that its file (--weights) does not contain."""
+    """Options for reading a critic file (--weights)."""
 
     basis: str | None = option(
         "basis functions of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
@@ -57,5 +59,5 @@ class ReadingOptions(Request):
     set: Mapping[str, Any]
 
     def reading(self) -> Reading:
-        """Settings for reading the critic file."""
+        """Settings for reading a critic file, from the options."""
         return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))

@@ -21,9 +21,11 @@ def draws_option() -> Any:
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Return a report, to which the spread of its result is added if --draws is given.
+    """Return a report, with the spread of its result for random parameters if --draws is given.
 
-    subject: an operating point, a linear model, or (game, gain)
+    report: report without the spread
+    request: the options
+    subject: the result: an operating point, a linear model, or (game, gain)
     """
     if request.draws is None:
         return report

@@ -47,12 +47,15 @@ def _delta(text: str) -> float:
 
 
 def diagonal(text: str) -> np.ndarray:
-    """Convert "a,b,..." to the matrix diag(a, b, ...), (n, n), as used for Q and R."""
+    """Return the matrix diag(a, b, ...), (n, n), from the text "a,b,...".
+
+    Raises BadInputError if an entry is not a number.
+    """
     return np.diag(listed_numbers(text))
 
 
 def _diagonal_option(name: str) -> Any:
-    """Return a request field whose option sets the diagonal of a weight.
+    """Return a request field whose option sets the diagonal of Q or R.
 
     name: "Q" or "R"
     """
@@ -77,12 +80,14 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Name -> value of each of Q, R and delta that an option sets, in the model's units."""
+        """Weights set by options, "Q", "R" or "delta" -> value, in the model's units."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 
     def game_on(self, linear: LinearModel) -> Game:
-        """Return the game on a linear model, with default weights except those given by options."""
+        """Return the game on a linear model, with the weights from options and default values for
+        the others.
+        """
         changes = self.changed_weights()
         names = plant_names(linear)
         return usual_game(linear.model, linear.A, linear.B, names, **changes)
@@ -102,7 +107,7 @@ class SeedOption(Request):
 
 
 def law_option(*laws: str) -> Any:
-    """Return the field `law`, with the option --law.
+    """Return the request field `law`, with the option --law that selects the learning law.
 
     laws: accepted names besides the default learning law
     """
@@ -117,10 +122,10 @@ def setting_option(
     about: str = "setting of the learning law, for example predefined_time=2",
     more: Mapping[str, Callable[[str], Any]] | None = None,
 ) -> Any:
-    """Return the field `set`, with the repeatable option --set NAME=VALUE.
+    """Return the request field `set`, with the repeatable option --set NAME=VALUE.
 
     about: help of the option
-    more: additional settings, name -> function that converts the word to a value
+    more: additional settings, name -> function that converts the text to the value; None for none
     """
 
     def setting(name: str, text: str) -> Any:
@@ -164,7 +169,8 @@ def _about_design(model: Model) -> str:
 
 
 def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
-    """Return the field `design`, with the option --design.
+    """Return the request field `design`, with the option --design for a design with actuators and
+    weights.
 
     about: help of the option
     """
@@ -172,7 +178,7 @@ def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
 
 
 def plant_option() -> Any:
-    """Return the field `plant`, whose option --model names a plant file."""
+    """Return the request field `plant`, whose option --model names a plant file."""
     return option(
         f"file of your plant: A, B and optionally E, Q, R ({' '.join(MATRIX_FILES)})",
         "FILE",
@@ -189,20 +195,20 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
     design: Any = None
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the game: the plant file, or the aircraft and its trim."""
+        """Provenance of the game: the path of the plant file, or the aircraft and its trim."""
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
     def game(
         self, read: dict[str, Any] | None = None, *, may_be_discrete: bool = False
     ) -> NamedGame:
-        """Return the game specified by the options.
+        """Return the game specified by the options, on a plant file or on an aircraft at a trim.
 
-        read: entries of the file of --model, if it has been read already
+        read: entries of the plant file, if it has been read already, or None
         may_be_discrete: whether the command accepts a discrete-time plant
 
         Raises BadInputError in these cases:
         - The plant is in discrete time, and `may_be_discrete` is False.
-        - Neither a dihedral angle nor a plant file is given for the HFA.
+        - Neither a dihedral angle nor a plant file is given for the paper's flexible aircraft.
         """
         if self.plant is not None:
             named = self._game_of_file(self.plant, read)
@@ -229,10 +235,10 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
     def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
-        """Return the source of each of Q, R and delta: "given", "file" or `else_from`.
+        """Return the source of each weight, "Q", "R" and "delta" -> "given", "file" or `else_from`.
 
+        else_from: source of the weights that are neither given by an option nor in the file
         of_file: names of the weights that the plant file contains
-        else_from: source of weights neither given by an option nor in the file
         """
         whose = dict.fromkeys(("Q", "R", "delta"), else_from)
         whose |= {name: "file" for name in of_file if name in whose}
@@ -265,14 +271,14 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameOptions(UnitsOption, PlantOptions):
-    """Options of one game, including its units and a design."""
+    """Options that define one game, including --units and --design."""
 
     design: Any = design_option()
 
 
 @dataclass(frozen=True, eq=False)
 class Weights(Result):
-    """Weights of a game and their sources.
+    """Weights Q and R of a game, and where they come from.
 
     Q: state weight, (n, n)
     R: input weight, (m, m)
@@ -286,7 +292,7 @@ class Weights(Result):
 
 @dataclass(frozen=True, eq=False)
 class NamedGame(Result):
-    """A game with its plant and the sources of both.
+    """A game, its plant, and the sources of its weights.
 
     game: the game
     warnings: notes to print with results
@@ -313,7 +319,7 @@ class NamedGame(Result):
 
     @property
     def origins(self) -> dict[str, str] | None:
-        """Provenance of a plant read from a file, or None for another plant."""
+        """Provenance of a plant read from a file, or None if the plant has none."""
         return dict(self.plant_provenance) or None
 
     @property
@@ -322,15 +328,15 @@ class NamedGame(Result):
         return Weights(self.game.Q, self.game.R, self.weights_from)
 
     def weights_line(self) -> str:
-        """Return one line of text on Q, R and delta and their sources."""
+        """Return one line of text with Q, R, delta and the source of each."""
         game = self.game
         return weights_line(game.Q, game.R, game.delta, self.weights_from)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
-        """Append a question on discrete time to the message of a NoSolutionError in the block.
+        """Add a question on discrete time to a NoSolutionError that is raised in the `with` block.
 
-        The question is appended if the plant file does not state whether time is continuous or
+        The question is added if the plant file does not state whether time is continuous or
         discrete, and if the game has a solution in discrete time.
         """
         try:
@@ -343,9 +349,12 @@ class NamedGame(Result):
 
 
 def _converted(kind: str, text: str) -> Any:
-    """Convert the text of a setting to its value.
+    """Return the value of a setting of the learning law, from its text.
 
     kind: annotation of the setting's field, for example "float | tuple[float, ...]"
+    text: the value as typed
+
+    Raises BadInputError if the text is not a number of this kind.
     """
     if kind.startswith("str"):
         return text

@@ -17,10 +17,13 @@ if TYPE_CHECKING:
 def advised(
     failure: TrimError, request: TrimOptions, aircraft: Model, condition: TrimCondition
 ) -> TrimError:
-    """Return the error of a failed trim with an explanation added.
+    """Return the error of a failed trim, with the reason and advice on options added.
 
     If alpha is held and a trim with free alpha exists, the message also advises --free alpha.
 
+    failure: error of the trim search
+    request: the options
+    aircraft: the model
     condition: condition of the failed trim
     """
     error = explained(failure, aircraft, condition)

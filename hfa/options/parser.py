@@ -35,9 +35,9 @@ class Parser(argparse.ArgumentParser):
         self._words: dict[str, list[str]] = {}
 
     def declare(self, options: Mapping[str, Option]) -> None:
-        """Add options to the parser.
+        """Add the options of a request to the parser.
 
-        options: field of the request -> option
+        options: field of the request -> its option
         """
         self.options.update(options)
         for name, option in options.items():
@@ -71,7 +71,7 @@ class Parser(argparse.ArgumentParser):
         return help_text(self, more)
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
-        """Return field -> value for the options in a command line.
+        """Return the values of the options in a command line, field of the request -> value.
 
         words: words of the command line after the name of the command
 
@@ -100,9 +100,10 @@ class Parser(argparse.ArgumentParser):
         return typed
 
     def parse_some(self, words: list[str]) -> dict[str, Any]:
-        """Return field -> value for the known options in a command line.
+        """Return the values of the declared options in a command line, field of the request ->
+        value.
 
-        Other words are ignored.
+        Other options and words are ignored.
         """
         return self._typed(self.parse_known_args(words)[0])
 
@@ -135,7 +136,11 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
-        """Raise BadInputError with a message of argparse, shortened to the option and its fault."""
+        """Raise BadInputError with a message of argparse in shorter form.
+
+        A message on one option contains only the option and its fault. Other messages also name
+        `--help`.
+        """
         complaint = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
         raise BadInputError(
             complaint if complaint != message else f"{message} (see `{self.prog} --help`)"
@@ -143,7 +148,8 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Help(argparse.Action):
-    """Action that prints the help for `--help` and `--help more`."""
+    """Action of the option --help, which prints the short help, or the long one for `--help more`.
+    """
 
     def __call__(
         self, parser: Any, _: argparse.Namespace, values: Any, option_string: str | None = None
@@ -153,7 +159,7 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, which stores a dictionary."""
+    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, whose value is a dictionary."""
 
     def __init__(
         self, *, kind: Callable[[str, str], Any], aliases: Mapping[str, str], **options: Any
@@ -185,9 +191,13 @@ class _Named(argparse.Action):
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
-    """Return the message on an unknown option or command, which suggests the nearest known name.
+    """Return the error message for an unknown option or command, with the nearest known name.
+
+    If no known name is near, the message names the help of `program`.
 
     what: kind of word, with the word
-    program: command whose help is named if no known name is near
+    name: the unknown name
+    known: known names
+    program: name of the command, such as "hfa trim"
     """
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"

@@ -16,10 +16,12 @@ Range = tuple[float, ...] | Steps
 
 
 def value_range(model: Model, name: str, text: str) -> Range:
-    """Convert `start:stop:step`, `a,b,c` or one number to values of a variable in internal units.
+    """Return the values of a named variable, in internal units, from its text.
 
-    The values of a range do not exceed `stop`. Raises BadInputError for text of another form, for a
-    step that is not positive, if stop < start, or for more than `MOST_POINTS` values of a range.
+    text: `start:stop:step`, `a,b,c` or one number; the values of a range do not exceed `stop`
+
+    Raises BadInputError for text of another form, for a step that is not positive, if stop < start,
+    and for more than `MOST_POINTS` values of a range.
     """
     parts = text.split(":")
     if len(parts) == 1:
@@ -51,12 +53,18 @@ def value_range(model: Model, name: str, text: str) -> Range:
 
 
 def scheduled_range(model: Model, text: str) -> Range:
-    """Convert `start:stop:step`, `a,b,c` or one number to values of the scheduling variable."""
+    """Return the values of the model's scheduling variable, in internal units, from its text.
+
+    text: `start:stop:step`, `a,b,c` or one number
+    """
     return value_range(model, model.schedule, text)
 
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
-    """Return the values of a range as an array, (N,).
+    """Return the values of a variable as an array, (N,).
+
+    name: name of the variable, for the message
+    values: the values, or start, spacing and count of a range
 
     Raises BadInputError if there are more than `most` values.
     """

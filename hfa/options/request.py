@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 class OfModel(NamedTuple):
-    """Option type whose function takes the model as an additional first argument.
+    """Option type that needs the model, which defines the names and units of the typed value.
 
-    The model defines the names and units in which the user types the value.
+    kind: function (model, word) -> value, or (model, name, text) -> value for a `named` option
     """
 
     kind: Callable[..., Any]
@@ -85,7 +85,10 @@ class Option:
 
     @property
     def flags(self) -> list[str]:
-        """Names of the option, for example ["-o", "--output"]. Messages use the last name."""
+        """Names of the option, for example ["-o", "--output"].
+
+        Messages use the last name.
+        """
         return str(self.names).split()
 
 
@@ -100,7 +103,7 @@ def option(
     default: Any = None,
     **more: Any,
 ) -> Any:
-    """Return a field of a request, with the option that sets it.
+    """Return a field of a request, together with the command-line option that sets it.
 
     about, form, kind: as in `Option`
     default: value without the option, ignored for switches and for `named` or `repeated` options
@@ -136,7 +139,9 @@ class Request:
 
     @classmethod
     def declared(cls) -> dict[str, Option]:
-        """Return field -> option. The fields of base classes come first."""
+        """Return the options of the request, field -> option. The fields of base classes come
+        first.
+        """
         options = {field.name: field.metadata["option"] for field in fields(cls) if field.metadata}
         classes = (*cls.__mro__[1:], cls)
         names = [name for field in classes for name in inspect.get_annotations(field)]
@@ -144,7 +149,7 @@ class Request:
 
     @classmethod
     def options(cls, model: Model) -> dict[str, Option]:
-        """Return field -> option, in the names and units of a model."""
+        """Return the options of the request in the names and units of a model, field -> option."""
         return {name: option.of(model, name) for name, option in cls.declared().items()}
 
     @cached_property
@@ -155,7 +160,7 @@ class Request:
         return Provenance(self.line, date=self.date, **self.origin())
 
     def origin(self) -> Mapping[str, Any]:
-        """Return additional entries of the provenance. There are none by default."""
+        """Return entries that this class of requests adds to the provenance, by default none."""
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:

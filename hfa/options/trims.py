@@ -43,15 +43,18 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 
 
 def is_own(model: Model | None) -> bool:
-    """Return whether a model was loaded from the user's file, so that it is not the HFA."""
+    """Return whether a model was loaded from a file of the user.
+
+    The result is False for the paper's flexible aircraft and for None.
+    """
     return model is not None and model.extras.source[0] != ""
 
 
 def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
-    """Return a function of the model that returns the help of an option.
+    """Return a help text of an option that depends on the model, as a function of the model.
 
-    about: help for the HFA
-    otherwise: help for the user's aircraft, or "" to hide the option
+    about: help for the paper's flexible aircraft
+    otherwise: help for an aircraft of the user, or "" to hide the option
     """
     return lambda model: otherwise if is_own(model) else about
 
@@ -73,9 +76,9 @@ class UnitsOption(Request):
 
 
 def _dynamics_help(model: Model | None) -> str:
-    """Return the help of --dynamics: the dynamics of the core and of installed packages.
+    """Return the help of --dynamics, with the dynamics of the core and of installed packages.
 
-    The help is "" for the user's aircraft.
+    The help is "" for an aircraft of the user.
     """
     if is_own(model):
         return ""
@@ -88,7 +91,7 @@ def _dynamics_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HfaOptions(Request):
-    """Options for the dynamics and parameters of the HFA."""
+    """Options for the dynamics and parameters of the paper's flexible aircraft (HFA)."""
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
@@ -100,7 +103,7 @@ class HfaOptions(Request):
 
     @property
     def own(self) -> bool:
-        """True if the model was loaded from the user's file, so that it is not the HFA."""
+        """True if the model was loaded from a file of the user, and is not the HFA."""
         return is_own(self.model)
 
     @property
@@ -124,14 +127,20 @@ class HfaOptions(Request):
         return self._origin(self.model, condition={})
 
     def _origin_of_file(self, condition: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the provenance of an aircraft from a file: path, digest and trim condition."""
+        """Return the provenance of an aircraft that was loaded from a file.
+
+        The entry "model" contains the file and its digest.
+
+        condition: entry for the trim condition
+        """
         file, digest = self.model.extras.source
         return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
         """Return the provenance of the HFA: dynamics, parameters, and changed parameters.
 
-        of_the_trim: entries added to the provenance
+        model: the HFA with the parameter values of the trim
+        of_the_trim: further entries
         """
         from hfa_model.parameters import changed_parameters
         from hfa_support.provenance import Change, parameter_hash
@@ -152,7 +161,7 @@ class HfaOptions(Request):
 
 
 def aircraft_help(model: Model | None) -> str:
-    """Return the help of --aircraft: Python files, and the formats of installed packages."""
+    """Return the help of --aircraft, with the formats of the core and of installed packages."""
     from hfa_aircraft.loading import forms_of_packages
 
     forms = ("aircraft: a Python file (executed) or package.module:NAME", *forms_of_packages())
@@ -161,7 +170,7 @@ def aircraft_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftOptions(HfaOptions):
-    """Options for the aircraft: the HFA or one from the user's file."""
+    """Options for the aircraft: the HFA, or an aircraft of the user."""
 
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
 
@@ -198,7 +207,10 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 
 def called_at(model: Model) -> str:
-    """Return the scheduling variable if the model uses its name for the option, otherwise "at"."""
+    """Return the name of the option for the scheduling variable.
+
+    The name is that of the variable if the model has `names_schedule`, otherwise "at".
+    """
     return model.schedule if model.extras.names_schedule else "at"
 
 
@@ -209,7 +221,7 @@ def scheduled(
     *,
     required: bool = False,
 ) -> Any:
-    """Return the field `at`, which is the value of the scheduling variable.
+    """Return the request field `at`, whose option sets the scheduling variable.
 
     The option is --at. If the model has `names_schedule`, the option is also --NAME with the name
     of the variable, for example --dihedral.
@@ -246,7 +258,9 @@ def scheduled(
 
 
 def _usual(model: Model) -> str:
-    """Return the help of --hold, with up to four variables that are held by default."""
+    """Return the help of --hold, which lists up to four of the variables that a trim holds by
+    default.
+    """
     held = [
         f"{name} {model.describe(name, value)}"
         for name, value in model.trim.items()
@@ -257,7 +271,10 @@ def _usual(model: Model) -> str:
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
-    """Return the trim condition named by --condition, or the path of a CSV file of conditions."""
+    """Return the trim condition named by --condition, or the path of a CSV file of trim points.
+
+    text: name or file of a condition, or path of a .csv file
+    """
     from trim.hfa.level_flight import load_condition
 
     if text.lower().endswith(".csv"):
@@ -266,12 +283,18 @@ def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
 
 
 def _name(model: Model, text: str) -> str:
-    """Return the model's name of a variable that is given by this name or an alias."""
+    """Return the model's name of a variable.
+
+    text: this name, or an alias of the variable
+    """
     return model.extras.aliases.get(text, text)
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
-    """Convert the value of --start to an operating point read from a file, or to name -> value.
+    """Return the initial point of the trim search that --start gives.
+
+    - a file: the operating point in it
+    - NAME=VALUE,NAME=VALUE: name -> value, in internal units
 
     Raises BadInputError for an unknown variable or an invalid value.
     """
@@ -287,7 +310,7 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
 
 
 def condition_help(model: Model | None) -> str:
-    """Return the help of --condition, with the named conditions for the HFA."""
+    """Return the help of --condition, which lists the named conditions for the HFA."""
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
@@ -326,14 +349,14 @@ class TrimOptions(HfaOptions):
     )
 
     def held_parameters(self) -> dict[str, float]:
-        """Parameter -> value, for the parameters that options set to a single value."""
+        """Return parameter -> value, for the parameters that options set to a single value."""
         held = {**self.hold, self.model.schedule: self.at}
         return {
             name: held[name] for name in self.model.parameters if isinstance(held.get(name), float)
         }
 
     def flown_aircraft(self) -> Model:
-        """The model with the parameter values given by options."""
+        """Return the model with the parameter values that options set."""
         return self.model.with_parameters(**self.held_parameters())
 
     @cached_property
@@ -341,8 +364,9 @@ class TrimOptions(HfaOptions):
         """The trim condition shared by all points, without the value of the scheduling variable.
 
         The condition is --condition or the default, changed by --hold, --free, --limit, --glide and
-        --start. Raises BadInputError if a variable is given twice or if --condition is a list of
-        points.
+        --start.
+
+        Raises BadInputError if a variable is given twice or if --condition is a list of points.
         """
         self._refuse_doubles()
         model = self.model
@@ -370,9 +394,11 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raise BadInputError if two of --free, --hold and --at give the same variable.
+        """Raise BadInputError if the same variable is given by two of the options --free, --hold
+        and --at.
 
-        A single value of --at is allowed for a variable of --free.
+        --free and a single value of --at may give the same variable. The value is then the initial
+        guess.
         """
         for name in self.free:
             if name in self.hold:
@@ -394,9 +420,10 @@ class TrimOptions(HfaOptions):
             )
 
     def is_constant(self, name: str) -> bool:
-        """Return whether --hold of a sweep gives one value for this trim variable.
+        """Return whether --hold of a sweep gives only one value for a variable of the trim.
 
-        The result is False for a parameter, which is always an axis of the sweep.
+        The result is False for a parameter of the model, because parameters are always axes of the
+        sweep.
         """
         values = self.hold[name]
         one_value = isinstance(values, tuple) and len(values) == 1
@@ -410,7 +437,7 @@ class TrimOptions(HfaOptions):
 
     @property
     def start_point(self) -> OperatingPoint | None:
-        """The operating point given by --start, or None if --start gives no file."""
+        """The operating point from the file given by --start, or None if --start gives no file."""
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
@@ -471,7 +498,7 @@ class JsonOption(Request):
 def output_option(
     *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
 ) -> Any:
-    """Return the field `output`, whose option -o names a file or store to write.
+    """Return the request field `output`, whose option -o names a file or store to write.
 
     more: accepted suffixes besides those of a report
     stores: accepted suffixes of stores
@@ -480,7 +507,7 @@ def output_option(
     suffixes = (*SUFFIXES, *REPORTS, *more)
 
     def about(_: Model) -> str:
-        """Return the help of -o: the accepted suffixes, and the purpose of some."""
+        """Return the help of -o, with the accepted suffixes."""
         use = purpose() if callable(purpose) else purpose
         return f"also write {', '.join((*suffixes, *stores))}{use}"
 
@@ -501,10 +528,10 @@ class OneTrimRequest(OneTrimOptions, OutputOptions):
 
 
 def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
-    """Return the field `picture`, whose option names the image file to write.
+    """Return the request field `picture`, whose option names the image file to write.
 
     shows: content of the picture, for the help
-    only_hfa: whether the option is hidden for other aircraft than the HFA
+    only_hfa: True to hide the option for all aircraft except the HFA
     """
     about = f"draw {shows} ({', '.join(PICTURES)})"
     return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))

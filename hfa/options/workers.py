@@ -11,9 +11,9 @@ MOST_WORKERS = 1000
 
 
 def _workers(text: str) -> int | str:
-    """Convert a word to a number of processes.
+    """Return the number of worker processes, or the address of a Dask scheduler.
 
-    An address with "://" (Dask scheduler) is kept as text.
+    text: a whole number, or an address with "://", which is returned as text
     """
     return text if "://" in text else whole(1, MOST_WORKERS)(text)
 
