@@ -14,11 +14,13 @@ if TYPE_CHECKING:
 
 
 def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
-    """Return the BadInputError for equations that raised an exception.
+    """Return the error for a model whose equations raised an exception.
 
-    The BadInputError is raised here if the equations use an undeclared name.
-
+    error: the exception
+    layout: equations and names of the model
     arguments: x, u, p and w of the failed call
+
+    Raises BadInputError itself if the equations use an undeclared name.
     """
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:

@@ -18,9 +18,9 @@ _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 def notes_on_degrees(model: Model) -> list[str]:
     """Return a warning for each signal in degrees whose sine, cosine or tangent is computed.
 
-    The equations receive values in the declared unit, so the angle is wrong by 180/π. Sums and
-    differences of signals in degrees count too. A signal that is multiplied first is assumed to be
-    converted.
+    The equations receive the signal in its declared unit. The angle is therefore wrong by the
+    factor 180/π. Sums and differences of signals in degrees are examined too. A signal that the
+    equations multiply by a factor is assumed to be converted to radians.
     """
     model = model.extras.native or model
     names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")
@@ -35,7 +35,9 @@ def notes_on_degrees(model: Model) -> list[str]:
 
 @lru_cache(maxsize=16)
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Return (signal, function) for each sine, cosine or tangent of these signals in the equations.
+    """Return the pairs (signal in degrees, function) for which the equations compute the function.
+
+    The functions are the sine, cosine and tangent of the signal, or of a sum or difference with it.
 
     names: signals in degrees
     """

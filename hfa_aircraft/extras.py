@@ -1,4 +1,5 @@
-"""Optional data of a model, set by readers of files and by the HFA."""
+"""Optional data of a model, which readers of aircraft files and the paper's flexible aircraft set.
+"""
 
 from __future__ import annotations
 

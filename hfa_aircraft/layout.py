@@ -28,12 +28,13 @@ _FAILURES = (
 
 
 class Layout(NamedTuple):
-    """Equations and names of a model, without numbers.
+    """Equations and signal names of a model, without the values of its parameters.
 
     name: name of the model
     equations: equations of the `Model`
-    names: names of the states, inputs, parameters, disturbances and outputs
-    replaced: (state, output) pairs of the `Model`
+    names: five tuples with the names of states, inputs, parameters, disturbances and outputs
+    replaced: pairs (state, output) of the `Model`: the output is a variable of a trim in place of
+        the state
     """
 
     name: str
@@ -43,7 +44,7 @@ class Layout(NamedTuple):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: states, or outputs in their place, then inputs."""
+        """Names of the variables of a trim: states, or outputs that replace them, then inputs."""
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
 
@@ -61,15 +62,16 @@ class Layout(NamedTuple):
         return any(math.isnan(constant) for constant in constants)
 
     def refuse_broken(self) -> None:
-        """Raise BadInputError if the equations are faulty."""
+        """Raise BadInputError if the equations fail or do not return exactly the declared names."""
         _symbolic(self, True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
-        """Raise BadInputError for a variable that affects the equations only in steps.
+        """Raise BadInputError if a variable affects the equations only in steps.
 
-        All derivatives with respect to such a variable are 0.
+        All derivatives with respect to such a variable are 0. It must be declared as a parameter.
 
-        jacobian: (m, k), with a column for each of `names`
+        jacobian: (m, k), with a column for each variable
+        names: names of the k variables
         """
         has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
         has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
@@ -81,14 +83,15 @@ class Layout(NamedTuple):
                 )
 
     def record(self, vector: str, values: Any) -> Any:
-        """Return the values of a vector as a named tuple.
+        """Return the values of a vector as a named tuple, with the names of the signals as fields.
 
         vector: "x", "u", "p" or "w"
+        values: values of the components, in order
         """
         return record(self._names_of(vector))(*values)
 
     def symbols(self, *vectors: str) -> list[ca.SX]:
-        """Return a new CasADi symbol, a column, for each of the named vectors.
+        """Return new CasADi symbols, one column for each of the given vectors.
 
         vectors: "x", "u", "p" or "w"
         """
@@ -100,11 +103,11 @@ class Layout(NamedTuple):
     def expressions(
         self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None
     ) -> tuple[ca.SX, ca.SX]:
-        """Return f (n,) and the named outputs or states (k,) as expressions.
+        """Return the rates f (n,) and the chosen outputs or states (k,) as CasADi expressions.
 
-        vectors: components of x, u and p
+        vectors: components of x, u and p, numbers or expressions
         outputs: names of outputs or states
-        w: components of the disturbances, by default 0
+        w: components of the disturbances; None for 0
 
         Raises BadInputError if the equations are faulty.
         """
@@ -123,12 +126,13 @@ class Layout(NamedTuple):
     def in_variables(
         self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
     ) -> list[ca.SX]:
-        """Return x, u, f and the named outputs without disturbance, in the variables of a trim.
+        """Return x, u, f and the chosen outputs as expressions of a trim's variables, without
+        disturbance.
 
         A state in `replaced` is computed from the output y that replaces it, x = (value - y(0)) /
         (dy/dx).
 
-        values: value of each variable of the trim
+        values: variable of the trim -> value, a number or an expression
         p: parameters
         outputs: names of outputs or states
 
@@ -166,9 +170,9 @@ def components(vector: Any) -> list[Any]:
 
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Return the symbols [x, u, p, w], and f and the outputs by name as expressions.
+    """Return the symbols of the vectors, the rates f, and name -> output, as CasADi expressions.
 
-    still: whether the disturbances are 0. The symbol w is then omitted.
+    still: True for disturbances of 0. The symbols are then [x, u, p], otherwise [x, u, p, w].
 
     Raises BadInputError if the equations are faulty.
     """
@@ -189,7 +193,11 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raise BadInputError if an expression contains a symbol other than `symbols`."""
+    """Raise BadInputError if an expression contains a symbol that the equations did not receive.
+
+    expressions: the rates and outputs
+    symbols: symbols of x, u, p and w
+    """
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):
         if symbol.element_hash() not in own:
@@ -200,9 +208,9 @@ def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> Non
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """Return the rates and the outputs by name that the equations return.
+    """Return the results of a model's equations, state -> rate and output -> value.
 
-    arguments: x, u, p and w
+    arguments: x, u, p and w, with fields by name
 
     Raises BadInputError if the equations fail or do not return exactly the declared names.
     """
@@ -237,9 +245,13 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as a scalar expression. Raises BadInputError for a vector.
+    """Return a rate or an output as a scalar CasADi expression.
 
     kind: "rate of" or "output", for messages
+    name: name of the signal, for messages
+    value: the value that the equations returned
+
+    Raises BadInputError if the value is a vector, or not a number or an expression.
     """
     try:
         expression = ca.SX(value)

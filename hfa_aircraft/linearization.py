@@ -15,7 +15,7 @@ from hfa_support.native.bound import RowFunction
 
 
 class Linearization(NamedTuple):
-    """Values and derivatives of f and y at a point.
+    """Rates f and outputs y of a model at a point, with their derivatives.
 
     f: rates, (n,)
     y: outputs, (k,)
@@ -75,9 +75,10 @@ def linearized(
 def linearized_rows(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> RowFunction:
-    """Return the function rows of (x, u, p) -> rows of the fields of a `Linearization`.
+    """Return a function that linearizes at many points: rows of (x, u, p) -> rows of numbers.
 
-    Matrices are stored row by row (`places_of_parts`).
+    Each row contains the fields of a `Linearization`, one after the other. Matrices are stored row
+    by row (`places_of_parts`).
 
     outputs: names of outputs or states
     disturbances: names of the disturbances in w
@@ -90,7 +91,9 @@ def linearized_rows(
 
 @lru_cache(maxsize=64)
 def places_of_parts(n: int, m: int, k: int, d: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Return (slice, shape) of each field of a `Linearization` in a row of `linearized_rows`.
+    """Return the place and the shape, (slice, shape), of each field of a `Linearization` in a row.
+
+    The row is that of `linearized_rows`.
 
     n, m, k, d: numbers of states, inputs, outputs and disturbances
     """

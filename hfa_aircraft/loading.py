@@ -93,10 +93,13 @@ def load_model(text: str) -> Model:
 
 
 def _loaded(model: Model, text: str, digest: str) -> Model:
-    """Return the model with its source, from which another process can load it.
+    """Return a loaded model with its source, from which another process can load it again.
 
-    The equations that were first loaded for this text and digest are reused, with their CasADi
-    functions.
+    If the same text and digest were loaded before, the equations of the first model are reused,
+    together with their CasADi functions.
+
+    text: argument of --aircraft
+    digest: hash of the source files
     """
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
     known = _known_equations(text, digest)
@@ -107,7 +110,10 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
 
 @lru_cache(maxsize=16)
 def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
-    """Return the cached list for a text and a digest, at first empty."""
+    """Return a list for the equations loaded from a text with this digest, at first empty.
+
+    Each call with the same arguments returns the same list.
+    """
     return []
 
 
@@ -121,9 +127,12 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the reader of a text's scheme, else of its longest known suffix, else None.
+    """Return the entry point that reads an aircraft, or None if no package reads this format.
 
-    The text after a "?" is an argument of the reader.
+    The entry point is selected by the scheme, such as "jsbsim" in "jsbsim:737", or else by the
+    longest registered suffix of the file. Text after a "?" does not affect the choice.
+
+    text: argument of --aircraft
     """
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes)
@@ -133,9 +142,12 @@ def _format_of(text: str) -> EntryPoint | None:
 
 
 def _read(offer: EntryPoint, text: str) -> Model:
-    """Return the model that a package's reader returns for a text.
+    """Return the model that an installed package reads.
 
-    Raises BadInputError if it does not return a Model.
+    offer: entry point of the reader
+    text: argument of --aircraft
+
+    Raises BadInputError if the reader does not return a Model.
     """
     read: AircraftReader = loaded(offer)
     with file_faults(text):
@@ -149,9 +161,12 @@ def _read(offer: EntryPoint, text: str) -> Model:
 
 
 def _digest(model: Model, text: str) -> str:
-    """Return the hash that the reader computed, or else a hash of the file and the model.
+    """Return the hash of a model that an installed package has read.
 
-    If the file does not exist, the text is hashed in its place.
+    The result is the hash that the reader computed, if any. Otherwise it is a hash of the file and
+    the model. If the file does not exist, the text is hashed in place of the file.
+
+    text: argument of --aircraft
     """
     if model.extras.source[1]:
         return model.extras.source[1]
@@ -178,9 +193,12 @@ def _imported(name: str) -> types.ModuleType:
 
 
 def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
-    """Return the message for a name that does not refer to a model, with the models of the module.
+    """Return the error message for a name in a Python module that does not refer to a model.
 
-    value: object of this name, or None
+    The message lists the models of the module.
+
+    name: the name
+    value: object of this name, or None if there is none
     """
     what = "does not exist" if value is None else f"is {shown(value)}, not a Model"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
@@ -189,10 +207,10 @@ def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
 
 
 def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
-    """Load a model again from its source, in another process.
+    """Return a model that was loaded before, loaded again in another process.
 
-    source: text and hash
-    parameters: values of all parameters
+    source: `Extras.source` of the model, text and hash
+    parameters: parameter -> value, for all parameters
 
     Raises BadInputError if the file has changed or can no longer be loaded.
     """

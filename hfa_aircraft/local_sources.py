@@ -32,9 +32,10 @@ _EXTENSIONS = Path(__file__).resolve().parents[1] / "extensions"
 def fingerprint(model: Model, sources: str) -> str:
     """Return the SHA-256 fingerprint of a model.
 
-    The fingerprint covers the hash of the source files, the signals, the trim, and each instruction
-    of the equations. The instructions contain numbers that the model reads from other files.
+    The fingerprint covers the source files, the signals, the trim, and each instruction of the
+    equations. The instructions include the numbers that the model reads from other files.
 
+    model: the model
     sources: hash of the source files
     """
     vectors = model.layout.symbols(*VECTORS)
@@ -79,11 +80,12 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """Add a file, and the local files that it imports, to `sources`, and return `sources`.
+    """Return the contents of a Python file and of the local files that it imports, path -> content.
 
-    package: package of the file
+    file: the file
+    package: package of the file, for relative imports
     folder: folder below which files are local
-    sources: path -> content
+    sources: files that are already included; the mapping is extended and returned
     """
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
@@ -100,10 +102,12 @@ def _local_sources(
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:
-    """Return the names of all modules, and their packages, that import statements may refer to.
+    """Return the names of all modules that the import statements in a file may refer to.
+
+    The packages that contain the modules are included.
 
     text: content of the file
-    package: package of the file
+    package: package of the file, for relative imports
     """
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):

@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 
 
 class UsualTrim(dict[str, float]):
-    """Variable -> value that a trim imposes by default. A call trims the model."""
+    """Default condition of a trim, variable -> imposed value. A call trims the model."""
 
     model: Any
 
     def __call__(self, *condition: Any, **held: Any) -> Any:
-        """Return the operating point of `find_operating_point`, as in model.trim(speed=60.0)."""
+        """Return the trim of the model under a condition, as in model.trim(speed=60.0).
+
+        The arguments are those of `find_operating_point` after the model.
+        """
         return self.model.find_operating_point(*condition, **held)
 
 
@@ -83,7 +86,12 @@ class Model(Reported):
     extras: Extras = field(default_factory=Extras)
 
     def __post_init__(self) -> None:
-        """Check the declaration and, if `extras.made_by` is None, the equations."""
+        """Check the declaration, and complete `steady`, `linear`, `modes` and `trim`.
+
+        The equations are checked only if `extras.made_by` is None.
+
+        Raises BadInputError, as described for the class.
+        """
         self._check_signals()
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; a model needs at least one")
@@ -108,9 +116,9 @@ class Model(Reported):
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
-        """Convert each group of signals to a dictionary.
+        """Replace each group of signals by a dictionary, name -> `Signal`.
 
-        Raises BadInputError for an invalid name, a name that is declared twice, or an invalid
+        Raises BadInputError for an invalid name, a name that is declared twice, and an invalid
         signal.
         """
         seen: set[str] = set()
@@ -155,9 +163,10 @@ class Model(Reported):
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
 
     def _names_of_groups(self, kind: str, groups: Mapping[str, tuple[str, ...]]) -> list[str]:
-        """Return the names in all groups of `modes` or `parts`.
+        """Return the names of signals in all groups of `modes` or `parts`.
 
         kind: "modes" or "parts", for messages
+        groups: name of a group -> names in it
         """
         names: list[str] = []
         for group, members in groups.items():
@@ -171,13 +180,17 @@ class Model(Reported):
         return f"<Model {self.title}: {counts}>"
 
     def report(self) -> Report:
-        """Return tables of the signals with units, limits and trim values."""
+        """Return a report with tables of the signals: units, limits and trim values."""
         from hfa_aircraft.signals_table import signals_report
 
         return signals_report(self)
 
     def __reduce__(self) -> Any:
-        """Return the data of a pickle: `extras.made_by` with its arguments, or all fields."""
+        """Return the data from which pickle restores the model.
+
+        The data are `extras.made_by` and its arguments if a function makes the model, and otherwise
+        all fields.
+        """
         extras = self.extras
         if extras.made_by is None:
             return super().__reduce__()
@@ -228,7 +241,7 @@ class Model(Reported):
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: states, or outputs in their place, then inputs."""
+        """Names of the variables of a trim: states, or outputs that replace them, then inputs."""
         return self.layout.variables
 
     @cached_property
@@ -238,15 +251,20 @@ class Model(Reported):
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """Names of the quantities that a controller can measure.
+        """Names of the quantities that a controller can measure: states, outputs and parts of
+        outputs.
 
-        They are states, outputs and parts of outputs.
+        A part of an output has the name OUTPUT_suffix (`Extras.parts`).
         """
         parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Return (output or state, linear states on which it depends) for a measurable name.
+        """Return the measured output or state, and the linear states that contribute to a measured
+        quantity.
+
+        For a part of an output, only the states of this part contribute. Otherwise all linear
+        states contribute.
 
         name: a name in `measurable`
         """
@@ -258,9 +276,9 @@ class Model(Reported):
 
     @cached_property
     def rates(self) -> dict[str, Signal]:
-        """Name of a rate, such as speed_dot -> signal. A trim can impose rates.
+        """Rates of the states that a trim can impose, such as "speed_dot" -> signal.
 
-        A rate is omitted if a signal has its name.
+        A rate is omitted if another signal has this name.
         """
         return {
             f"{name}_dot": Signal(self.rate_unit(name), self.rate_scale(name))
@@ -269,10 +287,11 @@ class Model(Reported):
         }
 
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
-        """Raise BadInputError unless a trim can impose the quantity `name`.
+        """Raise BadInputError unless a trim can impose a quantity.
 
         meaning: beginning of the message
-        also: further allowed names
+        name: name of the quantity
+        also: further permitted names
         """
         if name in self.rates or name in also:
             return
@@ -286,7 +305,7 @@ class Model(Reported):
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each state, input, output and disturbance, by name."""
+        """Limits of each state, input, output and disturbance, name -> (lowest, highest)."""
         return {
             name: (signal.min, signal.max)
             for name, signal in self.signals.items()
@@ -306,9 +325,10 @@ class Model(Reported):
 
     @cached_property
     def time_unit(self) -> str:
-        """The first of "min", "h" and "day" that the declared units contain, else "s".
+        """Unit of time of the model: "s", "min", "h" or "day".
 
-        If the declared units contain "s", the result is "s".
+        The result is "s" if a declared unit contains "s", and otherwise the first of "min", "h" and
+        "day" that a declared unit contains. Without any of them, the result is "s".
         """
         bases = set()
         for signal in self.signals.values():
@@ -325,7 +345,7 @@ class Model(Reported):
         return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
-        """Return the typical magnitude of a state's rate."""
+        """Return the typical magnitude of a state's rate, by default that of the state."""
         return self.states[name].rate or self.states[name].nominal
 
     def entry_unit(self, row: str, column: str) -> str:
@@ -377,7 +397,7 @@ class Model(Reported):
 
     @cached_property
     def layout(self) -> Layout:
-        """Equations and names of the model, without numbers."""
+        """Equations and signal names of the model, without the values of its parameters."""
         names = tuple(tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
         return Layout(self.name, self.equations, names, tuple(self.replaced.items()))
 
@@ -422,12 +442,13 @@ class Model(Reported):
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
-        """Return the message about a rate or derivative that is not finite.
+        """Return the error message for a rate or derivative that is not finite.
 
-        The message contains the point unless the equations contain the constant NaN.
+        The message contains the values at the point, unless the equations contain the constant NaN.
 
-        rates: rates of the states `names`
+        rates: rates at the point
         values: state or input -> value at the point
+        names: names of the states with these rates
         """
         wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
@@ -457,7 +478,11 @@ class Model(Reported):
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return the rates and the outputs by name, as numbers, without disturbance."""
+        """Return state -> rate and output -> value at a state and an input, without disturbance.
+
+        x: state, (n,)
+        u: input, (m,)
+        """
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))

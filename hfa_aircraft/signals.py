@@ -43,16 +43,19 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 
 
 def record(names: tuple[str, ...]) -> Any:
-    """Return the class of named tuples with these fields, which is created at the first call."""
+    """Return the class of named tuples with these field names.
+
+    Each class is created only once.
+    """
     if names not in _RECORDS:
         remember_record(namedtuple("Values", names))
     return _RECORDS[names]
 
 
 def remember_record(kind: Any) -> None:
-    """Register a class of named tuples for its field names.
+    """Register a class of named tuples as the one that `record` returns for its field names.
 
-    The registered class also supports values["alpha"] and dict(values).
+    The registered class is a subclass that also supports values["alpha"] and dict(values).
     """
 
     def item(values: Any, name: Any) -> Any:

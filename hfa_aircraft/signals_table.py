@@ -17,8 +17,8 @@ _KINDS = ("states", "inputs", "outputs", "parameters", "disturbances")
 def signals_report(model: Model) -> Report:
     """Return a report with a table for each kind of signal: names, units, limits and values.
 
-    The value of a parameter is its own. The value of another signal is the one that a trim imposes
-    by default. Angles are in degrees.
+    The value of a parameter is that in use. The value of another signal is the one that a trim
+    imposes by default, if any. Angles are in degrees.
     """
     parts = []
     records: list[tuple[Any, ...]] = []

@@ -16,9 +16,10 @@ from hfa_support.units import si_factor, si_unit
 
 
 def in_si(model: Model) -> Model:
-    """Return the model with all signals in SI units. `extras.native` is the original model.
+    """Return a model with all signals in SI units.
 
-    A model without English units is returned unchanged.
+    `extras.native` of the result is the original model. A model without English units is returned
+    unchanged.
     """
     if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
@@ -67,10 +68,10 @@ def _signal_in_si(signal: Signal) -> Signal:
 
 @dataclass(frozen=True)
 class _Conversion:
-    """Factors from the declared units to SI.
+    """Factors from a model's declared units to SI units.
 
-    vectors: (name, factor) of each component of x, u, p and w, in this order
-    outputs: (name, factor) of each output
+    vectors: pairs (name, factor) for the components of x, u, p and w, in this order
+    outputs: pair (name, factor) for each output
     """
 
     vectors: tuple[tuple[tuple[str, float], ...], ...]
@@ -83,7 +84,10 @@ class _Conversion:
         return _Conversion(vectors, _factors(model.outputs))
 
     def states_in_si(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return state -> value in SI. A value can also be a pair of limits."""
+        """Return state -> value in SI units. A value may also be a pair of limits.
+
+        values: state -> value in the declared units
+        """
         converted = {}
         for name, factor in self.vectors[0]:
             if name in values:
@@ -93,9 +97,10 @@ class _Conversion:
         return converted
 
     def native(self, kind: str, vector: Any) -> Any:
-        """Return a vector in the declared units as a named tuple.
+        """Return a vector in the declared units, as a named tuple.
 
         kind: "x", "u", "p" or "w"
+        vector: the vector in SI units
         """
         factors = dict(self.vectors[list(VECTORS).index(kind)])
         values = [value / factor for value, factor in zip(vector, factors.values(), strict=True)]
@@ -104,13 +109,20 @@ class _Conversion:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations of a model that was converted to SI."""
+    """Equations of motion in SI units, for a model with other declared units.
+
+    conversion: factors from the declared units to SI
+    equations: equations of the original model
+    """
 
     conversion: _Conversion
     equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return rates by state and outputs by name, in SI."""
+        """Return state -> rate and output -> value, in SI units.
+
+        x, u, p, w: state, input, parameters and disturbances in SI units
+        """
         vectors = zip(VECTORS, (x, u, p, w), strict=True)
         native = [self.conversion.native(kind, vector) for kind, vector in vectors]
         rates, outputs = self.equations(*native)
@@ -120,7 +132,11 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _Envelope:
-    """Function `Extras.envelope` of a model that was converted to SI."""
+    """Limits of the states in flight in SI units: `Extras.envelope` of a converted model.
+
+    conversion: factors from the declared units to SI
+    envelope: function `Extras.envelope` of the original model
+    """
 
     conversion: _Conversion
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]]
@@ -137,7 +153,11 @@ class _Envelope:
 
 @dataclass(frozen=True)
 class _Check:
-    """Function `Extras.check` of a model that was converted to SI."""
+    """Check of the domain of the equations in SI units: `Extras.check` of a converted model.
+
+    conversion: factors from the declared units to SI
+    check: function `Extras.check` of the original model
+    """
 
     conversion: _Conversion
     check: Callable[[Any], None]
@@ -154,7 +174,7 @@ class _Check:
 
 @dataclass(frozen=True)
 class _Begin:
-    """Function `Extras.begin` of a model that was converted to SI.
+    """Initial values of a trim search in SI units: `Extras.begin` of a converted model.
 
     begin: function `Extras.begin` of the original model, in the original units
     factors: (name, factor to SI) of each signal

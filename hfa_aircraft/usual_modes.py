@@ -31,13 +31,13 @@ _MODES = {
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
-    """Return name of a mode -> states that dominate it, for the states of an aircraft.
+    """Return the default modes of an aircraft, name of the mode -> states that dominate it.
 
     The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
     and spiral (phi). A mode is omitted if one of its states is not recognized by name and unit.
 
-    The phugoid requires the states of the short period too, because other models also have a speed
-    and an angle. Roll and spiral require the states of the Dutch roll.
+    The phugoid also requires the states of the short period, because a model of something else may
+    have a speed and an angle. Roll and spiral also require the states of the Dutch roll.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():

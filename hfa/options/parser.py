@@ -148,8 +148,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Help(argparse.Action):
-    """Action of the option --help, which prints the short help, or the long one for `--help more`.
-    """
+    """Action of the option --help: print the short help, or the long one for `--help more`."""
 
     def __call__(
         self, parser: Any, _: argparse.Namespace, values: Any, option_string: str | None = None
