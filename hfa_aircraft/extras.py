@@ -1,5 +1,4 @@
-"""Optional data of a model, which readers of aircraft files and the paper's flexible aircraft set.
-"""
+"""Optional data of a model, set by readers of aircraft files and by the HFA."""
 
 from __future__ import annotations
 

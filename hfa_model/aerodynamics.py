@@ -119,7 +119,7 @@ def aircraft_loads(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Loads[Quantity]:
-    """Return the loads on the aircraft, the sums of the loads on its panels.
+    """Return the loads on the aircraft: the forces on its panels, their sums, and the moments.
 
     x: states
     u: inputs

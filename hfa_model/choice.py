@@ -45,10 +45,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
-    """Return the parameters unchanged.
+    """Return the parameters of the aircraft unchanged.
 
     Raises BadInputError if a parameter is not finite or a size is negative, and TypeError for
-    another type.
+    an object of another class.
     """
     if not isinstance(parameters, Parameters):
         raise TypeError("parameters must be Parameters, such as default_parameters().values")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equations:
-    """Equations of motion of a variant, as a function of the form that `Model` requires.
+    """Equations of motion of a variant, as the function (x, u, p, w) that `Model` requires.
 
     variant: variant of the equations
     ground_drag: whether the drag in wind depends on the speed over ground instead of the airspeed
@@ -75,7 +75,8 @@ def check_in_range(x: State) -> None:
 
 
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
-    """Return state -> (lowest, highest) for simulations that begin near a trim.
+    """Return the limits of the states in a simulation that begins near a trim, state -> (lowest,
+    highest).
 
     speed: half to twice the trimmed speed V, ft/s
     altitude: within 1000 ft of the trim
@@ -114,9 +115,10 @@ _PAPER = published_data()["trim"]
 
 
 def _with_loads(point: Any, report: Report) -> Report:
-    """Return the report of a trim with loads and performance added.
+    """Return the report of a trim, with tables of the loads and the performance added.
 
-    `hfa_model.trim_loads` is imported only when a trim is reported.
+    point: the operating point
+    report: its report
     """
     from hfa_model.trim_loads import with_loads
 
@@ -171,8 +173,7 @@ _DECLARED = Model(
 
 @lru_cache(maxsize=64)
 def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
-    """Return the aircraft with the equations of a variant and these parameters, in quasi-steady
-    air.
+    """Return the flexible aircraft as a model with the equations of a variant, in quasi-steady air.
 
     The parameters are not checked.
     """
@@ -191,12 +192,12 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
 
 
 def is_hfa(model: Model) -> bool:
-    """Return whether a model is the paper's aircraft with the equations of a `Variant`."""
+    """Return whether a model is the paper's aircraft with the published or the newton equations."""
     return isinstance(native_of(model).equations, Equations)
 
 
 def parameters_of(model: Model) -> Parameters:
-    """Return the parameters of a model of this aircraft, in the units of the model.
+    """Return the parameters of a model of the paper's aircraft, in the units of the model.
 
     Additional parameters of the unsteady dynamics are omitted.
     """
@@ -204,6 +205,6 @@ def parameters_of(model: Model) -> Parameters:
 
 
 def variant_of(model: Model) -> Variant:
-    """Return the variant of a model's equations. `is_hfa` must be true for the model."""
+    """Return the variant of the equations of a model for which `is_hfa` is true."""
     equations: Equations = native_of(model).equations  # type: ignore[assignment]
     return equations.variant

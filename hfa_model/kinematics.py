@@ -152,12 +152,22 @@ def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
 
 
 def center_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """Return the flow at the center panel: speed, angle of attack and sideslip."""
+    """Return the flow at the center panel: speed, angle of attack and sideslip.
+
+    x: states
+    p: parameters
+    winds: winds at the panels
+    """
     return flow_of(*center_velocity(x, p, winds))
 
 
 def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """Return the flow at an outer panel: speed, angle of attack and sideslip."""
+    """Return the flow at an outer panel: speed, angle of attack and sideslip.
+
+    x: states
+    p: parameters
+    winds: winds at the panels
+    """
     return flow_of(*outer_velocity(x, p, winds))
 
 
@@ -208,13 +218,19 @@ def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
 
 
 def _is_still(wind: Wind) -> bool:
-    """Return whether every component of a wind is the number 0. An expression counts as wind."""
+    """Return whether all components of a wind are the number 0.
+
+    The result is False for a wind with a CasADi expression.
+    """
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the forward airspeed of the center of mass, V cos α - w sin θ + h cos θ, ft/s.
+    """Return the forward component of the airspeed of the center of mass, in body axes, ft/s.
 
+    The component is V cos α - w sin θ + h cos θ.
+
+    x: states
     wind: updraft w and headwind h
     """
     return (
@@ -223,8 +239,11 @@ def _forward(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the downward airspeed of the center of mass, V sin α + w cos θ + h sin θ, ft/s.
+    """Return the downward component of the airspeed of the center of mass, in body axes, ft/s.
 
+    The component is V sin α + w cos θ + h sin θ.
+
+    x: states
     wind: updraft w and headwind h
     """
     return (
@@ -233,10 +252,12 @@ def _downward(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward airspeed of a hinge, ft/s.
+    """Return the downward component of the airspeed of a hinge, in body axes, ft/s.
 
     w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the span s of a panel.
 
+    x: states
+    p: parameters
     wind: updraft w and headwind h
     """
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate

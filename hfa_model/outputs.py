@@ -30,7 +30,9 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Moment(NamedTuple):
-    """Quantities at one instant on which the outputs depend: numbers or CasADi expressions.
+    """State, loads and rates at one instant, from which the outputs are computed.
+
+    All entries are numbers or CasADi expressions.
 
     x: states
     u: inputs
@@ -55,7 +57,8 @@ def moment_of(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Moment:
-    """Return the `Moment` for state x and input u, with the loads and rates of the equations.
+    """Return the state x and input u with the loads and rates that follow from the equations of
+    motion.
 
     x: states
     u: inputs
@@ -68,7 +71,7 @@ def moment_of(
 
 
 def outputs_of(moment: Moment) -> dict[str, Quantity]:
-    """Return name -> value of every output in `OUTPUTS`."""
+    """Return the outputs of the aircraft at one instant, name -> value, for all of `OUTPUTS`."""
     return {name: output(moment) for name, (_, output) in OUTPUTS.items()}
 
 
@@ -117,8 +120,9 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 
     a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η.
 
+    moment: state and rates
     height: z, distance of the panel below the center of mass, ft
-    factor: 1/3 for the center panel, -1/6 for an outer one
+    factor: 1/3 for the center panel, -1/6 for an outer panel
     """
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)

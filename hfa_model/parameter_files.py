@@ -10,7 +10,7 @@ from hfa_support.files import write_text
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
-    """Write a parameter file. `load_parameters` restores every bit of the values.
+    """Write a parameter file, from which `load_parameters` restores the exact values.
 
     An error leaves no partial file.
 

@@ -7,9 +7,10 @@ from hfa_support.entry_points import PARTS, part
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
-    """Return random samples p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)), of the identified parameters.
+    """Return random samples of the identified parameters, p_i exp(z_i) with z ~ N(0, C_ij / (p_i
+    p_j)).
 
-    The other parameters are unchanged. The samples are Gaussian in the logarithms, because the
+    All other parameters are unchanged. The samples are Gaussian in the logarithms, because the
     printed matrices determine products and quotients of the parameters much more precisely than the
     parameters.
 

@@ -48,7 +48,7 @@ class Parameters(NamedTuple, Generic[T]):
 
 
 class Field(NamedTuple):
-    """Description of a parameter in a file.
+    """Unit and meaning of a parameter of the aircraft, for parameter files.
 
     unit: unit of the value
     meaning: description in words
@@ -111,9 +111,9 @@ _FILE: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ParameterSet(ByValue, Reported):
-    """Parameters with their origin and uncertainty.
+    """Parameters of the aircraft with the source and the uncertainty of each.
 
-    values: the numbers
+    values: the parameters
     sources: name -> one of `SOURCES`
     notes: name -> reason for the value, for assumed values
     covariance: (n, n), covariance of the identified parameters in the order of `identified`, in
@@ -134,8 +134,10 @@ class ParameterSet(ByValue, Reported):
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Name -> standard error of each identified parameter, in its unit. Empty without a
-        covariance."""
+        """Standard error of each identified parameter, name -> value in the unit of the parameter.
+
+        The mapping is empty if the covariance is unknown.
+        """
         if not self.covariance.size:
             return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
@@ -163,7 +165,7 @@ NAMED = {
 
 
 def default_parameters() -> ParameterSet:
-    """Return the identified parameters that are part of the package.
+    """Return the identified parameters of the paper's aircraft, which are part of the package.
 
     >>> import hfa
     >>> round(hfa.paper.default_parameters().values.panel_mass, 2)  # slug
@@ -173,7 +175,7 @@ def default_parameters() -> ParameterSet:
 
 
 def load_parameters(name: str | Path) -> ParameterSet:
-    """Return a set of parameters.
+    """Return a set of parameters of the aircraft.
 
     name: name of a set in the package (`NAMED`), or the path of a file
 
@@ -191,7 +193,9 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 
 def _read(name: str) -> ParameterSet:
-    """Return a named set of the package, or the set in a file.
+    """Return a set of parameters of the aircraft, read from its file.
+
+    name: name of a set in the package (`NAMED`), or the path of a file
 
     Raises BadInputError, which names the file, the entry and the fault.
     """
@@ -221,7 +225,7 @@ _packaged = cache(_read)  # read once, because the files do not change
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Return whether a matrix is a covariance matrix (size, size).
+    """Return whether a matrix can be the covariance matrix of `size` parameters.
 
     A covariance matrix is symmetric and finite, and the matrix of its correlations has no negative
     eigenvalue beyond rounding.
@@ -240,8 +244,9 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Return parameter -> value, identified value and unit, for values that differ from the
-    identified ones.
+    """Return the parameters whose values differ from the identified ones, name -> change.
+
+    A change consists of the value, the identified value and the unit.
     """
     identified = default_parameters().values
     changes = {}

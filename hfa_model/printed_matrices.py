@@ -36,7 +36,7 @@ class PublishedModel(ByValue, Reported):
 
     @property
     def dihedral_deg(self) -> float:
-        """Dihedral angle as printed in the paper, degrees."""
+        """Dihedral angle of the printed model, as printed in the paper, degrees."""
         return round(float(np.degrees(self.dihedral)), 9)
 
 
@@ -52,7 +52,10 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
-    """Return one of the `cases` in `printed_matrices.json`, with read-only arrays."""
+    """Return one of the printed linear models, with read-only arrays.
+
+    case: one of the `cases` in `printed_matrices.json`
+    """
     A = np.array(case["A"], dtype=float)
     B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]

@@ -15,7 +15,7 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 @cache
 def published_data() -> dict[str, Any]:
-    """Return the content of `printed_matrices.json`.
+    """Return the numbers printed in the paper, the content of `printed_matrices.json`.
 
     Raises ValueError if its states or inputs are not in the order of `hfa_model.vectors`.
     """

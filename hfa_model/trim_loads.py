@@ -50,7 +50,7 @@ class TrimLoads(Result):
     load_units: name -> unit of the load
     performance: name -> value: weight, lift coefficient, load factor and others; for other
         aircraft, their outputs
-    performance_units: name -> unit of the entry of `performance`
+    performance_units: name -> unit of the value in `performance`
     """
 
     loads: Mapping[str, float]
@@ -60,7 +60,9 @@ class TrimLoads(Result):
 
 
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
-    """Return forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
+    """Return the forces and moments on the flexible aircraft and on its panels.
+
+    The units are lbf and ft lbf, or N and N m for a model in SI units.
 
     model: a model for which `is_hfa` is true
     x: (7,), in the order of `STATES`, in the units of the model
@@ -78,7 +80,10 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
 
 def _loads_in_si(loads: Any) -> Any:
-    """Convert `Loads` or `PanelLoads` to N and N m."""
+    """Return the loads in N and N m.
+
+    loads: `Loads` or `PanelLoads` in lbf and ft lbf
+    """
     converted = {}
     for name, value in loads._asdict().items():
         if isinstance(value, tuple):
@@ -122,8 +127,10 @@ def with_loads(point: Any, report: Report) -> Report:
 
 
 def performance(point: Any) -> dict[str, float]:
-    """Return name -> value of the quantities in `PERFORMANCE` at an operating point, trimmed or
-    not."""
+    """Return the quantities in `PERFORMANCE` at an operating point, name -> value.
+
+    The operating point need not be a trim. The values are in the units of the point's model.
+    """
     aircraft = point.model
     parameters = parameters_of(aircraft)
     watched = aircraft.outputs_at(point.states, point.inputs, _WATCHED)
@@ -146,7 +153,7 @@ def performance(point: Any) -> dict[str, float]:
 
 
 def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
-    """Return a table of the loads on the aircraft, its center panel and one outer panel.
+    """Return a table of the loads on the aircraft, on its center panel and on one outer panel.
 
     loads: in the units of the model; the forces on a panel are in panel axes
     numbers: results of `performance`
@@ -178,5 +185,5 @@ def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> T
 
 
 def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Return the values as text, "" for None, followed by the unit."""
+    """Return the cells of a table row: values as text, or "" for None, then the unit."""
     return *("" if value is None else four_decimals(value) for value in values), unit
