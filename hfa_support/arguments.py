@@ -53,6 +53,7 @@ def checks_arguments(public: Public) -> Public:
 def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..., Any]:
     """Return a function that checks its arguments and then calls `function`.
 
+    function: function, or constructor of a class
     name: name of the function or class in messages
     first: position of the first checked argument, 1 to skip `self`
     """
@@ -88,7 +89,10 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 
 @cache
 def argument_tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
-    """Return (position, name, test, description) for every argument with a checkable annotation.
+    """Return the tests of a function's arguments, as (position, name, test, description of valid
+    values).
+
+    Arguments without an annotation that can be checked are omitted.
 
     first: position of the first checked argument
     """
@@ -116,9 +120,12 @@ def _any_of(tests: Sequence[_Test]) -> _Test:
 
 
 def evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
-    """Return the object that an annotation denotes.
+    """Return the class or type that the annotation of an argument denotes.
 
-    Return Any if there is no annotation, or if its name is not defined at run time.
+    The result is Any if there is no annotation, or if its name is not defined at run time.
+
+    annotation: the annotation, or its text
+    function: function with this argument
     """
     if annotation is inspect.Parameter.empty:
         return Any
@@ -131,7 +138,10 @@ def evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
 
 
 def _kind(annotation: Any) -> tuple[_Test, str] | None:
-    """Return (test, description) for an annotation, or None if its form is not supported."""
+    """Return (test of a value, description of valid values) for an annotation.
+
+    The result is None if annotations of this form are not checked.
+    """
     if annotation in _KINDS:
         return _KINDS[annotation]
     origin = get_origin(annotation)
@@ -149,7 +159,8 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
 
 
 def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
-    """Return (test, description) for a sequence, including a test of its items if possible.
+    """Return (test of a value, description of valid values) for a sequence and, if possible, its
+    items.
 
     Items are tested for `Sequence[X]` and `tuple[X, ...]`, where X is a class other than a number
     or an array.
@@ -181,7 +192,7 @@ def _is_whole(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Return whether NumPy converts the value to an array of real numbers or to an empty array."""
+    """Return whether NumPy converts a value to an array of real numbers or to an empty array."""
     try:
         array = np.asarray(value)
         return array.dtype.kind in "fiu" or array.size == 0

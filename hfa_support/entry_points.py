@@ -62,8 +62,10 @@ def loaded(entry: EntryPoint) -> Any:
 
 
 def part(group: str, name: str, what: str) -> Any:
-    """Import and return the object that a package provides under this name in a group.
+    """Return the object that an installed package provides as an entry point.
 
+    group: group of entry points
+    name: name of the entry point
     what: feature that requires the object, for the message
 
     Raises BadInputError if no installed package provides the object.
@@ -74,11 +76,11 @@ def part(group: str, name: str, what: str) -> Any:
 
 
 def about_part(name: str) -> str:
-    """Return the help of a part that an installed package supplies, or "" if there is none."""
+    """Return the help text on a part of `hfa.parts`, or "" if no package supplies a text."""
     told = offered(PARTS).get(f"about.{name}")
     return "" if told is None else str(loaded(told))
 
 
 def _package(entry: EntryPoint) -> str:
-    """Return "the package NAME" for an entry point, for messages."""
+    """Return "the package NAME" for the package that declares an entry point, for messages."""
     return f"the package {entry.value if entry.dist is None else entry.dist.name}"

@@ -1,7 +1,7 @@
-"""The two exceptions of a request. Every message is one line that states the remedy.
+"""The two exceptions of the project, and the texts of error messages.
 
-Words typed by the user and values from the user's files are shortened in messages, and control
-characters are escaped.
+Every message is one line that states the remedy. Words typed by the user and values from the user's
+files are shortened in messages, and control characters are escaped.
 """
 
 from __future__ import annotations
@@ -38,9 +38,11 @@ class NoSolutionError(RuntimeError):
 
 @contextmanager
 def said_of(what: str | Path) -> Iterator[None]:
-    """Prefix the message of a BadInputError in the block with a file or another subject.
+    """Begin the message of a BadInputError that is raised in the `with` block with a file name.
 
-    A message that already begins with the subject is not changed.
+    A message that already begins with this name is not changed.
+
+    what: the file, or another subject of the message
     """
     try:
         yield
@@ -53,7 +55,8 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 @contextmanager
 def file_faults(file: str | Path) -> Iterator[None]:
-    """Convert OSError and ValueError in the block to a BadInputError that names the file.
+    """Convert an OSError or ValueError raised in the `with` block to a BadInputError that names the
+    file.
 
     A BadInputError is not changed.
     """
@@ -70,9 +73,11 @@ def file_faults(file: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """Raise BadInputError unless the name is known. The message lists the known names.
+    """Raise BadInputError unless a name is one of the known names, which the message lists.
 
     what: beginning of the message, for example "unknown state"
+    name: the name
+    known: the known names
     """
     choices = tuple(known)
     if name not in choices:
@@ -80,7 +85,10 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 
 
 def choice_of(name: str, known: Iterable[str]) -> str:
-    """Return advice on an unknown name: the nearest known names, then all known names."""
+    """Return advice for an error message on an unknown name.
+
+    The advice lists the nearest known names, if any, and then all known names.
+    """
     meant = advice(name, known).removeprefix("; ")
     return f"{meant} choose from {', '.join(known) or 'none'}".lstrip()
 
@@ -126,7 +134,10 @@ _MOST_MEANT = 4
 
 
 def is_finite(value: object) -> bool:
-    """Return whether the value is a finite number. The result is False for any other object."""
+    """Return whether a value is a finite number.
+
+    The result is False for values that are not numbers.
+    """
     try:
         return math.isfinite(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError is raised by CasADi
@@ -154,9 +165,9 @@ def refuse_unless_whole(what: str, value: object, least: int) -> None:
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:
-    """Return (lowest, highest) as floats, which may be infinite.
+    """Return the limits (lowest, highest) as floats, which may be infinite.
 
-    what: name of the pair, for the message
+    what: name of the limits, for the message
     ends: value given by the user
 
     Raises BadInputError unless `ends` consists of two numbers.
@@ -171,9 +182,10 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
-    """Convert values to an array of floats.
+    """Return values as an array of floats.
 
     what: name of the values, for the message
+    values: nested lists or an array of any shape
 
     Raises BadInputError unless the values are real numbers in rows of equal length, without masked
     entries.
@@ -194,9 +206,10 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 
 def _faulty_row(rows: Any) -> str:
-    """Return the reason why a list of lists is not a matrix, or "" if none is found.
+    """Return the end of an error message on a list of lists that is not a matrix.
 
-    Example: "; row 2 has 1 numbers and row 1 has 2".
+    The text is, for example, "; row 2 has 1 numbers and row 1 has 2", or "" if no faulty row is
+    found.
     """
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
@@ -210,7 +223,7 @@ def _faulty_row(rows: Any) -> str:
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:
-    """Return a text, truncated to `longest` characters and "..." if it is longer."""
+    """Return a text unchanged, or its first `longest` characters and "..." if it is longer."""
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
@@ -220,7 +233,10 @@ def shown(value: Any) -> str:
 
 
 def on_one_line(message: str) -> str:
-    """Return a message on one line, with control characters escaped and truncated if it is long."""
+    """Return a message as one line.
+
+    Control characters are escaped, and a long message is truncated.
+    """
     words = message[: 4 * _LONGEST_LINE].split()
     spelled = [
         character if character.isprintable() else ascii(character)[1:-1]

@@ -46,7 +46,7 @@ _READ: set[tuple[int, int]] | None = None
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Protect all files that are read in the block from being overwritten.
+    """Protect all files that are read in the `with` block from being overwritten in it.
 
     A file is recognized under any of its names. Files in a folder that was read are protected too.
     """
@@ -59,21 +59,24 @@ def inputs_kept() -> Iterator[None]:
 
 
 def note_read(path: str | Path) -> None:
-    """Record a file as read. For a folder, all files in it count as read."""
+    """Record a file or folder as input of the run. It must not be overwritten (`inputs_kept`).
+
+    For a folder, all files in it count as inputs.
+    """
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.add(identity)
 
 
 def forget_read(path: Path) -> None:
-    """Remove a file from the recorded inputs, because the run continues it (--resume)."""
+    """Remove a file from the inputs of the run, because the run continues this file (--resume)."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.discard(identity)
 
 
 def refuse_read(path: Path) -> None:
-    """Raise BadInputError if the path, or the folder that contains it, was read as input."""
+    """Raise BadInputError if a file to write, or its folder, is an input of the run."""
     read = _READ or set()
     real = Path(os.path.realpath(path))
     if _identity(real) in read:
@@ -85,9 +88,9 @@ def refuse_read(path: Path) -> None:
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
-    """Return (device, inode) of a file, or None if it does not exist.
+    """Return (device, inode) of a file, which is the same for all its names.
 
-    The result is equal for all names of one file.
+    The result is None if the file does not exist.
     """
     try:
         status = os.stat(path)
@@ -98,11 +101,16 @@ def _identity(path: str | Path) -> tuple[int, int] | None:
 
 @contextmanager
 def all_or_none(folder: Path | None = None) -> Iterator[None]:
-    """Give files their final names only if the block that writes them ends without an error.
+    """Write either all or none of the files that are written in the `with` block.
 
-    folder: created if it does not exist, and removed after the block if it was created and is empty
+    The files get their final names at the end of the block. They are removed if the block raises an
+    error.
 
-    Raises RuntimeError if blocks are nested.
+    folder: folder of the files, or None. It is created if it does not exist, and removed again if
+        it
+        was created and remains empty.
+
+    Raises RuntimeError if such blocks are nested.
     """
     global _WAITING
     if _WAITING is not None:
@@ -130,7 +138,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Delay the handling of Ctrl-C, SIGTERM and SIGHUP until the end of the block.
+    """Delay the handling of Ctrl-C, SIGTERM and SIGHUP until the end of the `with` block.
 
     The block must be short. Outside of the main thread, signals are not delayed.
     """
@@ -153,7 +161,7 @@ def _signals_held() -> Iterator[None]:
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
-    """Yield the path of a new private folder, which is removed after the block.
+    """Yield the path of a new private folder, which is removed after the `with` block.
 
     A folder that the block renames is kept.
 
@@ -171,7 +179,7 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 
 def _temporary_path(folder: Path) -> Path:
-    """Return an unused name in the folder and register it for `remove_unfinished`.
+    """Return an unused name in a folder, which `remove_unfinished` will remove.
 
     The name is registered before the file exists, because a signal may end the process at any time.
     """
@@ -181,7 +189,7 @@ def _temporary_path(folder: Path) -> Path:
 
 
 def _new_file(path: Path, target: Path) -> IO[bytes]:
-    """Create a file that only its owner can access, and open it for writing.
+    """Return a new file that only its owner can access, opened for writing.
 
     path: the new file
     target: its final name, for the message
@@ -198,7 +206,7 @@ def _new_file(path: Path, target: Path) -> IO[bytes]:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files and folders of this process, and its new empty folders.
+    """Remove the temporary files and folders of this process, and its new folders that are empty.
 
     The function must be called just before the process ends. The removal of a folder is repeated up
     to `_REMOVALS` times, because a compiler may still write into the folder.
@@ -218,11 +226,13 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """Yield a binary stream that becomes the file `path` if the block ends without an error.
+    """Yield a binary stream that becomes the file `path` if the `with` block ends without an error.
 
-    After an error `path` is unchanged. Within `all_or_none`, the file is written at the end of that
-    block. The mode of an existing file is kept. Raises BadInputError if the folder does not exist
-    or is not writable, or if `path` is an input, a folder, a FIFO or a device.
+    After an error the file is unchanged. Within `all_or_none`, the file is written at the end of
+    that block. The permissions of an existing file are kept.
+
+    Raises BadInputError if the folder does not exist or is not writable, or if `path` is an input,
+    a folder, a FIFO or a device.
     """
     target = Path(path)
     if target.is_dir():
@@ -257,10 +267,13 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def regular_file(path: str | Path) -> Path:
-    """Check that a path is a regular file of limited size, record it as input, and return it.
+    """Return a path after checking that it is a regular file of limited size, and record it as
+    input.
 
-    FIFOs and devices are refused because reading them may never end. Raises OSError for these, for
-    folders, for missing files, and for files larger than `LARGEST` bytes.
+    FIFOs and devices are refused because reading them may never end.
+
+    Raises OSError for FIFOs, devices, folders, missing files, and files larger than `LARGEST`
+    bytes.
     """
     try:
         status = os.stat(path)

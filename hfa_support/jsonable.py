@@ -12,9 +12,10 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """Convert mappings, lists, tuples, arrays, texts and numbers to objects that `json` can write.
+    """Return a value as objects that `json` can write.
 
-    Numbers that are not finite become None.
+    Mappings, lists, tuples, arrays, texts and numbers are converted. Numbers that are not finite
+    become None.
     """
     if isinstance(value, (float, np.floating)):  # tested first: most values are floats
         return finite_or_none(value)
@@ -29,12 +30,15 @@ def jsonable(value: Any) -> Any:
 
 
 def finite_or_none(value: float | np.floating[Any]) -> float | None:
-    """Return a finite number as float, and None for inf and nan, which JSON does not support."""
+    """Return a finite number as a float.
+
+    inf and nan become None, because JSON does not support them.
+    """
     return float(value) if math.isfinite(value) else None
 
 
 def json_text(value: Any) -> str:
-    """Return the value as indented JSON, with each innermost list and object on one line."""
+    """Return a value as indented JSON text, with each innermost list and object on one line."""
     text = json.dumps(jsonable(value), indent=1, allow_nan=False)
     return (
         re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text)

@@ -24,7 +24,10 @@ class LinearTable(ByValue):
     values: np.ndarray
 
     def __post_init__(self) -> None:
-        """Convert both fields to arrays of floats and check them."""
+        """Convert both fields to arrays of floats.
+
+        Raises BadInputError, as described for the class.
+        """
         breakpoints = np.asarray(self.breakpoints, dtype=float)
         values = np.asarray(self.values, dtype=float)
         increasing = (

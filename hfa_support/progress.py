@@ -26,7 +26,10 @@ class Progress(Protocol):
 
 
 def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
-    """Yield the items, and report progress after each one is processed."""
+    """Yield the items of a sequence, and report the progress after each item is processed.
+
+    progress: callback, or None
+    """
     for done, item in enumerate(items, start=1):
         yield item
         if progress is not None:
@@ -34,9 +37,10 @@ def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
 
 
 def say(text: str) -> None:
-    """Print a text on standard output and flush it, so that a full disk raises an OSError here.
+    """Print a text on standard output and flush the stream.
 
-    If the reader of the pipe has stopped, later output is discarded.
+    A full disk therefore raises an OSError here. If the reader of the pipe has stopped, later
+    output is discarded.
     """
     try:
         print(text, flush=True)

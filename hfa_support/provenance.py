@@ -63,10 +63,11 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """Return descriptions of the changed parameters, with the largest relative change first.
+        """Return texts on the parameters that differ from their identified values, largest change
+        first.
 
-        If more than `_MOST_TOLD` parameters differ, only the largest changes are described, after
-        their number.
+        Changes are relative. At most `_MOST_TOLD` parameters are described. If more differ, the
+        first text contains their number.
         """
 
         def relative_size(name: str) -> float:
@@ -83,10 +84,10 @@ class Provenance(Result):
         return descriptions
 
     def text(self) -> str:
-        """Return the provenance as text: one line with the version, the date and the model.
+        """Return the provenance as text: one line with the version, the date and the plant.
 
-        A line is added if the parameters differ from the identified aircraft, and another one if
-        the flight differs from the paper's level flight.
+        Further lines describe parameters that differ from the identified aircraft, and a flight
+        that differs from the paper's level flight.
         """
         first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:

@@ -12,16 +12,19 @@ from typing import Any
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return (`__getattr__`, `__dir__`) for a package whose stub imports its public names.
+    """Return the functions `__getattr__` and `__dir__` of a package that imports public names when
+    used.
 
+    The stub of the package imports all public names. The AttributeError for an unknown name
+    suggests the nearest public name.
+
+    package: name of the package
     file: `__file__` of the package, with the stub `__init__.pyi` in the same folder
-
-    The AttributeError for an unknown name suggests the nearest public name.
     """
 
     @cache
     def modules() -> dict[str, tuple[str, str]]:
-        """Return public name -> (module that defines it, name in this module).
+        """Return the origin of each public name: (module that defines it, name in this module).
 
         The second name is "" if the public name is a module.
         """
@@ -42,7 +45,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return modules
 
     def get(name: str) -> Any:
-        """Import and return the object with a public name.
+        """Return the object with a public name, imported from its module.
 
         Raises AttributeError if the name is unknown or if a required package is not installed.
         """
@@ -64,7 +67,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return getattr(module, name_there) if name_there else module
 
     def installed() -> list[str]:
-        """Return the public names that are defined in installed packages."""
+        """Return the public names that can be imported, because their packages are installed."""
         of_packages = {name: module.partition(".")[0] for name, (module, _) in modules().items()}
         return [name for name, other in of_packages.items() if not other or find_spec(other)]
 

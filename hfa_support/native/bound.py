@@ -40,7 +40,7 @@ class BoundFunction:
         self._evaluate()
 
     def at(self, *arguments: Any) -> list[np.ndarray]:
-        """Evaluate the Function and return copies of the results.
+        """Return copies of the Function's results, one flat array for each result.
 
         arguments: a number or a flat array for each argument
         """
@@ -63,7 +63,8 @@ Block = tuple[BoundFunction, list[np.ndarray], list[np.ndarray]]
 
 
 class RowFunction(threading.local):
-    """A dense CasADi Function that is evaluated for each row of its arguments.
+    """A dense CasADi Function that is evaluated at many points at once, one in each row of its
+    arguments.
 
     A row contains the entries of one argument, with a matrix stored by columns. Each thread has its
     own memory.
@@ -75,11 +76,14 @@ class RowFunction(threading.local):
         self._blocks: dict[int, Block] = {}
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
-        """Return the constructor and the Function for pickling. The memory is not pickled."""
+        """Return the constructor and the Function, from which pickle restores the object without
+        its memory.
+        """
         return RowFunction, (self.function,)
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
-        """Return the results for N rows, a list of arrays (N, entries of the result).
+        """Return the results at N points, a list with an array (N, entries of the result) for each
+        result.
 
         tables: for each argument, an array (N, entries of the argument)
         """
@@ -102,9 +106,10 @@ class RowFunction(threading.local):
         return tables_out
 
     def _together(self, count: int) -> int:
-        """Return the number of rows to evaluate as one block in a call with `count` rows.
+        """Return the number of rows that are evaluated together, in a call with `count` rows.
 
-        After `_MANY` rows in all, the bound blocks are discarded so that faster ones are made.
+        When `_MANY` rows have been evaluated in all calls, the stored blocks are discarded. New
+        blocks are made more slowly and evaluated faster.
         """
         before = self._rows
         self._rows += count
@@ -113,9 +118,12 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return (bound Function, inputs, results) for blocks of `together` rows.
+        """Return the Function for several rows with its memory: (bound Function, arguments,
+        results).
 
-        The block is stored for later calls.
+        An argument or result is an array (together, entries). The block is stored for later calls.
+
+        together: number of rows
         """
         mapped = by_rows
         if self._rows >= _MANY:
@@ -132,5 +140,10 @@ class RowFunction(threading.local):
 
 
 def by_rows(function: ca.Function, rows: int) -> Any:
-    """Return the Function evaluated for several rows in sequence, and the memory order "C"."""
+    """Return a Function that evaluates `function` for several rows in sequence, and "C".
+
+    "C" is the memory order of its arguments and results.
+
+    rows: number of rows
+    """
     return function.map(rows) if rows > 1 else function, "C"

@@ -8,10 +8,14 @@ import casadi as ca
 
 
 def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, str]:
-    """Return the Function for several rows, and its memory order.
+    """Return a Function that evaluates `function` for several rows, and the memory order of its
+    arguments.
 
-    The order is "F" if each operation is applied to all rows at once, and "C" if this is not
-    possible and the rows are evaluated one after the other.
+    - "F": each operation is applied to all rows at once (`by_columns`).
+    - "C": this is not possible, and the rows are evaluated in sequence.
+
+    function: dense Function of one row
+    rows: number of rows
     """
     at_once = by_columns(function, rows) if rows > 1 else None
     if at_once is None:
@@ -20,13 +24,14 @@ def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, s
 
 
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
-    """Return the Function for `rows` rows that applies each operation to all rows in one loop.
+    """Return a Function that applies each operation of `function` to all rows in one loop, or None.
 
     An argument or result of k numbers becomes a matrix (rows, k). The results are equal to the
-    results of `function` bit by bit. None is returned unless `function` is an SX Function of scalar
-    operations.
+    results of `function` bit by bit. The result is None unless `function` is an SX Function of
+    scalar operations.
 
     function: dense Function of one row
+    rows: number of rows
     """
     count = function.n_instructions() if function.is_a("SXFunction") else 0
     operations = [function.instruction_id(k) for k in range(count)]
@@ -55,9 +60,9 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
 
 
 def _side_by_side(columns: Sequence[ca.MX], rows: int) -> ca.MX:
-    """Return the dense matrix (rows, k) of k columns.
+    """Return the dense matrix (rows, k) that consists of k columns.
 
-    A column of one number is repeated in each row.
+    columns: (rows, 1) each, or a single number that is repeated in each row
     """
     full = [ca.repmat(column, rows // column.numel(), 1) for column in columns]
     return ca.densify(ca.horzcat(ca.MX(rows, 0), *full))

@@ -43,10 +43,10 @@ def machine_code(function: ca.Function) -> ca.Function:
 def compiled(
     text: Callable[[str], str], load: Callable[[str, Path], Loaded], optimize: str = "-O2"
 ) -> Loaded | None:
-    """Compile a C text, load the library and return the result of `load`.
+    """Return a function loaded from a compiled C text, or None if that is not possible.
 
-    If there is no compiler, or if compilation or loading fails, a note is printed once and None is
-    returned.
+    None is returned if there is no compiler, or if compilation or loading fails. A note is then
+    printed once.
 
     text: symbol -> C text that defines a function of this name
     load: (symbol, library) -> callable object
@@ -96,7 +96,7 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _own_folder(folder: Path) -> Path:
-    """Create the folder if necessary, remove the access of other users, and return it.
+    """Return the cache folder, accessible only to the user, and create it if it does not exist.
 
     Raises RuntimeError if the folder is a link or belongs to another user.
     """
@@ -125,6 +125,7 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 def _is_own(file: Path, symbol: str) -> bool:
     """Return whether a library belongs to this user and its content matches the hash in its name.
 
+    file: path of the library
     symbol: symbol of the library, which contains the hash of its C text
     """
     status = file.lstat()
@@ -150,5 +151,5 @@ def c_compiler() -> str | None:
 
 @cache
 def _say(message: str) -> None:
-    """Print a message on standard error, once per process."""
+    """Print a message on standard error. The same message is printed only once per process."""
     say_aside(f"hfa: {message}")

@@ -10,7 +10,7 @@ Named = TypeVar("Named", covariant=True)
 
 
 class ByName(tuple[Named, ...]):
-    """Tuple that is indexed by number or by the `name` of an entry, as in modes["phugoid"]."""
+    """Tuple whose entries are found by number or by their `name`, as in modes["phugoid"]."""
 
     def __getitem__(self, index: Any) -> Any:
         """Return the entry with this number or name. Raises BadInputError for an unknown name."""
@@ -34,7 +34,10 @@ class ByName(tuple[Named, ...]):
             return attribute_of(self, name)
 
     def keys(self) -> list[str]:
-        """Return the names of the entries. With this method, dict(modes) maps names to entries."""
+        """Return the names of the entries.
+
+        Because of this method, dict(modes) is a dictionary from names to entries.
+        """
         return [entry.name for entry in self]  # type: ignore[attr-defined]
 
     def values(self) -> Any:
@@ -42,5 +45,5 @@ class ByName(tuple[Named, ...]):
         return self
 
     def items(self) -> Any:
-        """Return the pairs (name, entry) as a view of a dictionary."""
+        """Return the pairs (name, entry), as the view of a dictionary."""
         return dict(self).items()

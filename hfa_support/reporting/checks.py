@@ -52,7 +52,7 @@ class Check(Result):
 
 
 class Checked:
-    """Base class of results that pass or fail by a list of checks."""
+    """Base class of results that consist of checks. The result passes if all its checks pass."""
 
     if TYPE_CHECKING:
 
@@ -72,8 +72,13 @@ class Checked:
 def checked(
     name: str, value: float, limit: float, reason: str = "", kind: str = "", relation: str = "<="
 ) -> Check:
-    """Return a check that passes if `value relation limit` is true. A value of nan fails.
+    """Return a check that passes if `value relation limit` is true.
 
+    A value of nan fails.
+
+    name: name of the quantity
+    value: the measured number
+    limit: the limit
     reason: reason for a failure
     relation: a key of `RELATIONS`, for example "<="
     """

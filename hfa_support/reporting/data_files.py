@@ -97,13 +97,15 @@ def _numbers(data: Any) -> Any:
 
 
 def _field_name(key: str) -> str:
-    """Return a field name that MATLAB accepts for a key, for example "x15_0" for "15.0"."""
+    """Return the name of a MATLAB struct field for a key, for example "x15_0" for "15.0"."""
     name = re.sub(r"\W", "_", key)
     return name if name[:1].isalpha() else f"x{name}"
 
 
 def _csv(records: Table, about: str) -> str:
-    """Return a table as CSV, with a last column "about" that contains `about` in its first row.
+    """Return a table as CSV text.
+
+    The last column is called "about", and contains the text `about` in the first row of values.
 
     records: header and rows, in which floats are written in full precision
     """
@@ -120,7 +122,10 @@ def _csv(records: Table, about: str) -> str:
 
 
 def _inert(cell: Any) -> Any:
-    """Return a cell, with an apostrophe before text that a spreadsheet would read as a formula."""
+    """Return the text of a CSV cell, which spreadsheets do not read as a formula.
+
+    Text that looks like a formula begins with an apostrophe.
+    """
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     if isinstance(cell, str) and re.match(formula, cell):
         return f"'{cell}"
@@ -128,7 +133,7 @@ def _inert(cell: Any) -> Any:
 
 
 def _digits(value: float | np.floating) -> str:
-    """Return a number in full precision.
+    """Return a number as text in full precision.
 
     The text for nan is "NaN", because polars does not parse "nan" as a number.
     """

@@ -51,11 +51,11 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
     """Write a figure to a stream.
 
+    For a PNG, the layout is computed before saving, because matplotlib would otherwise draw the
+    figure twice.
+
     kind: "png", "svg" or "pdf"
     metadata: metadata of the file
-
-    For a PNG, the layout is computed before saving, because matplotlib would otherwise draw it
-    twice.
     """
     _take_literally(figure)
     engine = figure.get_layout_engine()
@@ -68,7 +68,7 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Turn off formula typesetting for every text of the figure, except powers of ten at log axes.
+    """Turn off formula typesetting in all texts of a figure, except for powers of ten at log axes.
 
     matplotlib would otherwise typeset text between two dollar signs, for example in a state's name.
     """
@@ -87,9 +87,9 @@ def _take_literally(figure: Figure) -> None:
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Write small text in a strip below the picture.
+    """Add small text below the picture of a figure.
 
-    The layout is constrained to the area above the strip.
+    The picture is confined to the area above the text.
     """
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 

@@ -84,7 +84,7 @@ def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
 def html_table(table: Table) -> str:
     """Return a table as HTML, in a box that is scrolled by pointer or keyboard.
 
-    The class of a cell is its tone. Columns that satisfy `_are_words` have the class `words`.
+    The class of a cell is its tone. Columns of words have the class `words` (`_are_words`).
     """
     columns = [
         ["words"] if _are_words([row[i] for row in table.rows]) else []
@@ -110,7 +110,10 @@ def html_table(table: Table) -> str:
 
 
 def _are_words(cells: Sequence[Any]) -> bool:
-    """Return whether fewer than half of the nonempty cells begin with a digit, sign, point or ∞."""
+    """Return whether a table column consists of words rather than numbers.
+
+    Fewer than half of its nonempty cells then begin with a digit, sign, point or ∞.
+    """
     texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
     return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 
@@ -125,13 +128,13 @@ def _class(names: list[str]) -> str:
 
 
 def _cell(cell: Any) -> str:
-    """Return a Markdown table cell in which column, tag and link characters are escaped."""
+    """Return the text of a table cell in Markdown, with column, tag and link characters escaped."""
     text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
     return text.replace("|", "\\|").replace("](", "]\\(")
 
 
 def escaped(text: Any) -> str:
-    """Return a text with HTML's special characters and control characters escaped."""
+    """Return a text for HTML, with special characters and control characters escaped."""
     return html.escape(printable(str(text), lines=False))
 
 

@@ -45,7 +45,7 @@ class NamedArray(np.ndarray):
 
 
 def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
-    """Return a view of the array with names for the entries of each axis.
+    """Return a view of an array, with names for the entries of each axis.
 
     names: a tuple for each axis, () for an axis without names
     """

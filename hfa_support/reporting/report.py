@@ -26,7 +26,7 @@ class Picture:
     """Figure in a report, drawn when the report is shown.
 
     name: name of the picture
-    text: description for readers who cannot see it
+    text: description of the picture, for readers who cannot see it
     draw: function that draws the figure
     """
 
@@ -36,7 +36,7 @@ class Picture:
 
     @cached_property
     def png(self) -> bytes:
-        """Draw the figure on the first access and return it as the content of a PNG file."""
+        """Content of a PNG file of the figure, which is drawn at the first access."""
         from hfa_support.reporting.figure import png_bytes
 
         return png_bytes(self.draw())
@@ -114,15 +114,16 @@ class Report:
         return report_as_html(self, level)
 
     def json(self) -> str:
-        """Return the data as JSON. Numbers that are not finite become null."""
+        """Return the data of the report as JSON text. Numbers that are not finite become null."""
         from hfa_support.jsonable import json_text
 
         return json_text(self.data).rstrip()
 
     def save(self, path: Path) -> None:
-        """Write `data` (.json, .npz, .mat) or `records` (.csv) to a file, completely or not at all.
+        """Write the data of the report to a file, completely or not at all, in full precision.
 
-        Numbers are written in full precision.
+        - .json, .npz, .mat: `data`
+        - .csv: `records`
         """
         from hfa_support.reporting.data_files import save_data
 
@@ -144,7 +145,7 @@ class Reported:
     """Base class of results that are displayed as reports at the Python prompt and in notebooks."""
 
     def report(self) -> Report:
-        """Return a report of the class summary, fields, small matrices and checks."""
+        """Return a report of the result: class summary, fields, small matrices and checks."""
         from hfa_support.reporting.fields_report import fields_report
 
         return fields_report(self)
