@@ -90,7 +90,11 @@ _START_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
-    """Return the published dynamics with one method replaced by that of the `newton` dynamics."""
+    """Return the published dynamics in which one method is replaced by that of the `newton`
+    dynamics.
+
+    method: name of the method
+    """
     changed: type[Published] = type(
         f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)}
     )

@@ -1,4 +1,4 @@
-"""Climb, descent, turn, sideslip and glide, for three aircraft each, evaluated in JSBSim.
+"""Trims in climb, descent, turn, sideslip and glide, for three aircraft each, evaluated in JSBSim.
 
 A second table shows how JSBSim's rotating, flattened earth changes a level trim. The command
 `python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
@@ -84,8 +84,8 @@ def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> fl
 def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float, float]:
     """Return the errors of alpha (deg) and throttle of a level trim on JSBSim's earth.
 
-    JSBSim's downward acceleration at the trim is taken as a difference of gravity, with which the
-    aircraft is trimmed again.
+    The aircraft is trimmed again with gravity changed by JSBSim's downward acceleration at the
+    trim. The errors are the differences between the two trims.
 
     heading: deg
     """

@@ -2,8 +2,8 @@
 
 A and B are compared with finite differences of JSBSim's accelerations. Thrust is compared at five
 throttle settings. The response to an elevator pulse is compared after 10 s. The command
-`python -m studies.jsbsim.dynamics [NAME ...]` prints a line for each aircraft. Propellers and
-governors are in equilibrium at each state in both programs, so that A and B contain only the other
+`python -m studies.jsbsim.dynamics [NAME ...]` prints a line for each aircraft. In both programs,
+propellers and governors are in equilibrium at each state. A and B therefore contain only the other
 states.
 """
 
@@ -88,10 +88,10 @@ def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str
 
 
 def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, str]:
-    """Compare A and B with central differences of JSBSim's accelerations.
+    """Return the comparison of A and B with central differences of JSBSim's accelerations.
 
-    Return (number of entries that agree, number of entries, text on the worst entry). Entries agree
-    if they differ by less than 1e-6, relative to the entry if it is larger than 1.
+    The result is (number of entries that agree, number of entries, text on the worst entry).
+    Entries agree if they differ by less than 1e-6, relative to the entry if it is larger than 1.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -121,7 +121,7 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
 
 
 def _step(model: Model, name: str) -> float:
-    """Return the step of a state or input for differences: 1e-2 ft/s, 1e-4 rad or 1e-3."""
+    """Return the step for central differences in a state or input: 1e-2 ft/s, 1e-4 rad or 1e-3."""
     if name == "speed":
         return 10.0 * _STEP
     if model.unit(name) == "1":
@@ -130,7 +130,8 @@ def _step(model: Model, name: str) -> float:
 
 
 def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
-    """Return name -> column (6,) of A or B, with propellers and governors in equilibrium.
+    """Return the columns (6,) of A and B by state or input, with propellers and governors in
+    equilibrium.
 
     The rows are the derivatives in `RATES`.
     """
@@ -168,7 +169,8 @@ def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarra
 
 
 def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
-    """Return the largest difference of the model's thrust from JSBSim's at five throttles.
+    """Return the largest difference between the model's thrust and JSBSim's at five throttle
+    settings.
 
     The difference is relative to JSBSim's thrust, or to 1 lb if this is larger. The result is 0 for
     an aircraft without a throttle.
@@ -191,11 +193,11 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim after an elevator pulse, and its state.
+    """Return the largest difference from JSBSim after an elevator pulse, and the name of its state.
 
-    The difference at the end of the flight is divided by the change of the state, or by 10 % of its
-    nominal value if this is larger. The response is the difference of flights with and without the
-    pulse, which cancels the effect of JSBSim's round earth.
+    The difference at the end of the flight is divided by the change of the state, or by 10 % of the
+    state's nominal value if this is larger. The response is the difference of flights with and
+    without the pulse. This difference cancels the effect of JSBSim's round earth.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -221,7 +223,9 @@ def _flown(
     inputs: Mapping[str, float],
     pulse: Mapping[str, float],
 ) -> dict[str, float]:
-    """Simulate the flight by the classical Runge-Kutta method and return state -> final value."""
+    """Return the final value of each state in a flight simulated by the classical Runge-Kutta
+    method.
+    """
     step = 0.005
     x = np.array([state[name] for name in model.states])
 

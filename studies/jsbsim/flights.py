@@ -1,4 +1,4 @@
-"""Flights of 30 s from random states, compared with JSBSim at three of its time steps.
+"""Flights of 30 s from random states, compared with JSBSim at three of JSBSim's time steps.
 
 Throttle, elevator, aileron and rudder are moved in steps. Lags of engines and filters are states of
 the model. The command `python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md,
@@ -76,7 +76,7 @@ def line(name: str, count: int, seed: int = 2) -> str:
 
     The row contains the largest difference from JSBSim at each time step, divided by the nominal
     value of the state, and the ratios of these differences. The last cell is the difference at the
-    shortest step for a model in which engines follow their throttles without lag. All numbers are
+    shortest step for a model whose engines follow their throttles without lag. All numbers are
     medians over random states. States at which JSBSim fails are left out.
 
     count: number of random states
@@ -114,7 +114,7 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """Return name -> value imposed on the trim of an aircraft.
+    """Return the values imposed on the trim of an aircraft, by name.
 
     Raises BadInputError if the study has no level trim of this aircraft.
     """
@@ -128,7 +128,7 @@ def _condition(name: str) -> dict[str, float]:
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
-    """Return random flights near a trim, as requests for `answered`.
+    """Return requests for `answered`: random flights that begin near a trim.
 
     Each flight has three steps of the throttle and pulses of elevator, aileron and rudder.
     """
@@ -161,7 +161,7 @@ def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
 
 
 def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any]) -> float:
-    """Return the largest difference of a compared state from JSBSim, divided by the nominal value.
+    """Return the largest difference of a compared state from JSBSim, divided by its nominal value.
 
     The states are compared once per second.
 
@@ -177,11 +177,11 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Simulate a flight by the classical Runge-Kutta method and return the states each second.
+    """Return the states of a flight after each second, (seconds, n), by the classical Runge-Kutta
+    method.
 
+    flight: request with commands and their changes
     start: JSBSim's states at the start of the flight
-
-    The result has the shape (seconds, n).
     """
     x = _settled(model, flight, start)
     step = _second(model)
@@ -198,7 +198,9 @@ def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -
 
 
 def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Return the initial state (n,), equal to JSBSim's, with the other states in equilibrium.
+    """Return the initial state of a flight, (n,).
+
+    States that JSBSim reports have JSBSim's values. The other states are in equilibrium.
 
     start: JSBSim's states at the start of the flight
     """
@@ -220,7 +222,8 @@ def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]
 
 
 def _second(model: Model) -> ca.Function:
-    """Return the function (x, u) -> states after each of the steps of one second.
+    """Return the CasADi function (x, u) -> states after each of the integration steps of one
+    second.
 
     u has a column for each step.
     """

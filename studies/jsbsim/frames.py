@@ -1,4 +1,4 @@
-"""Simulations of `hfa fly --method jsbsim`, compared with JSBSim over its rotating earth.
+"""Flights of `hfa fly --method jsbsim`, compared with JSBSim over its rotating earth.
 
 `python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md. Each row contains
 the largest difference of a state at a full second, divided by the nominal value of the state. The
@@ -39,13 +39,13 @@ def line(name: str, count: int) -> str:
 
 
 def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
-    """Return (largest difference from JSBSim in random flights, name of the state).
+    """Return the largest difference from JSBSim in random flights, and the name of its state.
 
     The states are compared once per second. A difference is divided by the nominal value of the
     state. Raises RuntimeError if JSBSim reports an error.
 
     count: number of flights
-    seconds: duration of each flight
+    seconds: duration of each flight, s
     """
     model, point = trimmed(f"jsbsim:{name}")
     flights = drawn(point, count, _SEED)
@@ -70,7 +70,7 @@ def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Simulate a flight in JSBSim's frames and return the states each second, (seconds, n).
+    """Return the states of a flight in JSBSim's frames after each second, (seconds, n).
 
     start: JSBSim's states at the start of the flight
     """

@@ -5,8 +5,8 @@ identifications of each aircraft (default 24). The packages jsbsim and hfa-ident
 
 Each flight is a 3-2-1-1 elevator input from the trim, simulated with both signs. Terms quadratic in
 the motion are equal for both signs and therefore do not change the slopes. The amplitudes were
-chosen at other trims. From an amplitude of 0.1 on, the 737's pitching moment proportional to alpha²
-is visible, because drag and lift act 59 in above the center of gravity.
+chosen at trims that the study does not use. From an amplitude of 0.1 on, the 737's pitching moment
+proportional to alpha² is visible, because drag and lift act 59 in above the center of gravity.
 """
 
 from __future__ import annotations
@@ -104,8 +104,9 @@ def main(words: Sequence[str]) -> int:
 def line(name: str, case: Case, count: int) -> str:
     """Return the table row of one aircraft.
 
-    The row contains the number of identifications that pass, and the numbers of 95 % bands that
-    contain the slopes of JSBSim's linearization and of this project's.
+    The row contains the number of identifications that pass. It also contains the numbers of 95 %
+    bands that contain the slopes of JSBSim's linearization, and those of this project's
+    linearization.
 
     count: number of identifications
     """
@@ -137,9 +138,10 @@ def line(name: str, case: Case, count: int) -> str:
 
 
 def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndarray]]]:
-    """Return the trim, and JSBSim's flights over a flat earth with both signs of the 3-2-1-1 input.
+    """Return the trim of a case and JSBSim's two flights, with both signs of the 3-2-1-1 input.
 
-    A flight is name -> column, relative to the trim and without noise.
+    The earth is flat. A flight is a dictionary name -> column, relative to the trim and without
+    noise.
     """
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=GRAVITY)
     held = {"kcas": case.kcas, "altitude": case.altitude}
@@ -167,7 +169,7 @@ def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndar
 
 
 def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
-    """Return (time in s, elevator increment) for each step of the 3-2-1-1 input."""
+    """Return (time in s, change of the elevator command) for each step of the 3-2-1-1 input."""
     times = 0.5 + case.pulse * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     values = sign * case.size * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
     return list(zip(times.tolist(), values.tolist(), strict=True))
@@ -176,7 +178,7 @@ def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
 def records(
     flights: Sequence[Mapping[str, np.ndarray]], rng: np.random.Generator
 ) -> list[dict[str, np.ndarray]]:
-    """Return the columns of the flights with sensor noise added."""
+    """Return the columns of the records: the flights with added sensor noise."""
     noisy = []
     for flight in flights:
         columns = {"time": flight["time"], "elevator": flight["elevator"]}
@@ -187,7 +189,7 @@ def records(
 
 
 def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
-    """Return name -> slope from JSBSim's linearization at the trim.
+    """Return the slopes of JSBSim's linearization at the trim, by name.
 
     A name such as alpha__pitch_rate denotes the derivative of alpha's rate with respect to
     pitch_rate.
@@ -206,7 +208,7 @@ def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
 
 
 def own_slopes(point: OperatingPoint) -> dict[str, float]:
-    """Return name -> slope from this project's linearization, with propellers in equilibrium."""
+    """Return the slopes of this project's linearization by name, with propellers in equilibrium."""
     columns = of_rest(point.model, point)
     return {
         f"{row}__{column}": float(columns[column][RATES.index(row)])
@@ -218,10 +220,8 @@ def own_slopes(point: OperatingPoint) -> dict[str, float]:
 def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
     """Return a linear model in deviations from the trim.
 
-    slopes: name -> value
-    free: slopes that are parameters of the model
-
-    All other slopes are constant.
+    slopes: value of each slope by name
+    free: names of the slopes that are parameters of the model. The other slopes are constant.
     """
     units = {"speed": ("ft/s", 10.0), "altitude": ("ft", 100.0)}
     states = {name: Signal(*units.get(name, ("rad", 0.1))) for name in _STATES}
@@ -248,7 +248,7 @@ def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
 
 
 def begun(model: Model, rng: np.random.Generator) -> Model:
-    """Return the model with each slope multiplied by 0.5 or 1.5 at random."""
+    """Return the model for the start of a search: each slope multiplied by 0.5 or 1.5 at random."""
     values = {
         name: signal.start * rng.choice([0.5, 1.5]) for name, signal in model.parameters.items()
     }

@@ -1,8 +1,8 @@
 """Evaluation of aircraft by JSBSim in a child process, because JSBSim can terminate Python.
 
 `python -m studies.jsbsim.reference` reads requests [{"aircraft": NAME, "point": {...}}, ...] as
-JSON. It writes JSBSim's responses line by line, so that finished responses are kept if JSBSim
-terminates. The package jsbsim is required.
+JSON. It writes each of JSBSim's responses on its own line. Responses written before JSBSim
+terminates the process are kept. The package jsbsim is required.
 """
 
 from __future__ import annotations
@@ -113,12 +113,12 @@ _MISSING = 200
 
 
 def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's response at each point, or None where JSBSim failed.
+    """Return JSBSim's response at each point, or None for a point at which JSBSim fails.
 
     name: name of an aircraft of JSBSim
     points: {"state": {...}, "commands": {...}} with the names of a `Model`, or {"trim": {"kcas",
       "altitude"}}. "linear": true adds A and B. "held" lists properties that no component sets.
-    seconds: time limit of each child process
+    seconds: time limit of each child process, s
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = answered(items, seconds)
@@ -130,10 +130,11 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
 
     The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated.
 
-    items: {"aircraft": NAME, "point": {...}}. "root" is the folder that contains the folder
+    items: requests {"aircraft": NAME, "point": {...}}. "root" is the folder that contains the
+        folder
       "aircraft", by default JSBSim's. "earth": "own" selects JSBSim's earth in place of a sphere
       without rotation.
-    seconds: time limit of each child process
+    seconds: time limit of each child process, s
     """
     answers: list[Any] = []
     while len(answers) < len(items):
@@ -146,7 +147,12 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
 
 
 def _ask(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
-    """Return the responses that a child process writes before it ends."""
+    """Return the responses that one child process writes before it ends or the time limit is
+    reached.
+
+    items: requests
+    seconds: time limit, s
+    """
     command = [sys.executable, "-m", "studies.jsbsim.reference"]
     try:
         process = subprocess.run(
@@ -194,7 +200,9 @@ def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _found(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's response to a request for a flight, a trim or a fixed state."""
+    """Return JSBSim's response to a request for a flight, a trim, or an evaluation at a fixed
+    state.
+    """
     point = item["point"]
     simulator = _simulator(item)
     for name in _missing(item["aircraft"], item.get("root")):
@@ -208,7 +216,8 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
 def _missing(aircraft: str, root: str | None) -> list[str]:
     """Return the properties that JSBSim reports as missing when it initializes an aircraft.
 
-    A separate simulator is used, because the exceptions affect later results.
+    JSBSim reports each missing property by an exception. A separate simulator is used, because the
+    exceptions affect later results.
     """
     simulator = _simulator({"aircraft": aircraft, "root": root, "point": {}})
     return _run(simulator.run_ic, simulator)
@@ -246,15 +255,20 @@ def _simulator(item: Mapping[str, Any]) -> Any:
 
 
 def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft into the simulator. Raises RuntimeError if JSBSim reports a failure."""
+    """Load an aircraft into the simulator.
+
+    Raises RuntimeError if JSBSim reports a failure.
+    """
     if not simulator.load_model(name):
         raise RuntimeError("JSBSim does not load it")
 
 
 def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
-    """Copy JSBSim's data of one aircraft to a folder, and return the copy.
+    """Copy JSBSim's files of one aircraft to a folder, and return the folder of the copy.
 
-    In the copy, components that set the held properties write other properties instead.
+    In the copy, components that would set a held property write to another property instead.
+
+    held: names of the held properties
     """
     copy = folder / "data"
     shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
@@ -299,7 +313,7 @@ def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, fl
 
 
 def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
-    """If an engine is out, run the simulation for five seconds and then stop this engine."""
+    """Stop the engines that the commands set to 0, after five simulated seconds."""
     out = [name for name, value in commands.items() if name.startswith("engine") and value == 0.0]
     for _ in range(5 * _RATE if out else 0):
         _run(simulator.run, simulator)
@@ -319,8 +333,9 @@ def _stop(simulator: Any, number: int) -> None:
 
 
 def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[float]:
-    """Return the velocity over ground in body axes, ft/s.
+    """Return the velocity of the aircraft over ground in body axes, ft/s, (3,).
 
+    state: airspeed, ft/s, and angles, rad
     wind: north, east and down components, ft/s
     """
     roll, pitch, yaw, alpha, beta = (
@@ -354,8 +369,10 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
 def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
     """Run a step of the simulation, and return the properties that JSBSim reports as missing.
 
-    Missing properties, which FlightGear would set, are set to 0, and the step is repeated. Raises
-    RuntimeError after `_MISSING` properties.
+    Missing properties are set to 0, and the step is repeated. FlightGear would set these
+    properties. Raises RuntimeError after `_MISSING` properties.
+
+    step: function that runs the step
     """
     names: list[str] = []
     for _ in range(_MISSING):
@@ -375,7 +392,7 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
 
 
 def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's measurements at a fixed state, after engines and surfaces have settled."""
+    """Return JSBSim's measurements at a fixed state, after engines and actuators have settled."""
     _stand_still(simulator)
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
@@ -427,8 +444,9 @@ def _stand_still(simulator: Any) -> None:
 def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate a flight in JSBSim and return the final states.
 
-    If the request contains "changes", the result also contains "start" (states at the start of the
-    flight, including engines) and "states" (at the end of each interval). Entries of the request:
+    If the request contains "changes", the result also contains "start" and "states". "start"
+    contains the states at the start of the flight, including those of engines. "states" contains
+    the states at the end of each interval. Entries of the request:
     - "flight": duration, s
     - "step": time step, s, by default 1 ms
     - "rest": time before the flight in which engines settle, s
@@ -468,9 +486,11 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
-    """Set the mixture command for the air pressure, as in the model, unless a component changed it.
+    """Set the mixture commands for the current air pressure, as in the model.
 
-    leaned: name -> value set in the previous step, updated in place
+    A command that a component has changed is not set.
+
+    leaned: name of the command -> value set in the previous step, updated in place
     """
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
     for name in _mixtures(simulator):
@@ -479,18 +499,18 @@ def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float
 
 
 def _mixtures(simulator: Any) -> list[str]:
-    """Return the name of the mixture command of each engine."""
+    """Return the property names of the mixture commands of all engines."""
     count = simulator.get_propulsion().get_num_engines()
     return ["fcs/mixture-cmd-norm" + (f"[{number}]" if number else "") for number in range(count)]
 
 
 def _states(simulator: Any) -> dict[str, float]:
-    """Return state of a `Model` -> value in JSBSim."""
+    """Return JSBSim's values of the states of a `Model`, by name."""
     return {name: simulator[full_name] for name, full_name in _STATE.items()}
 
 
 def _of_engines(simulator: Any) -> dict[str, float]:
-    """Return engine state of a `Model` -> value in JSBSim, 0 if JSBSim does not have it."""
+    """Return JSBSim's values of the engine states of a `Model`, by name. A missing state is 0."""
     values = {}
     parts = {
         **{"rpm": "propeller-rpm", "blade": "blade-angle", "spool": "n2"},
@@ -514,7 +534,9 @@ def _command(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _linearized(simulator: Any) -> dict[str, Any]:
-    """Return A and B by JSBSim's finite differences, with its names of the states and inputs."""
+    """Return A and B from JSBSim's finite differences, with JSBSim's names of the states and
+    inputs.
+    """
     import jsbsim
 
     linear = jsbsim.FGLinearization(simulator)
@@ -527,7 +549,7 @@ def _linearized(simulator: Any) -> dict[str, Any]:
 
 
 def _contents(simulator: Any) -> dict[str, float]:
-    """Return name -> content of each tank, lb."""
+    """Return the content of each tank by name, lb."""
     contents = {}
     for number in range(_MOST_TANKS):
         index = f"[{number}]" if number else ""
@@ -536,7 +558,10 @@ def _contents(simulator: Any) -> dict[str, float]:
 
 
 def _unsettled(simulator: Any) -> list[float]:
-    """Return the quantities that must settle: propeller speeds in rpm, and accelerations."""
+    """Return the quantities that become constant when engines settle.
+
+    These are propeller speeds in rpm and accelerations.
+    """
     count = simulator.get_propulsion().get_num_engines()
     names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
     names += [_MEASURED[axis] for axis in AXES]
@@ -544,12 +569,14 @@ def _unsettled(simulator: Any) -> list[float]:
 
 
 def _engine(number: int) -> str:
-    """Return the path of an engine's properties. JSBSim omits the index 0."""
+    """Return the path of an engine's properties. As in JSBSim, the path of engine 0 has no
+    index.
+    """
     return f"propulsion/engine[{number}]" if number else "propulsion/engine"
 
 
 def _value(simulator: Any, name: str) -> float:
-    """Return the value of a property, or 0 if it does not exist."""
+    """Return the value of a property, or 0 if the property does not exist."""
     try:
         return float(simulator[name])
     except KeyError:

@@ -46,9 +46,11 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Trim at a condition and return the result, or the reason why there is no trim.
+    """Return the result of a trim at a condition, or the reason why there is no trim.
 
     If level flight has no trim, a glide with idle throttle is trimmed.
+
+    held: values imposed on the trim, by name
     """
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
@@ -79,7 +81,7 @@ def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
 
 
 def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
-    """Add the states, inputs and held properties of a trim to its result, in place."""
+    """Add the states, inputs and held properties of a trim to the trim's result, in place."""
     point["state"] = solution.states._asdict()
     contents = {
         name: signal.start
@@ -91,9 +93,11 @@ def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
 
 
 def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
-    """Return JSBSim property -> value for inputs of a model that are positions.
+    """Return the values of JSBSim properties for the inputs of a model that are positions.
 
     JSBSim normally computes these positions from the pilot's commands.
+
+    inputs: name of an input -> value
     """
     held = {}
     for name, signal in model.inputs.items():
@@ -112,9 +116,10 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Add to each trim its residual, the largest acceleration in JSBSim, ft/s² or rad/s².
+    """Add the residual to the result of each trim: the largest acceleration in JSBSim, ft/s² or
+    rad/s².
 
-    Properties that the model treats as inputs are held, so that JSBSim's control system does not
+    Properties that are inputs of the model are held, so that JSBSim's control system does not
     change them.
     """
     measurable = [point for point in points if point["kind"] != "none"]
@@ -126,7 +131,7 @@ def _measure(name: str, points: list[dict[str, Any]]) -> None:
 
 
 def _short(text: str) -> str:
-    """Return a shortened message without the path of the installed package."""
+    """Return a message shortened, and without the path of the installed package."""
     words = [word.rsplit("/jsbsim/", 1)[-1] for word in text.split(" ")]
     line = " ".join(words).removeprefix("no trim: ").split(" (these equations")[0]
     return line[:240]

@@ -45,7 +45,7 @@ file](../studies/published/results.csv). The table shows the number of files wit
 class Row(NamedTuple):
     """The result for one published solution.
 
-    name: name of its file
+    name: name of the file with the solution
     verdict: one line, which begins with the class of the verdict and a colon
     text: title of the publication
     plant: kind of time, and numbers of states, inputs and disturbances
@@ -82,13 +82,13 @@ def results_of(rows: list[Row]) -> str:
 
 
 def load_results() -> list[Row]:
-    """Read results.csv."""
+    """Return the results in results.csv."""
     with RESULTS.open(encoding="utf-8", newline="") as file:
         return [Row(**line) for line in csv.DictReader(file)]
 
 
 def page_of(rows: list[Row]) -> str:
-    """Return the content of docs/published.md, which counts the solutions with each verdict."""
+    """Return the text of docs/published.md, with the number of solutions for each verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     parts = [
         _HEAD,
@@ -107,7 +107,9 @@ def _plant_text(file: PrintedFile) -> str:
 
 
 def main() -> None:
-    """Check all solutions, write the table and the page, and print the verdicts."""
+    """Check all published solutions, write results.csv and docs/published.md, and print the
+    verdicts.
+    """
     argparse.ArgumentParser("python -m studies.published", description=__doc__).parse_args()
     paths = sorted(SOURCES.glob("*.toml"))
     progress = ProgressLine("judge")

@@ -92,10 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
-    """Simulate every flight of a section and return the evidence.
-
-    processes: number of processes
-    """
+    """Return the records of all flights of a section, simulated in one or several processes."""
     plans = plans_of(section, setting)
     fly = partial(simulate_plan, setting, section=section)
     if processes == 1:
@@ -113,7 +110,8 @@ def reproduce(
     resume: bool,
     processes: int,
 ) -> dict[str, Any]:
-    """Simulate sections, write their results and the table of claims, and return the table.
+    """Simulate sections of the paper, write their results and the table of claims, and return the
+    table.
 
     folder: output folder, in which each section has a folder
     origin: provenance of the results
@@ -159,7 +157,7 @@ def _has_pictures(place: Path, names: Sequence[str]) -> bool:
 
 
 def deciding(section: str, setting: Setting) -> dict[str, Any]:
-    """Return the settings that determine the results of a section: setting, flights and claims."""
+    """Return everything that determines the results of a section: setting, flights and claims."""
     return {
         "schema": "hfa.experiment/1",
         "section": section,
@@ -173,9 +171,9 @@ def deciding(section: str, setting: Setting) -> dict[str, Any]:
 
 
 def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[str, Any]:
-    """Write the pictures of a section and then its result, and return the result.
+    """Write the pictures and then the result of a section, and return the result.
 
-    The result is written last, so that a section with a result is complete.
+    The result is written last. If it exists, the pictures are complete.
     """
     setting = evidence.setting
     section = evidence.section
@@ -213,7 +211,8 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the claims of several sections, the counts of verdicts, and the failed flights.
+    """Return the claims of several sections, the number of claims with each verdict, and failed
+    flights.
 
     `lost_flights` lists the flights that left the envelope. `own_failures` lists the flights for
     which `_failed` is true.

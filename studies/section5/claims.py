@@ -1,4 +1,4 @@
-"""The claims of Section 5 (claims.toml), the measured number for each of them, and the verdict."""
+"""The claims of Section 5 (claims.toml), the number measured for each claim, and its verdict."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ OPTIMUM = EXACT_FF
 
 
 def flights_of(group: str, configuration: Configuration, law: str) -> tuple[FlightPlan, ...]:
-    """Return the flights of a law in a group that claims refer to.
+    """Return the plans of a law's flights in a group. Claims refer to groups of flights.
 
     group: name of the group, for example "both cases" or "noise"
     """
@@ -89,7 +89,7 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
 
 
 class FlightLostError(Exception):
-    """Exception for a measured number of a flight that left the envelope."""
+    """Raised if a number is requested of a flight that left the envelope."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +111,10 @@ class Evidence:
         return found
 
     def numbers(self, group: str, law: str, name: str, of: tuple[str, ...] = ()) -> np.ndarray:
-        """Return a metric of each flight in a group, (flights, names).
+        """Return a metric of each flight of a law in a group, (flights, names).
 
-        group: see `flights_of`
+        group: name of the group, as in `flights_of`
+        name: name of the metric
         of: names of states or inputs, or () for all
         """
         plans = flights_of(group, self.setting.configuration, law)
@@ -137,7 +138,7 @@ Measure = Callable[[Evidence, str], float]
 
 
 def measure_of(said: str | Mapping[str, Any]) -> Measure:
-    """Return the function (evidence, law) -> measured number for a claim.
+    """Return the function (evidence, law) -> number that measures a claim.
 
     said: a key of `NAMED`, or {HOW: metric, "of": names, "in": group of flights, "to": other group}
 
@@ -180,10 +181,10 @@ def _spread(values: np.ndarray) -> float:
 
 
 def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
-    """Return a measure of |K - K*| / |K*| at T_w or at the end of the flight.
+    """Return a function that measures the largest |K - K*| / |K*| in a group of flights.
 
-    K is the gain of the learned value, and K* is the gain of the exact solution. The measure is the
-    largest error in a group of flights.
+    K is the gain of the learned value, and K* is the gain of the exact solution. The error is that
+    at the predefined time T_w, or at the end of the flight if `at_the_end` is True.
     """
 
     def of(evidence: Evidence, plan: FlightPlan) -> float:
@@ -203,7 +204,7 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
 
 
 def _final_abscissa(evidence: Evidence, law: str) -> float:
-    """Return the largest real part of the eigenvalues of A - B K, 1/s, for the last learned K."""
+    """Return the spectral abscissa of A - B K at 5 deg for the last learned gain K, 1/s."""
     record = evidence.record(FlightPlan(CASE_II, law))
     game = evidence.setting.case(CASE_II).game
     return float(
@@ -212,9 +213,9 @@ def _final_abscissa(evidence: Evidence, law: str) -> float:
 
 
 def _printed_coupling(evidence: Evidence, law: str) -> float:
-    """Return the smaller of two ratios of norms, for A and for B as printed.
+    """Return the smaller of two ratios of norms of the pitch-rate row, one for A and one for B.
 
-    A ratio compares the pitch-rate row at 5 deg with this row at 15 deg.
+    A ratio is the norm of this row as printed at 5 deg, divided by its norm as printed at 15 deg.
     """
     row = LINEAR_STATES.index("pitch_rate")
     sizes = [
@@ -292,7 +293,9 @@ def _entries() -> tuple[dict[str, Any], ...]:
 def _each(
     must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any
 ) -> Iterator[dict[str, Any]]:
-    """Yield a claim for each entry of `each`, whose words replace the placeholders {..}.
+    """Yield one claim for each dictionary in `each`, or a single claim without `each`.
+
+    The words of the dictionary replace the placeholders {..} of the claim.
 
     must: relation and limit, for example "<= 0.1"
     """
@@ -311,7 +314,8 @@ def _filled(value: Any, words: dict[str, str]) -> Any:
 
 
 def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
-    """Measure a claim for every law and return the findings with verdict and reason, for JSON.
+    """Return the measured number and the verdict of a claim for each law, with the reason, for
+    JSON.
 
     A number that is not finite becomes None. A law whose flight left the envelope does not satisfy
     the claim.
@@ -347,9 +351,9 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """Return a text with the measured number, the limit and the stated cause.
+    """Return the reason for a verdict: measured number, limit and stated cause.
 
-    If the modified law does not satisfy the claim, the optimum's number is added.
+    If the modified law does not satisfy the claim, the number of the exact optimum is added.
     """
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []

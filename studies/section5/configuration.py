@@ -66,11 +66,11 @@ class Configuration(SimpleNamespace):
         return round(self.flight.tick / self.flight.step)
 
     def predefined_time(self, section: str) -> float:
-        """Return the predefined time T_w of a section, s."""
+        """Return the predefined time T_w that the paper uses in a section, s."""
         return float(self.learning.predefined_time[SECTIONS.index(section)])
 
     def frozen(self, section: str) -> bool:
-        """Return whether learning stops at T_w in a section."""
+        """Return whether the learning in a section stops at T_w."""
         return bool(self.learning.frozen_at_predefined_time[SECTIONS.index(section)])
 
     def to_dict(self) -> dict[str, Any]:

@@ -52,8 +52,9 @@ class CriticPolicy(Policy):
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
-        """Return dW/dt of Eq. (46) times `held`, (M,), from the current sample and the recorded
-        samples.
+        """Return dW/dt of Eq. (46) times `held`, (M,).
+
+        The samples of Eq. (46) are the current state and the recorded samples.
 
         memory: W, (M,)
         held: 1 during learning, 0 when the weights are frozen
@@ -81,7 +82,9 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return σ and e of the current state and the policies of the weights (Eq. 32-33)."""
+        """Return σ, (M,), and e of the current state for the policies of the current weights
+        (Eq. 32-33).
+        """
         e = self.law.equations
         y = z / self._scales
         drift = (ca.mtimes(ca.DM(self.law.game.A), z) + self.forcing.at(t)) / self._scales
@@ -99,7 +102,7 @@ class CriticPolicy(Policy):
 
 
 def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
-    """Return r = A x_d - x_d', (n,), the term by which a reference x_d drives the error."""
+    """Return r = A x_d - x_d', (n,), the effect of a reference x_d on the rate of the error z."""
     turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
     slopes = [
         Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine)

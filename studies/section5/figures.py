@@ -133,7 +133,7 @@ class PaperFigure:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return name -> x or y values of each line. The name contains panel and line."""
+        """The x and y values of each line, by a name that contains panel and line."""
         found = {}
         for index, panel in enumerate(self.panels):
             for line in panel.lines:
@@ -162,7 +162,10 @@ class _Panels:
         return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"
 
     def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
-        """Return (time, label) for T_w and for each time when a learned gain is first applied."""
+        """Return the vertical lines of a panel as (time in s, label).
+
+        The times are T_w, and the first time at which each law applies a learned gain.
+        """
         begins = {
             record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
         }
@@ -181,14 +184,16 @@ class _Panels:
     ) -> PlotPanel:
         """Return a panel with one line for each flight.
 
-        values: function record -> values, of which there may be fewer than times
+        values: function from a record to the values of a line, which may end before the flight does
         """
         drawn = [(self.label(record), record.times, values(record)) for record in records]
         lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
         return PlotPanel(title, label, lines, **{"marked": self.marks(records)} | more)
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the deviation of a state from its trim, with its command."""
+        """Return a panel of the deviation of a state from its trim in several flights, with its
+        command.
+        """
         row = LINEAR_STATES.index(state)
         label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
         panel = self._of_flights(title, label, records, _column("states", row))
@@ -197,7 +202,9 @@ class _Panels:
         return PlotPanel(title, label, (*panel.lines, command), marked=panel.marked)
 
     def errors(self, records: Sequence[FlightRecord]) -> tuple[PlotPanel, ...]:
-        """Return a panel of the tracking error for each tracked state."""
+        """Return a panel for each tracked state, which shows the tracking error in several
+        flights.
+        """
         found = []
         for state in TRACKED:
             row = LINEAR_STATES.index(state)
@@ -208,9 +215,9 @@ class _Panels:
     def inputs(
         self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]
     ) -> tuple[PlotPanel, ...]:
-        """Return panels of the five inputs as deviations from the trim.
+        """Return panels of the five inputs, as deviations from the trim.
 
-        There is one row for each input and one column for each group of flights.
+        The panels are in rows for the inputs and columns for the groups of flights.
 
         titles: titles of the columns
         """
@@ -232,10 +239,12 @@ class _Panels:
         return tuple(panels)
 
     def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
-        """Return a panel of the weights W of a critic, or of the increments W(t + tick) - W(t).
+        """Return a panel of the weights W of a critic over time.
 
         The weights that are largest at the end have labels. The other weights are drawn as one
         bundle.
+
+        increments: whether to show W(t + tick) - W(t) instead of W(t)
         """
         assert record.critic is not None
         weights = record.critic.weights
@@ -251,7 +260,7 @@ class _Panels:
         return PlotPanel(title, label, (bundle, *lines), "symlog", self.marks())
 
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the Bellman residual |e| of the learned value at the simulated error.
+        """Return a panel of the Bellman residual |e| of the learned value at the simulated error z.
 
         The unit of |e| is that of the cost rate z'Qz.
         """
@@ -264,9 +273,9 @@ class _Panels:
         )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the relative learning rate of the weights, 1/s.
+        """Return a panel of the relative rate of change of the learned weights, 1/s.
 
-        |W(t + tick) - W(t)| / tick / |W(end)|
+        The rate is |W(t + tick) - W(t)| / tick / |W(end)|.
         """
 
         def speed(record: FlightRecord) -> np.ndarray:
@@ -282,7 +291,7 @@ class _Panels:
 
 
 def _column(name: str, column: int) -> Values:
-    """Return a function record -> column (N,) of its array with this name."""
+    """Return a function from a flight record to one column (N,) of the record's array `name`."""
     return lambda record: getattr(record, name)[:, column]
 
 
@@ -359,8 +368,7 @@ def _eight_figures(
     first: number of the first figure
     title: title with {} for the subject of the figure
     columns: titles of the columns
-    groups: flights shown for states, inputs and learning, each with a list of flights for each
-      column
+    groups: for each of states, inputs and learning, a list of the flights in each column
     learned: (flight, title) for each panel of weights
     """
 
@@ -390,7 +398,7 @@ def _eight_figures(
 
 
 def draw(picture: PaperFigure) -> Figure:
-    """Draw a figure with one legend for the panels without a legend of their own."""
+    """Return a drawn figure. Panels without their own legend share one legend."""
     rows = -(-len(picture.panels) // picture.columns)
     figure = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows)
     title = f"Figure {picture.number}. {picture.title}"

@@ -91,7 +91,9 @@ class TrackingPolicy(Policy):
 
 
 def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the values held by `TrackingPolicy`: the entries of K (5, 6) and F (5, k)."""
+    """Return the entries of K (5, 6) and F (5, k) as a vector, which `TrackingPolicy` holds for
+    a tick.
+    """
     return np.concatenate([column_by_column(K), column_by_column(F)])
 
 
@@ -138,12 +140,12 @@ class Setting:
     cases: tuple[PaperCase, ...]
 
     def case(self, dihedral_deg: float) -> PaperCase:
-        """Return the aircraft with this dihedral angle."""
+        """Return the aircraft of the setting with this dihedral angle, deg."""
         return next(case for case in self.cases if case.dihedral_deg == dihedral_deg)
 
     @property
     def identity(self) -> dict[str, Any]:
-        """The data that determine all results, as plain values."""
+        """Data that determine all results of the study, as plain values."""
         models = [
             {
                 "dihedral_deg": case.dihedral_deg,
@@ -160,7 +162,7 @@ class Setting:
 
 
 def make_setting(configuration: Configuration, matrices: str = "regenerated") -> Setting:
-    """Return the setting with both aircraft.
+    """Return the configuration and both aircraft of the study.
 
     matrices: "regenerated" for A and B of this project's trims with the published dynamics, or
       "printed" for the paper's A and B
@@ -222,7 +224,7 @@ class FlightRecord:
       `critic` is None
     learned_from: time when a learned gain replaces the baseline, s
     lost_at: time when the flight leaves the envelope, s, or inf
-    metrics: see `flight_metrics`
+    metrics: metrics of the flight, as `flight_metrics` returns them
     limits: lowest and highest deviations of the inputs that this project assumes, (2, 5)
     """
 
@@ -245,13 +247,13 @@ class FlightRecord:
         return bool(np.isinf(self.lost_at))
 
     def learned_value(self, row: int) -> np.ndarray:
-        """Return the learned matrix P, (6, 6), at a tick."""
+        """Return the learned matrix P, (6, 6), in the row of the record with this number."""
         assert self.critic is not None
         return self.critic.basis.matrix(self.critic.weights[row])
 
 
 def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
-    """Simulate a flight under the conditions of a section of the paper and return its record."""
+    """Return the record of a flight, simulated under the conditions of a section of the paper."""
     configuration = setting.configuration
     case = setting.case(plan.dihedral_deg)
     reference = configuration.reference if plan.commanded else zero(_N)
@@ -291,7 +293,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """Return the flight within the envelope, and the time when it leaves the envelope.
+    """Return a simulated flight until it leaves the envelope, and the time of leaving, s.
 
     The time is inf if the flight stays within the envelope. At least the initial state is returned.
     """
@@ -328,7 +330,7 @@ def law_of(
 
     predefined_time: T_w, s
     frozen: whether learning stops at T_w
-    reference: x_d, for the feedforward and the published drift
+    reference: command x_d
     """
     if law in (PRINTED, MODIFIED):
         return _published(setting, case, law, predefined_time, frozen, reference)
@@ -356,7 +358,8 @@ def generator(reference: Waveform) -> Waveform:
 
 
 def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
-    """Return F = -R⁻¹B'P_s, (5, k), with which -K z + F w(t) is the exact policy.
+    """Return F = -R⁻¹B'P_s, (5, k), with which u = -K z + F w(t) is the exact policy for a
+    reference.
 
     w is the result of `generator`.
     """
@@ -380,9 +383,9 @@ def _published(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned]:
-    """Return the policy of Eq. (46) with recorded samples, as printed or modified.
+    """Return the policy that learns by Eq. (46) with recorded samples, as printed or modified.
 
-    The second result maps the policy's memory in a flight to the learned critic.
+    The second result is a function from the policy's memory in a flight to the learned critic.
     """
     configuration = setting.configuration
     critic = setting.configuration.critic
@@ -446,9 +449,9 @@ class _Training(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
-    """Return the training run of a law for one case.
+    """Return the training run of a law for one of the two aircraft.
 
-    Flights that differ only in plant or noise share the training run.
+    The run is cached. Flights that differ only in plant or noise share it.
     """
     configuration = setting.configuration
     critic = setting.configuration.critic
@@ -474,8 +477,8 @@ def _learned(
 ) -> tuple[Policy, Learned]:
     """Return the policy with the gain K(t) of a training run that proceeds during the flight.
 
-    A baseline gain is used until a learned gain is certified. The second result maps the policy's
-    memory in a flight to the learned critic.
+    A baseline gain is used until a learned gain is certified. The second result is a function from
+    the policy's memory in a flight to the learned critic.
     """
     learner = "irl" if law == INTEGRAL else "certified"
     learned, gains, first, certified = _train(setting, case, learner, predefined_time)

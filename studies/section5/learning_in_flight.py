@@ -1,4 +1,4 @@
-"""Learning in flight: the gain at each tick is the last certified one, or a baseline."""
+"""Learning in flight: the gain at each tick is the last certified gain, or a baseline gain."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.n
     """Return the last certified gain at each tick, (N, m, n), and the time of the first one in s.
 
     A gain is certified if A - S P and A - B K are Hurwitz and P is positive semidefinite. Before
-    the first certified gain, the baseline is used. The time is inf if no gain is certified. The
-    gain at time t depends only on data learned up to t.
+    the first certified gain, the baseline gain is used. The time is inf if no gain is certified.
+    The gain at time t depends only on data learned up to t.
     """
     functions = basis(learned.basis, len(game.A))
     current = baseline_gain(game)

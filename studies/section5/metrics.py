@@ -198,7 +198,11 @@ def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarra
 
 
 def first_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
-    """Return the first time at which size <= band, s, or inf if there is none."""
+    """Return the first time at which size <= band, s, or inf if there is no such time.
+
+    times: (N,), s
+    size: (N,)
+    """
     inside = np.flatnonzero(size <= band)
     return float(times[inside[0]]) if len(inside) else np.inf
 
@@ -214,7 +218,7 @@ def wiggle(inputs: np.ndarray) -> np.ndarray:
 
 
 def over(one: float, other: float) -> float:
-    """Return the ratio one / other of nonnegative numbers, or inf if other is 0."""
+    """Return the ratio one / other of nonnegative numbers, or inf for a zero denominator."""
     return one / other if other > 0.0 else np.inf
 
 
@@ -224,7 +228,7 @@ def _quadratic(rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _ratio(over: np.ndarray, under: np.ndarray) -> np.ndarray:
-    """Return over / under entry by entry, or inf where `under` is 0."""
+    """Return the entrywise ratio over / under, with inf for a zero denominator."""
     return np.divide(over, under, out=np.full_like(over, np.inf), where=under > 0.0)
 
 

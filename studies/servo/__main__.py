@@ -1,4 +1,4 @@
-"""Servo controllers under commands, actuator faults and gusts: SimVFA's, adaptive laws and ours.
+"""Servo controllers of SimVFA, adaptive laws and this project under commands, faults and gusts.
 
 README.md describes the study, and findings.md contains its results.
 """

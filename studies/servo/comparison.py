@@ -1,6 +1,6 @@
 """Servo controllers under the step commands and actuator faults of SimVFA.
 
-The module defines the control laws and flights, and makes a table and a figure for each case.
+The module defines the control laws and flights. It makes a table and a figure for each case.
 """
 
 from __future__ import annotations
@@ -59,7 +59,11 @@ HEADER = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", 
 
 
 class Case(NamedTuple):
-    """Actuators of a case, and their faults."""
+    """A case of the comparison: the actuators and their faults.
+
+    actuator: dynamics of every actuator
+    faults: faults of the actuators
+    """
 
     actuator: Actuator
     faults: tuple[ActuatorFault, ...] = ()
@@ -108,7 +112,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
 
 
 class Start(NamedTuple):
-    """Aircraft, trim and commands, from which each control law is made."""
+    """Values from which each control law is made: aircraft, trim and commands."""
 
     aircraft: Model
     point: OperatingPoint
@@ -121,7 +125,7 @@ Make = Callable[[Start], Policy]
 def laws_of(
     order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()
 ) -> dict[str, Make]:
-    """Return name -> function that makes the control law from a `Start`.
+    """Return functions that make the control laws from a `Start`, by name of the law.
 
     order: order of the actuators for which SimVFA's laws are designed
     controllers: further controllers by name
@@ -187,7 +191,9 @@ class ServoFlight:
 
     @property
     def lost_at(self) -> float | None:
-        """Time when a state left the envelope, s, or None if the flight stayed within it."""
+        """Time when a state left the envelope, s, or None if all states stayed within the
+        envelope.
+        """
         return None if self.result.departure is None else self.result.departure.time
 
     def to_dict(self) -> dict[str, Any]:
@@ -214,11 +220,12 @@ def fly_case(
     only: Sequence[str] = (),
     commands: CommandSteps | None = None,
 ) -> Iterator[ServoFlight]:
-    """Simulate the commands and faults of a case with each control law, and yield the flights.
+    """Yield the flight of each control law under the commands and faults of a case.
 
     controllers: further controllers by name
+    duration: s
     only: names of the laws to simulate, () for all
-    commands: default: SimVFA's
+    commands: commands of the flights, or None for SimVFA's
     """
     commands = commands or simvfa_commands()
     scenario = scenario_of(case, commands, duration)
@@ -307,7 +314,7 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
-    """Draw each output with its command and, below, the error, for every law.
+    """Return a figure of each output with its command and, below, the error, for every law.
 
     A cross marks the end of a flight that left the envelope.
     """

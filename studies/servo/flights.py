@@ -1,4 +1,4 @@
-"""Simulations and linear loops that show whether a servo controller meets its requirements.
+"""Simulations and linear loops that test whether a servo controller meets its requirements.
 
 The requirements concern margins, delay, gusts, a biased gyro and noisy sensors.
 """
@@ -66,8 +66,9 @@ ANGLES = (5.0, 11.0, 15.0)
 def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
     """Return five equal actuators with the control limits of a trim and without a rate limit.
 
-    faults: faults of the actuators. A reduced effectiveness of the actuator is added as a fault of
-      the surfaces.
+    acting: dynamics of each actuator. An effectiveness other than 1 is added as a fault of the
+      surfaces.
+    faults: further faults
     """
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))
@@ -83,7 +84,8 @@ def flown(
     acting: Actuator,
     **happens: Any,
 ) -> Flight:
-    """Simulate the nonlinear aircraft with a servo controller and without commands.
+    """Return the simulated flight of the nonlinear aircraft with a servo controller and no
+    commands.
 
     acting: actuator of each input
     happens: fields of `Scenario`
@@ -109,10 +111,10 @@ def gust_held(
 ) -> float:
     """Return the peak of the largest 1-cosine gust with which a flight stays in the envelope, ft/s.
 
-    The search extends to `peak` ft/s with the resolution `APART`. The result has the sign of
-    `peak`.
-
     length: length of the gust
+    peak: largest peak in the search, ft/s, whose sign is the sign of the result
+
+    The resolution of the search is `APART`.
     """
 
     def held(size: float) -> bool:
@@ -140,9 +142,12 @@ def largest_held(held: Callable[[float], bool], highest: float, apart: float) ->
 
 
 def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
-    """Return the loop with a delay at each input, approximated by Padé's approximant of order 3.
+    """Return the closed loop with a delay at each input, approximated by Padé's approximant of
+    order 3.
 
     The phase is accurate to 1e-6 below 0.7/seconds rad/s.
+
+    seconds: delay, s
     """
     from control import pade, ss, tf
 
@@ -161,9 +166,11 @@ def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
 def slowest_delayed(
     aircraft: Model, controller: ScheduledController, degrees: Sequence[float]
 ) -> float:
-    """Return the largest real part of the poles of the loop with the delay `DELAY`, 1/s.
+    """Return the largest real part of the poles of the closed loop with the delay `DELAY`, 1/s.
 
     The maximum is over the dihedral angles, the actuators in `REAL`, and effectiveness 0.5 and 1.
+
+    degrees: dihedral angles
     """
     found = []
     for model in [level_model(aircraft, math.radians(each)) for each in degrees]:
@@ -175,7 +182,7 @@ def slowest_delayed(
 
 
 def requirements(aircraft: Model, controller: ScheduledController) -> Report:
-    """Return a report of the required and reached values of a servo controller.
+    """Return a report of the required and the reached values of a servo controller.
 
     The values are margins, gusts, and the effects of a biased gyro and noisy sensors.
     """

@@ -1,4 +1,4 @@
-"""Trade-off of the servo's gain on the vertical acceleration A_z.
+"""Trade-off in the choice of the servo's gain on the vertical acceleration A_z.
 
 The gain affects tracking with a fault, the largest gusts and the margins.
 """

@@ -106,7 +106,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return an output row c, (n,), with which (A, B, [C; c]) is square with stable zeros.
+    """Return an output row c, (n,), for which the plant (A, B, [C; c]) is square with stable zeros.
 
     The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
     drives directly is a smaller plant with the same outputs. If C B has full rank for the smaller
@@ -220,14 +220,18 @@ _TABLED = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
 
 
 class Part(NamedTuple):
-    """A part of the memory: its number and its current value."""
+    """A part of a policy's memory.
+
+    place: number of the part
+    now: current value of the part
+    """
 
     place: int
     now: ca.SX
 
 
 class MemoryParts:
-    """Division of a policy's memory into parts, each with an initial value and a rate.
+    """Division of a policy's memory into parts, each with an initial value and a time derivative.
 
     memory: the memory, or None if only the initial values are needed
     """
@@ -269,7 +273,7 @@ class MemoryParts:
 
 
 class Filter:
-    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x. Its denominator is Π = α2 s² + α1 s + α0."""
+    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x with the denominator Π = α2 s² + α1 s + α0."""
 
     def __init__(self, memory: MemoryParts, size: int) -> None:
         self._memory = memory
@@ -277,7 +281,7 @@ class Filter:
 
     @property
     def low_now(self) -> ca.SX:
-        """Output α2 / Π x, which does not depend on the current x."""
+        """Output (α2 / Π) x. It depends only on the filter's state, not on the current x."""
         return A2 * self._parts[0].now
 
     def drive(self, x: ca.SX) -> Filter:
@@ -291,11 +295,16 @@ class Filter:
 
     @property
     def low(self) -> tuple[ca.SX, ...]:
-        """Return α2 / Π x and its first two derivatives."""
+        """The output (α2 / Π) x and its first two derivatives."""
         return tuple(A2 * each for each in self.plain)
 
     def high(self, x_rate: ca.SX | None = None) -> tuple[ca.SX, ...]:
-        """Return (α2 s + α1) / Π x and its first derivative, also the second one if x' is given."""
+        """Return the output ((α2 s + α1) / Π) x and its derivatives.
+
+        The first derivative is returned, and the second one if x' is given.
+
+        x_rate: x', or None
+        """
         xi, xi_rate, bend = self.plain
         found = A1 * xi + A2 * xi_rate, A1 * xi_rate + A2 * bend
         return found if x_rate is None else (*found, x_rate - A0 * xi_rate)
@@ -317,7 +326,12 @@ class Tuner:
         self._X_rate = memory.take(rows, columns)
 
     def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Set regressor ν and error e, and return Ψ with its first two derivatives."""
+        """Set the regressor ν and the error e, and return Ψ with its first two derivatives.
+
+        gamma: adaptation rate γ
+        regressor: ν
+        error: e
+        """
         g = 1 + MU * ca.dot(regressor, regressor)
         X = self._X.now
         X_rate = self._X_rate.now
@@ -371,8 +385,9 @@ class AdaptivePolicy(Policy, ABC):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Assign the parts of the memory, set their rates, and return u, (m,).
+        """Return the input u, (m,), and define the parts of the memory and their time derivatives.
 
+        memory: parts of the memory, filled by this method
         tables: interpolated A, B, K, L, S, R⁻¹ and squared-up B
         measured: measured outputs
         command: r and r'
@@ -434,7 +449,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the commanded inputs. The docstring of the class contains the equations."""
+        """Return the commanded inputs by the equations in the docstring of the class."""
         a0, a1 = ALPHAS[1]
         A, B, K, L, S, R_inverse, squared_up = tables
         integrals = memory.take(_M)
@@ -455,7 +470,11 @@ class AdaptiveDegree2(AdaptivePolicy):
         def operated(
             weights: Part, gamma: float, regressor: tuple[ca.SX, ca.SX], error: ca.SX
         ) -> ca.SX:
-            """Set the rate Ψ' = γ x e' of the weights Ψ and return Π{Ψ'x}."""
+            """Set the time derivative of the weights Ψ to γ x e' and return Π{Ψ'x}.
+
+            regressor: x and x'
+            error: e
+            """
             rate = gamma * ca.mtimes(regressor[0], error.T)
             memory.move(weights, rate)
             slow = ca.mtimes(weights.now.T, regressor[1]) + ca.mtimes(rate.T, regressor[0])
@@ -501,7 +520,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the commanded inputs. The docstring of the class contains the equations."""
+        """Return the commanded inputs by the equations in the docstring of the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         r, r_rate = command
         one = np.eye(_M)
@@ -542,7 +561,7 @@ class AdaptiveDegree3(AdaptivePolicy):
     def _of_errors(
         memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]
     ) -> ca.SX:
-        """Return the term F_e in the docstring of the class.
+        """Return the term F_e of the equations in the docstring of the class.
 
         scaled: R⁻¹S e_y
         mixed: S e_y
@@ -567,7 +586,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         error: ca.SX,
         path: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the term F_ε in the docstring of the class.
+        """Return the term F_ε of the equations in the docstring of the class.
 
         drift: ε and its derivative
         error: S1 e_y

@@ -2,9 +2,9 @@
 
 `python -m studies.sidpac [COUNT]` prints the table of README.md for COUNT records (default 24).
 
-The aircraft is the Twin Otter of example 6.1 of Klein and Morelli. SciPy simulates it with the
-printed derivatives and the recorded inputs, and adds white noise of the size of the printed
-residuals. `hfa.identify` begins 30 % off.
+The aircraft is the Twin Otter of example 6.1 of Klein and Morelli. SciPy simulates the aircraft
+with the printed derivatives and the recorded inputs. White noise of the size of the printed
+residuals is added. `hfa.identify` begins 30 % off the printed derivatives.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def identified(seed: int) -> Identified:
-    """Identify the parameters from a record whose noise has this seed."""
+    """Return the parameters identified from a simulated record whose noise has this seed."""
     rng = np.random.default_rng(seed)
     values = {name: value * (1.0 + _OFF * rng.choice([-1, 1])) for name, value in PRINTED.items()}
     return identify(lateral_model().with_parameters(**values), record(rng), list(PRINTED))
@@ -94,7 +94,7 @@ def manoeuvre() -> tuple[np.ndarray, np.ndarray]:
 
 
 def response(parameters: Mapping[str, float], start: np.ndarray) -> np.ndarray:
-    """Return SciPy's response (samples, outputs) from the initial state `start`."""
+    """Return the outputs (samples, outputs) that SciPy simulates from the initial state `start`."""
     times, inputs = manoeuvre()
     with_bias = np.column_stack([inputs, np.ones(len(times))])
     system = matrices(parameters)
@@ -138,9 +138,9 @@ def matrices(parameters: Mapping[str, float]) -> tuple[np.ndarray, ...]:
 
 
 def bounds(*, start_known: bool) -> dict[str, float]:
-    """Return parameter -> Cramér-Rao bound (standard deviation).
+    """Return the Cramér-Rao bound of each parameter's standard deviation, by name.
 
-    Sensitivities are central differences of SciPy's response.
+    Sensitivities are central differences of the response that SciPy simulates.
 
     start_known: whether the initial state is known, as in SIDPAC
     """

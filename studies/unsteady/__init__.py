@@ -1,1 +1,1 @@
-"""Validity of servo designs and gust limits on the `unsteady` dynamics."""
+"""Servo designs and tolerated gusts on the `unsteady` dynamics, compared with other dynamics."""

@@ -41,7 +41,8 @@ def model_at(plant: str, degrees: float) -> LinearModel:
 def margins(
     plant: str, degrees: float, servo: ScheduledController, order: int
 ) -> tuple[float, float]:
-    """Return (spectral abscissa of the closed loop in 1/s, smallest disk margin of an input).
+    """Return the spectral abscissa of the closed loop, 1/s, and the smallest disk margin of an
+    input.
 
     The loop has actuators of 2 rad/s. Each margin is computed with the other loops closed, and is
     nan if the loop is unstable. A disk margin a guarantees a gain margin of (2 + a) / (2 - a) and a
@@ -61,7 +62,7 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
     """Return the function (length in ft, sign) -> largest tolerated 1-cosine updraft in ft/s.
 
     The updraft is tolerated if every state and input stays within its limits. The resolution is 0.5
-    ft/s, and 60 is the largest value tested.
+    ft/s. The largest updraft that is tested is 60 ft/s.
     """
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K

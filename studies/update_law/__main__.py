@@ -1,7 +1,8 @@
-"""Run the paper's update law in every setting of the study and print the table of its README.md.
+"""Results of the paper's update law in every setting of the study, printed as a table.
 
-README.md states the causes. The study takes about a minute on two cores. It writes
-FOLDER/published_study.json with every run, and each finished row to FOLDER/rows.
+README.md contains the table and states the causes of the results. The study takes about a minute on
+two cores. It writes FOLDER/published_study.json with every run, and each finished row to
+FOLDER/rows.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def study(
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """Return a Markdown table with one line for each row of the study.
 
-    The cells are counts, and the smallest and largest numbers of the runs.
+    A line contains counts, and the smallest and the largest number of each kind over the runs.
     """
     header = _HEADER.split(",")
     lines = [header, ["---"] * len(header)]

@@ -64,7 +64,9 @@ Memory = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Data of N intervals in coordinates z / scales. The integrals are over one interval.
+    """Data of N intervals of a simulated flight, in coordinates z / scales.
+
+    The integrals are over one interval.
 
     change: ψ(z(t+Δ)) - ψ(z(t)), (N, M)
     zz: ∫ z z', (N, n, n)
@@ -114,7 +116,7 @@ class IntegralLearning:
 
     @cached_property
     def record(self) -> Record:
-        """The simulated flight and its integrals.
+        """Data of the simulated flight, with the integrals over each interval.
 
         Raises BadInputError if the flight grows without bound.
         """
@@ -154,7 +156,7 @@ class IntegralLearning:
 
     @cached_property
     def target(self) -> Game:
-        """The problem to learn: the game, or its LQ problem."""
+        """The problem to learn: the game, or the LQ problem with the game's weights."""
         return self.game if self.settings.form == "game" else self.game.with_delta(np.inf)
 
     @cached_property
@@ -187,7 +189,8 @@ class IntegralLearning:
         return {"weights": scaled, "misfit": np.array(np.inf)}
 
     def _least_squares(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows (N, M) and the right side (N,) of the least-squares problem.
+        """Return the matrix (N, M) and the right side (N,) of the least-squares problem for the
+        weights.
 
         weights: scaled weights of the policies to evaluate, (M,)
         """
@@ -259,7 +262,7 @@ class IntegralLearning:
 
 
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
-    """Run the law on a simulated probing flight with the quadratic basis and return the run.
+    """Return the training run of the law on a simulated probing flight, with the quadratic basis.
 
     options: fields of `IrlSettings`
     """

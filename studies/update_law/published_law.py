@@ -1,4 +1,4 @@
-"""The critic update of the paper, Eq. (46), the gains of Theorem 1, and the stable step.
+"""The critic update of the paper, Eq. (46), the gains of Theorem 1, and the largest stable step.
 
 The module is also an example of a user-defined learning law. Such a law is an object with `ticks`,
 `start`, `advance` and `observe`, which `controller.run` calls. `conclude` converts the final
@@ -182,7 +182,7 @@ def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: floa
 def update_direction(
     sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
 ) -> np.ndarray:
-    """Return the sum in Eq. (46) over the given samples, (M,).
+    """Return the right side of Eq. (46) for the given samples, (M,).
 
     -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)]
     """
@@ -303,7 +303,10 @@ class PublishedLaw:
 
     @cached_property
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """σ_j, cost, n_j and σ̄_j for the stored policies, independent of the current weights."""
+        """Recorded samples with the stored policies: σ_j, cost, n_j and σ̄_j.
+
+        These values do not depend on the current weights.
+        """
         e = self.equations
         policy = self._scaled(self.settings.recorded_weights)
         regressors, costs = bellman(
@@ -381,7 +384,7 @@ class PublishedLaw:
 
     @property
     def facts(self) -> dict[str, float]:
-        """λ₀, the gains, and the largest stable explicit step, at the initial weights."""
+        """λ₀, the gains α₁ and α₂, and the largest stable explicit step, at the initial weights."""
         alpha1, alpha2 = self.gains
         named = {"lambda_0": self.theorem.lambda_0, "alpha1": alpha1, "alpha2": alpha2}
         return named | {"explicit_step_limit": self.explicit_step_limit}
@@ -402,7 +405,9 @@ class PublishedLaw:
 
     @property
     def ticks(self) -> int:
-        """Number of ticks, which is the number of history rows after the first."""
+        """Number of ticks. The history has a row for each tick, after a first row for the
+        initial values.
+        """
         return min(ROWS, self._steps)
 
     def start(self) -> dict[str, np.ndarray]:
@@ -481,9 +486,9 @@ class PublishedLaw:
 def published_law(
     game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None
 ) -> PublishedLaw:
-    """Return the law with recorded samples selected from a pool.
+    """Return the law of Eq. (46) for a game, with recorded samples selected from a pool.
 
-    pool: recorded samples, or None for random states
+    pool: candidates for the recorded samples, or None for random states
     """
     functions = basis(chosen.basis, game.A.shape[0])
     recorded = random_pool(game, chosen.pool_samples, seed) if pool is None else pool

@@ -1,4 +1,4 @@
-"""The rows of the study and their runs, as values for JSON.
+"""The rows of the table of the study, and the runs of each row, as values for JSON.
 
 None replaces a number that is not finite or was not reached.
 """
@@ -47,11 +47,11 @@ _IMPLICIT: dict[str, Any] = {"integrator": "proximal", "step": 0.01}
 
 
 class Case(NamedTuple):
-    """One case of a row.
+    """Settings of a run of the update law.
 
     changes: changed fields of `PublishedSettings`
     seed: seed of the recorded samples
-    from_lqr: fields set to the weights of the stabilizing start
+    from_lqr: fields set to the weights of the stabilizing LQ solution
     box: whether samples are drawn from `FLIGHT_BOX` instead of the plant's stationary deviations
     nearby: relative changes of W(0) with which the run is repeated
     """
@@ -64,7 +64,7 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the table.
+    """A row of the table of the study.
 
     cases: function that yields the cases, each of which is run on both printed models
     cause: cause of the outcome
@@ -162,7 +162,7 @@ ROWS = {
 
 
 class Reference(NamedTuple):
-    """The game of a printed model, its exact solution, and the stabilizing start.
+    """The game of a printed model, its exact solution, and weights that stabilize the model.
 
     lqr_weights: weights of the LQ solution for Q = 1000 I
     """
@@ -173,14 +173,14 @@ class Reference(NamedTuple):
     lqr_weights: tuple[float, ...]
 
     def settings(self, case: Case) -> PublishedSettings:
-        """Return the settings of the law for one case."""
+        """Return the settings of the update law for one case."""
         return PublishedSettings(**case.changes | dict.fromkeys(case.from_lqr, self.lqr_weights))
 
 
 def references() -> tuple[Reference, ...]:
-    """Return the references of both printed models, learned by the certified law.
+    """Return the reference of each printed model, whose solutions are learned by the certified law.
 
-    Raises NoSolutionError if the law does not settle.
+    Raises NoSolutionError if the learning does not settle.
     """
     found = []
     for model in published_models():
@@ -197,7 +197,7 @@ def references() -> tuple[Reference, ...]:
 
 
 def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[str, Any]:
-    """Run the published law once and return the result.
+    """Return the result of one run of the published law.
 
     - overflow: the reason, or "" if the run reached T_w
     - P_error, K_error: relative to the exact solution, or None after an overflow
@@ -256,7 +256,10 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
 def planned(
     name: str, of: tuple[Reference, ...]
 ) -> list[tuple[Reference, Case, PublishedSettings]]:
-    """Return the runs of a row of `ROWS`: every case on both models."""
+    """Return the runs of the row `name` of `ROWS`: every case on both models.
+
+    A run is (reference, case, settings).
+    """
     return [
         (reference, case, reference.settings(case))
         for case in ROWS[name].cases()
@@ -265,7 +268,7 @@ def planned(
 
 
 def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a row of the table: counts, ranges [smallest, largest], and the runs.
+    """Return the data of a row of the table: counts, ranges [smallest, largest], and the runs.
 
     decided_by_rounding is None if no run was repeated from a nearby start.
     """
@@ -289,9 +292,10 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def by_rounding(one: dict[str, Any]) -> bool:
-    """Return whether a run from a nearby start ends with a different P_error.
+    """Return whether rounding decides the result of a run.
 
-    Two values of P_error differ if their relative difference is above `SAME_END`.
+    This is the case if a run from a slightly changed W(0) ends with another P_error. Two values of
+    P_error differ if their relative difference is above `SAME_END`.
     """
     return any(
         abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]

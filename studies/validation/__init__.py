@@ -1,1 +1,1 @@
-"""Published and released data of the same aircraft, compared with the model."""
+"""Comparison of the model with published and released data of the same aircraft."""

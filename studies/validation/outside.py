@@ -54,10 +54,10 @@ class ReleasedTrim(NamedTuple):
 
 
 class TrimDifference(NamedTuple):
-    """Differences between the model and one released trim.
+    """Differences between the model's trim and one released trim.
 
-    speed: ft/s
-    dihedral, alpha: rad
+    speed: speed of the trim, ft/s
+    dihedral, alpha: dihedral angle and angle of attack of the released trim, rad
     deflection_difference: largest difference of a deflection, rad
     thrust_difference: relative difference of the thrust
     eigenvalue_difference: largest difference of an eigenvalue, 1/s
@@ -93,7 +93,7 @@ def released_trims() -> tuple[ReleasedTrim, ...]:
 
 
 def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
-    """Return the entries of A and B printed in Qu 2018, Eq. (97), with those of a linear model.
+    """Return the entries of A and B printed in Qu 2018, Eq. (97), each with that of a linear model.
 
     The printed B contains two of the inputs.
     """
@@ -118,7 +118,12 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Return half a unit of the last printed digit, or the rounding error of an integer entry."""
+    """Return half a unit of the last decimal of a printed number.
+
+    For a number without decimals, a bound on the rounding error is returned.
+
+    digits: the printed number
+    """
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING
 
@@ -192,7 +197,7 @@ class Validation(Checked, Reported):
 
 
 def validate(aircraft: Model) -> Validation:
-    """Trim at each released condition, linearize, and return all comparisons."""
+    """Return the comparison of the model with all published and released data."""
     models = {released: model_at(aircraft, released) for released in released_trims()}
     trims = tuple(_trim_difference(released, model) for released, model in models.items())
     known = outside_data()

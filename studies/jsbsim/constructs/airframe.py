@@ -59,7 +59,7 @@ _PISTON = "<maxhp> 200 </maxhp> <displacement> 360 </displacement>"
 def _driven(
     propeller: str = "", data: str = _ONE, engine: str = _PISTON, kind: str = "piston_engine"
 ) -> dict[str, str]:
-    """Return the slots of a construct in which a propeller replaces the jet.
+    """Return the slots, slot -> XML, of a jet in which a propeller replaces the jet engine.
 
     propeller: additional XML of the propeller
     data: rows of the propeller's tables

@@ -19,7 +19,7 @@ def _clip(low: float, high: float, attributes: str = "") -> str:
 
 
 def _g(value: float) -> str:
-    """Return the XML of a user-defined property with this value."""
+    """Return the XML of a user-defined property `fcs/g` with this value."""
     return f'<property value="{value}">fcs/g</property>'
 
 
@@ -31,11 +31,13 @@ def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str
 
 
 def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
-    """Return the slots of a construct in which a function sets the malfunction of a component.
+    """Return the slots of a construct in which a component fails.
+
+    A function of the control system sets the malfunction property of the component.
 
     kind: element name of the component
     failure: name of the malfunction
-    value: value set for the malfunction
+    value: value of the malfunction property
     """
     ends = _clip(-0.5, 0.5)
     probe = f'<{kind} name="fcs/c"> <input>{_STICK}</input> {ends} {_OUT} </{kind}>'
@@ -45,7 +47,7 @@ def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
 
 
 def _channel(attributes: str, head: str = "") -> dict[str, str]:
-    """Return the slots of a construct with a damper in a channel.
+    """Return the slots of a construct with a pitch damper in a channel of the control system.
 
     attributes: attributes of the channel
     head: XML before the channel

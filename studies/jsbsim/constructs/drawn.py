@@ -1,6 +1,6 @@
 """Random constructs of nested functions, chains of components, switches, axes or properties.
 
-The numbers include the limits of ranges, such as 0, 1 and the smallest value taken as true.
+The random numbers include special values such as 0, 1 and the smallest value taken as true.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Draw:
         self._rng = np.random.default_rng(seed)
 
     def construct(self) -> dict[str, str]:
-        """Return the slots of a random construct, slot -> XML."""
+        """Return the slots of a random construct as a dictionary slot -> XML."""
         kinds = (self.of_function, self.of_chain, self.of_switch, self.of_axes, self.of_property)
         weights = (0.35, 0.35, 0.15, 0.05, 0.1)
         return kinds[int(self._rng.choice(len(kinds), p=weights))]()
@@ -56,7 +56,7 @@ class Draw:
         return f"{sign}{self._one(_SIGNALS)}"
 
     def _value(self) -> str:
-        """Return a random number or property, as the input of a component."""
+        """Return the text of a random number or property, for the input of a component."""
         return self.number() if self._rng.random() < 0.5 else self._signal()
 
     def term(self, depth: int) -> str:
@@ -87,14 +87,16 @@ class Draw:
         return self._table()
 
     def flag(self) -> str:
-        """Return a number that JSBSim interprets as true or false."""
+        """Return a random number that serves as a truth value, some close to JSBSim's limit, as
+        text.
+        """
         return str(self._one((0, 1, 1e-10, 2e-9, -1, -1e-12)))
 
     def _operation(self, name: str, arguments: list[str]) -> str:
         return f"<{name}> {' '.join(arguments)} </{name}>"
 
     def _table(self) -> str:
-        """Return the XML of a random table of one or two arguments."""
+        """Return the XML of a random table with one or two arguments."""
         rows = np.sort(self._rng.uniform(-1.0, 1.0, 4))
         if self._rng.random() < 0.5:
             data = "\n".join(f"{row:.4f} {self._rng.uniform(-1, 1):.3f}" for row in rows)
@@ -149,8 +151,8 @@ class Draw:
     def _component(self, name: str, source: str) -> str:
         """Return the XML of a random component with output limits.
 
-        name: property that it writes
-        source: property that it reads
+        name: property that the component writes
+        source: property that the component reads
         """
         given = f"<input>{source}</input>"
         extra = ""
@@ -231,7 +233,9 @@ class Draw:
         return blank.join((self._signal(), str(sign), self._value()))
 
     def of_axes(self) -> dict[str, str]:
-        """Return slots of forces and moments in random frames, some at the center of gravity."""
+        """Return the slots of forces and moments in random frames, some at the center of
+        gravity.
+        """
         force = str(self._one(("WIND", "BODY", "STABILITY", "")))
         slots = {}
         names: tuple[str, ...] = ("Z", "X", "Y")
@@ -285,5 +289,5 @@ def _kept(slot: str) -> str:
 
 
 def drawn(count: int, seed: int) -> dict[str, dict[str, str]]:
-    """Return name -> slots for `count` random constructs with the seeds seed, seed + 1, ..."""
+    """Return the slots of `count` random constructs by name, for the seeds seed, seed + 1, ..."""
     return {f"drawn: {seed + number}": Draw(seed + number).construct() for number in range(count)}

@@ -109,7 +109,7 @@ _JET = """<?xml version="1.0"?>
 def coefficient(*terms: str, length: str = "") -> str:
     """Return the XML of the function q S length (sum of the terms).
 
-    Without `length`, the function is q S (sum of the terms).
+    Without `length`, the XML is that of q S (sum of the terms).
     """
     arm = f"<p>metrics/{length}</p>" if length else ""
     body = "".join(terms)
@@ -149,17 +149,17 @@ AIR = {
 
 
 def jet(slots: Mapping[str, str]) -> str:
-    """Return the XML file of the jet with these slots replaced."""
+    """Return the XML file of the jet, with the content of some slots replaced."""
     filled = SLOTS | {"engine_kind": _ENGINE} | dict(slots)
     filled["engine_kind"] = filled["engine_kind"].format(**filled)
     return _JET.format(**filled, **AIR, SURFACES=SURFACES)
 
 
 def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
-    """Return a construct with a component in a channel.
+    """Return a construct with a component in a channel, which affects the pitching moment.
 
     text: XML of the component
-    name: property that the pitching moment depends on
+    name: property on which the pitching moment depends
     """
     return {
         "channels": f'<channel name="construct"> {text} </channel>',

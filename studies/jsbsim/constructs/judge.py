@@ -59,7 +59,7 @@ class Judgement:
 def judge(
     names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
 ) -> list[Judgement]:
-    """Compare constructs with JSBSim at two random states each and return the results.
+    """Return the results of comparing constructs with JSBSim at two random states each.
 
     folder: folder into which the files of the constructs are written
     """
@@ -95,7 +95,7 @@ def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model:
 
 
 def _point(rng: np.random.Generator) -> dict[str, Any]:
-    """Return a random state with random commands, as a request to JSBSim."""
+    """Return a request to JSBSim: a random state with random commands."""
     state = {
         "altitude": rng.uniform(2000.0, 9000.0),
         "speed": rng.uniform(250.0, 400.0),
@@ -113,8 +113,9 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
-    """Return the result of the comparison of one construct.
+    """Return the result of comparing one construct with JSBSim.
 
+    name: name of the construct
     model: the model, or the message with which its file was refused
     pairs: (requested state, JSBSim's response) for each state
     """
@@ -184,7 +185,11 @@ def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, floa
 
 
 def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return the velocity of the air over ground in body axes, ft/s, (3,)."""
+    """Return the wind, which is the velocity of the air over ground, in body axes, ft/s, (3,).
+
+    state: attitude of the aircraft
+    answer: JSBSim's response with the wind in north, east and down components
+    """
     roll, pitch, yaw = (state[name] for name in ("roll", "pitch", "yaw"))
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     nod = np.array(

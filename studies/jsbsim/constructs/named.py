@@ -1,4 +1,4 @@
-"""Constructs that read or write one property of JSBSim."""
+"""Constructs that each read or write one property of JSBSim."""
 
 from __future__ import annotations
 
