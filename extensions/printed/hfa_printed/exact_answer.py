@@ -182,7 +182,7 @@ def _inverses(matrices: np.ndarray) -> np.ndarray:
 
 
 def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
-    """Return [K; -L], (m + k, n), of the policies u = -K x and w = L x for the value x'P x."""
+    """Return [K; -L] (m + k, n) of the policies u = -K x and w = L x for the value x'P x."""
     G = plant.G
     if plant.is_discrete:
         weights = plant.W + plant.discount * G.mT @ P @ G
@@ -191,9 +191,10 @@ def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
 
 
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
-    """Return P, K, L, W and, in discrete time, H of the value x'P x, by name.
+    """Return name -> matrix of the answer of a plant with the value x'P x.
 
-    For a stack of plants, each result is a stack.
+    The matrices are P, the gains K and L, the weights W of the value and, in discrete time, the
+    matrix H of the Q-function. For a stack of plants, each matrix is a stack.
     """
     gains = policies(plant, P)
     m = plant.R.shape[-1]
@@ -208,7 +209,7 @@ def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def weights_of(P: np.ndarray) -> np.ndarray:
-    """Return W, (1, n(n+1)/2), with x'P x = W'(x1², x1 x2, ..., xn²)."""
+    """Return the weights W (1, n(n+1)/2) with x'P x = W'(x1², x1 x2, ..., xn²)."""
     row, column = np.triu_indices(P.shape[-1])
     factors = np.where(row == column, 1.0, 2.0)
     return (factors * P[..., row, column])[..., None, :]
@@ -217,13 +218,14 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 def answer_change(
     plant: Plant, P: np.ndarray, name: str, row: int, column: int
 ) -> Mapping[str, np.ndarray]:
-    """Return the derivatives of `answer_of` with respect to an entry of the plant.
+    """Return name -> derivative of a matrix of `answer_of` with respect to one entry of the plant.
 
-    In Q and R, the mirrored entry changes too. The cost is stationary with respect to the policies,
-    so dP solves the Lyapunov equation of the closed loop.
+    In Q and R, the mirrored entry changes too. The cost is stationary with respect to the policies.
+    Therefore dP is the solution of the Lyapunov equation of the closed loop.
 
-    P: P of the plant's answer
-    name, row, column: the entry
+    P: matrix of the plant's value x'P x, (n, n)
+    name: "A", "B", "E", "N", "Q", "R" or "gamma"
+    row, column: position of the entry, ignored for gamma
     """
     zero = replace(
         plant, **{key: np.zeros_like(getattr(plant, key)) for key in "ABENQR"}, gamma=0.0
@@ -259,7 +261,9 @@ def answer_change(
 
 
 def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return Z with F'Z + Z F + right = 0, or in discrete time Z = α F'Z F + right."""
+    """Return the solution Z of F'Z + Z F + right = 0, or in discrete time of Z = α F'Z F +
+    right.
+    """
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
     symmetric = (right + right.T) / 2.0

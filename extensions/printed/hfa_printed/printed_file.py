@@ -51,9 +51,9 @@ _FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 class Block:
     """Printed matrix.
 
-    texts: rows of numbers as typed, including the exponent of a common factor
-    values: (rows, columns)
-    half_units: (rows, columns), half a unit of the last digit, or 0 for a formula
+    texts: rows of numbers as in the file, including the exponent of a common factor
+    values: values of the entries, (rows, columns)
+    half_units: half a unit of the last digit of each entry, or 0 for a formula, (rows, columns)
     """
 
     texts: tuple[tuple[str, ...], ...]
@@ -62,7 +62,10 @@ class Block:
 
     @property
     def roundings(self) -> np.ndarray:
-        """Half units of the entries, (rows, columns), 0 for numbers without decimals."""
+        """Largest rounding error of each entry, (rows, columns): half a unit of its last digit.
+
+        The rounding error of a number without decimals and of a formula is 0.
+        """
         with_decimals = np.array([["." in text for text in row] for row in self.texts])
         return np.where(with_decimals, self.half_units, 0.0)
 
@@ -74,15 +77,15 @@ class PrintedFile:
     title: title of the file
     source: place where the answer is printed, or ""
     note: notes for the reader, or ""
-    plant: the plant as typed
-    typed: name -> block of the plant
-    answer: name -> printed block of P, K, L, W and H
-    signs: block -> factor from the exact K or L to the printed sign convention
+    plant: the plant in the file
+    typed: name -> matrix of the plant, as printed
+    answer: name -> printed matrix of P, K, L, W and H
+    signs: name -> factor from the exact K or L to the printed sign convention
     learned: whether the answer results from learning or an iteration
     plant_rounded: whether the plant is printed with fewer digits than were used for the answer
     assumption: assumption on an incomplete plant, or "" if the plant is complete
-    has_time: whether the file states continuous or discrete time; otherwise `plant` has continuous
-        time
+    has_time: whether the file states continuous or discrete time. If not, `plant` has continuous
+        time.
     """
 
     title: str
@@ -118,11 +121,13 @@ def load_printed(path: Path) -> PrintedFile:
 def read_block(
     name: str, text: Any, parameters: Mapping[str, float] | None = None, exponent: int = 0
 ) -> Block:
-    r"""Read the numbers in a text.
+    r"""Return the matrix of the numbers in a text.
 
     Spaces, commas and & separate numbers. Line breaks, ; and \\ end rows. The first line may be a
     common factor, "1.0e+04 *". "diag 1 2" is a diagonal matrix.
 
+    name: name of the matrix, for messages
+    text: the text, or a whole number
     parameters: name -> value, for formulas such as m*g/l
     exponent: exponent of a power of ten that multiplies all numbers
 
@@ -172,10 +177,13 @@ def read_block(
 
 
 def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
-    """Return the numbers times a power of ten, as text.
+    """Return the rows of numbers times a power of ten, as text.
 
-    A number "0" has as many decimals as the most precise number. Raises BadInputError for a number
-    with an exponent and for a formula.
+    A number "0" has as many decimals as the number with the most decimals.
+
+    name: name of the matrix, for messages
+
+    Raises BadInputError for a number with an exponent and for a formula.
     """
     decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
     multiplied = []
@@ -215,7 +223,9 @@ def _value_of(text: str, parameters: Mapping[str, float]) -> float:
 
 
 def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
-    """Return value and half unit of a number, or of a formula, whose half unit is 0.
+    """Return the value of a number or formula, and half a unit of its last digit.
+
+    The half unit of a formula is 0.
 
     Raises BadInputError for other text and for overflow.
     """
@@ -345,7 +355,10 @@ def _scalar(name: str, block: Block) -> float:
 
 
 def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
-    """Replace a single number for Q or R by a diagonal matrix, and return a note on it or ""."""
+    """Replace a single number for Q or R by a diagonal matrix with this number.
+
+    Return a note on the replaced matrices, or "" if none is replaced.
+    """
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
@@ -388,7 +401,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
 
 
 def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
-    """Raise BadInputError if a block is not rows x columns."""
+    """Raise BadInputError if a matrix does not have the shape rows x columns."""
     actual_rows, actual_columns = block.values.shape
     if (actual_rows, actual_columns) == (rows, columns):
         return

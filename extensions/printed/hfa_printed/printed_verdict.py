@@ -35,9 +35,12 @@ class PrintedVerdict(Result, Reported):
 
     file: the printed answer
     classified: class of the answer, with the comparison and the result of the search
-    cost_lost: upper bound on the cost above the optimum, percent, of an answer that is close; nan
-        for other classes
-    limit_cost: largest cost above the optimum, percent, with which a close answer passes, or None
+    cost_lost: upper bound on the cost above the optimum, percent, for an answer of the class
+        "close";
+        nan for other classes
+    limit_cost: largest cost above the optimum, percent, at which a close answer passes, or None if
+        no
+        close answer passes
     """
 
     schema = "hfa.printed-check/1"
@@ -55,28 +58,36 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost within `limit_cost`."""
+        """True if the answer is as printed, cut off, or close with a cost of at most
+        `limit_cost`.
+        """
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
 
     @property
     def weights_from(self) -> Mapping[str, str]:
-        """Q, R and delta -> "printed", or "default" for delta if the file contains no gamma."""
+        """Name of Q, R or delta -> its source: "printed", or "default" if the file contains no
+        gamma.
+        """
         delta = "printed" if "gamma" in self.file.typed else "default"
         return {"Q": "printed", "R": "printed", "delta": delta}
 
     @property
     def entries(self) -> list[dict[str, Any]]:
-        """Block, row, column (from 1), printed, exact, half_unit, half_units_off of each entry."""
+        """Printed entries, each with the keys block, row, column, printed, exact, half_unit,
+        half_units_off.
+
+        Rows and columns are counted from 1. half_units_off is the error in units of the tolerance.
+        """
         rows = _rows(self.classified.comparison)
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
     def report(self) -> Report:
         """Return the report on the printed answer.
 
-        The report contains class, reason, changed entries of the plant, and the entries farthest
-        off.
+        The report contains the class, the reason, the changed entries of the plant, and the printed
+        entries with the largest errors.
         """
         comparison = self.classified.comparison
         line = f"{self.classified.name}: {self.classified.reason}"
@@ -114,12 +125,14 @@ _COLUMNS = ("block", "row", "column", "printed", "exact", "half_unit", "half_uni
 
 
 def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdict:
-    """Check the printed answer in a TOML file.
+    """Return the verdict on the printed answer in a TOML file.
 
-    progress: called with the number of entries of the plant searched so far and the total number
+    progress: called with the number of entries of the plant searched so far and the total number,
+        or
+        None
 
     Raises BadInputError for a file that is not a printed answer or does not state the time. Raises
-    NoSolutionError if the plant as typed has no certified answer.
+    NoSolutionError if the plant in the file has no certified answer.
     """
     file = load_printed(path)
     with said_of(path):
@@ -131,7 +144,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
 
 def _cost_lost(file: PrintedFile) -> float:
-    """Return an upper bound on the cost of the printed policy above the optimum, percent."""
+    """Return an upper bound on the cost above the optimum of the printed policy, percent."""
     game = file.plant.game()
     K = _printed_gain(file)
     if isinstance(game, DiscreteGame):
@@ -141,7 +154,10 @@ def _cost_lost(file: PrintedFile) -> float:
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:
-    """Return K (m, n) of the policy u = -K x, as printed or as computed from printed H, P or W."""
+    """Return the gain K (m, n) of the printed policy u = -K x.
+
+    If K is not printed, the gain is computed from the printed H, P or W.
+    """
     n, m = file.plant.B.shape
     if "K" in file.answer:
         return file.signs["K"] * file.answer["K"].values
@@ -160,9 +176,10 @@ def _printed_gain(file: PrintedFile) -> np.ndarray:
 
 
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
-    """Return block, row and column (from 1), printed, exact, half unit and error of each entry.
+    """Return block, row, column, printed and exact value, half unit and error of each printed
+    entry.
 
-    The error is in half units.
+    Rows and columns are counted from 1. The error is in units of the tolerance.
     """
     rows = []
     for index, position in enumerate(comparison.positions):

@@ -1,4 +1,4 @@
-"""Evaluation of CasADi functions on balls, series and Taylor models, by their instructions."""
+"""Evaluation of CasADi functions on balls, series and Taylor models, one instruction at a time."""
 
 from __future__ import annotations
 
@@ -14,16 +14,22 @@ from hfa_support.errors import BadInputError, NoSolutionError
 
 
 class Undecided(NoSolutionError):
-    """Raised if balls are too wide for a comparison or an enclosure. Narrower balls may suffice."""
+    """Raised if balls are too wide for a comparison or an enclosure.
+
+    Narrower balls may suffice.
+    """
 
 
 class BallFunction:
     """A CasADi `SX` function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
 
-    An `arb_series` is a Taylor polynomial in one variable, so that evaluation on it also computes
+    An `arb_series` is a Taylor polynomial in one variable. Its evaluation also computes
     derivatives. Constants of the function are the doubles that CasADi stores.
 
-    Raises BadInputError, which names the operation, if an operation is not supported.
+    function: the function
+    name: name of the function for messages, or "" for the name in `function`
+
+    Raises BadInputError with the name of the operation if an operation is not supported.
     """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
@@ -46,9 +52,9 @@ class BallFunction:
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
         """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
 
-        arguments: nonzeros of each input, in the same order
+        arguments: nonzeros of each input, in CasADi's order
 
-        Raises Undecided if a division, a root or a comparison is not decided on the box, and
+        Raises Undecided if a division, a root or a comparison is not decided on the box. Raises
         ValueError if an argument has the wrong number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
@@ -80,12 +86,12 @@ class BallFunction:
 
 
 def _operation(code: int, name: str) -> Callable[..., Any]:
-    """Return the operation on balls for a CasADi code.
+    """Return the operation on balls for a CasADi operation code.
 
     code: `ca.OP_...`
     name: name of the function, for the message
 
-    Raises BadInputError, which names the operation, if the operation is not supported.
+    Raises BadInputError with the name of the operation if the operation is not supported.
     """
     if code in _OPERATIONS:
         return _OPERATIONS[code]
@@ -96,11 +102,8 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """Return a ball for a value.
-
-    - ball: the ball itself
-    - series: its constant term
-    - Taylor model: its range
+    """Return a ball for a value: the ball itself, the constant term of a series, or the range of a
+    Taylor model.
     """
     if isinstance(value, arb):
         return value

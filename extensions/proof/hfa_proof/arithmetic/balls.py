@@ -30,7 +30,10 @@ def symmetric(radius: Any) -> arb:
 
 
 def matrix(values: Any) -> arb_mat:
-    """Return a matrix of balls, exact for doubles and enclosing for decimals in strings."""
+    """Return a matrix of balls that contain given numbers.
+
+    A ball is exact for a double. For a decimal number in a string, the ball encloses the number.
+    """
     entries = np.asarray(values)
     rows, columns = entries.shape
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
@@ -44,12 +47,12 @@ def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
 
 
 def doubles(values: arb_mat) -> np.ndarray:
-    """Return the midpoints as doubles, which no proof uses."""
+    """Return the midpoints of a matrix of balls as doubles. No proof uses them."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
 def norm(entries: Iterable[arb]) -> arb:
-    """Return sqrt(Σ entry²) as a ball."""
+    """Return the Frobenius norm of a matrix of balls, sqrt(Σ entry²), as a ball."""
     balls = list(entries)
     lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
     highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
@@ -57,10 +60,10 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """Return D (n,) of L D L' = M for every symmetric M in the matrix of balls.
+    """Return D (n,) of L D L' = M for every symmetric M in a matrix of balls.
 
-    Return None if a pivot may be 0. The signs of D are the signs of the eigenvalues (Sylvester's
-    law of inertia). Only the lower triangle is read.
+    Return None if an entry of D may be 0. The signs of D are the signs of the eigenvalues
+    (Sylvester's law of inertia). Only the lower triangle is read.
     """
     rows = values.tolist()
     diagonal = []
@@ -77,7 +80,7 @@ def pivots(values: arb_mat) -> list[arb] | None:
 
 
 def is_positive_definite(values: arb_mat) -> bool:
-    """Return whether every symmetric matrix in the matrix of balls is proved positive definite."""
+    """Return whether every symmetric matrix in a matrix of balls is proved positive definite."""
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)
 

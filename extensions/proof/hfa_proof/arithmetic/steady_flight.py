@@ -17,15 +17,15 @@ Rows = list[list[Any]]
 
 
 class LinearParts(NamedTuple):
-    """Trim values, Jacobian of the trim equations and linear model, as lists of rows.
+    """Trim values, Jacobian of the trim equations and linear model, each as a list of rows.
 
     The linear model is x' = A x + B u, y = C x + D u.
 
-    values: (names, 1), values of `SteadyFlight.names`
+    values: (names, 1), values of the signals `SteadyFlight.names`
     slopes: (equations, unknowns), Jacobian F_w
     A: (n, n)
     B: (n, m)
-    C: (k, n), of the measured outputs
+    C: (k, n), rows of the measured outputs
     D: (k, m)
     """
 
@@ -39,14 +39,14 @@ class LinearParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SteadyFlight:
-    """The equations F(w; imposed, parameters) = 0 of a trim, with unknowns w.
+    """Trim equations F(w; imposed, parameters) = 0 with unknowns w, and the linear model at a trim.
 
     balanced: BallFunction (v, p) -> the rates that must be 0, then the imposed outputs
     linear_parts: BallFunction (v, p) -> the parts of `LinearParts`
-    variables: names of v, the imposed and the free variables
+    variables: names of v, the variables of the trim: imposed, scheduling and unknown
     parameters: names of p
     imposed_outputs: names of the outputs that the trim imposes
-    names: states, inputs and outputs whose values are in `LinearParts.values`
+    names: states, inputs and outputs with values in `LinearParts.values`
     unknowns: names of w
     moving_rows: indices of the equations that depend on an unknown
     heights: number of rows of each part of `LinearParts`
@@ -63,9 +63,10 @@ class SteadyFlight:
     heights: tuple[int, ...]
 
     def residual(self, values: Mapping[str, Any]) -> list[Any]:
-        """Return F for values of every variable, parameter and imposed output.
+        """Return the residuals of the trim equations F.
 
-        values: name -> ball, series or Taylor model
+        values: name -> ball, series or Taylor model, for every variable, parameter and imposed
+            output
         """
         results = self.balanced(*self._arguments(values))[0]
         rates = len(results) - len(self.imposed_outputs)
@@ -73,9 +74,9 @@ class SteadyFlight:
         return results[:rates] + [output - values[name] for output, name in outputs]
 
     def linear(self, values: Mapping[str, Any]) -> LinearParts:
-        """Return trim values, Jacobian and linear model for values of every variable and parameter.
+        """Return the trim values, the Jacobian of the trim equations and the linear model.
 
-        values: name -> ball, series or Taylor model
+        values: name -> ball, series or Taylor model, for every variable and parameter
         """
         columns = self.linear_parts(*self._arguments(values))
         parts = []
@@ -84,7 +85,10 @@ class SteadyFlight:
         return LinearParts(*parts)
 
     def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
-        """Return two lists: the values of the variables and those of the parameters."""
+        """Return two lists: the values of the variables and the values of the parameters.
+
+        values: name -> ball, series or Taylor model
+        """
         return [[values[name] for name in names] for names in (self.variables, self.parameters)]
 
 
@@ -98,9 +102,9 @@ def steady_flight(
 
     imposed: variables and outputs that the trim imposes, besides the scheduling variable
     limited: names of signals with limits
-    measured: outputs of the linear model
+    measured: names of the outputs of the linear model
 
-    Raises BadInputError, which names the operation, if the equations contain an unsupported
+    Raises BadInputError with the name of the operation if the equations contain an unsupported
     operation.
     """
     imposed_outputs = tuple(name for name in imposed if name not in model.variables)
@@ -120,12 +124,12 @@ def _steady_flight(
     outputs: tuple[str, ...],
     measured: tuple[str, ...],
 ) -> SteadyFlight:
-    """Return the result of `steady_flight` for hashable arguments.
+    """Return the trim equations and the linear model of an aircraft, from hashable arguments.
 
-    unknowns: unknowns of the trim
-    imposed_outputs: outputs that the trim imposes
-    outputs: the imposed outputs, and others whose values are required
-    measured: outputs of the linear model
+    unknowns: names of the unknowns of the trim
+    imposed_outputs: names of the outputs that the trim imposes
+    outputs: names of the imposed outputs, then of other outputs with required values
+    measured: names of the outputs of the linear model
     """
     states = list(model.states)
     variables = model.variables

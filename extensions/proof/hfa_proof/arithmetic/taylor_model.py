@@ -1,7 +1,7 @@
-"""Taylor models with ball coefficients, in the position within a box and errors of parameters.
+"""Taylor models with ball coefficients.
 
-Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
-(2003).
+The variables are the position within a box and the errors of parameters. Source: Makino and Berz,
+Taylor models and other validated functional inclusion methods, IJPAM 4 (2003).
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0
 class TaylorModel:
     """Taylor model c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for all |s| <= 1, |t_k| <= 1.
 
-    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls, 0 if omitted
+    s is the position within a box, and t_k are errors of parameters. In sums and products, numbers
+    and balls are constants. `ball_function.py` evaluates functions on scalar models.
 
-    s is the position within a box, t_k are errors of parameters. In sums and products, numbers and
-    balls are constants. `ball_function.py` evaluates functions on scalar models.
+    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls, 0 if omitted
     """
 
     def __init__(self, *parts: Any) -> None:
@@ -42,7 +42,10 @@ class TaylorModel:
         return cls(arb(value) if isinstance(value, int) else value)
 
     def map(self, linear: Callable[[Any], Any]) -> TaylorModel:
-        """Return the model whose parts are the images of the parts under a linear map."""
+        """Return the image of the model under a linear map.
+
+        linear: linear map of a ball or of a matrix of balls
+        """
         return TaylorModel(*map(linear, self.parts))
 
     def __add__(self, other: Any) -> TaylorModel:
@@ -92,7 +95,7 @@ class TaylorModel:
         return TaylorModel.of(other) / self
 
     def transpose(self) -> TaylorModel:
-        """Return the transpose of a matrix."""
+        """Return the transpose of a model of matrices."""
         return self.map(lambda part: part.transpose())
 
     def polynomial_at(self, s: float) -> Any:
@@ -102,37 +105,42 @@ class TaylorModel:
 
     @cached_property
     def _errors(self) -> Any:
-        """Enclosure of the remainder and the terms Σ z_k t_k."""
+        """Enclosure of the remainder and of the terms Σ z_k t_k."""
         _, _, _, remainder, *errors = self.parts
         return sum((_ALL * z for z in errors), remainder)
 
     @cached_property
     def _beyond_slope(self) -> Any:
-        """Enclosure of all values minus (c_0 + c_1 s)."""
+        """Enclosure of the model's values minus c_0 + c_1 s."""
         return _SQUARE * self.parts[2] + self._errors
 
     @cached_property
     def _off_center(self) -> Any:
-        """Enclosure of all values minus c_0."""
+        """Enclosure of the model's values minus c_0."""
         return _ALL * self.parts[1] + self._beyond_slope
 
     def range(self) -> Any:
-        """Return an enclosure of all values on the box."""
+        """Return an enclosure of the model's values on the box."""
         return self.parts[0] + self._off_center
 
     def corners(self) -> list[Any]:
-        """Return enclosures whose convex hull contains all values."""
+        """Return enclosures whose convex hull contains all values of the model on the box."""
         return [self.near(arb(s), arb(square)) for s, square in _HULL]
 
     def near(self, s: arb, square: arb) -> Any:
-        """Return an enclosure of c_0 + c_1 s + c_2 square + remainder + parameter errors."""
+        """Return an enclosure of c_0 + c_1 s + c_2 square + remainder + Σ z_k t_k.
+
+        s: value of s
+        square: value in place of s²
+        """
         c0, c1, c2, *_ = self.parts
         return c0 + (s * c1 + square * c2 + self._errors)
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
-        """Return the enclosure of f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³.
+        """Return a Taylor model of f of the model, f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³.
 
-        δ is the model without c_0, and ξ is in the range of the model.
+        The derivatives are those at c_0. δ is the model without c_0, and ξ is in the range of the
+        model.
 
         function: f on `arb_series`
         """

@@ -1,4 +1,4 @@
-"""Aircraft that a certificate concerns."""
+"""Choice of the aircraft that a certificate concerns."""
 
 from __future__ import annotations
 

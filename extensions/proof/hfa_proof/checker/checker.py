@@ -70,7 +70,7 @@ class Verified:
 
     statement: the proved statement
     boxes: number of boxes in the proof
-    written: version, command and date in the file, not verified
+    written: version, command and date stored in the certificate, not verified
     """
 
     statement: Statement
@@ -85,6 +85,8 @@ def check_certificate(
 ) -> Verified:
     """Return the statement that a certificate proves.
 
+    path: file of the certificate
+    progress: called with the number of checked boxes, or None
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
@@ -101,7 +103,9 @@ def check_certificate(
 
 
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
-    """Prove the statement and return the number of boxes.
+    """Prove a statement and return the number of boxes in the proof.
+
+    witness: reader of the entry `witness`
 
     Raises Rejected if the statement is not proved.
     """
@@ -115,10 +119,10 @@ def _check(statement: Statement, entries: Fields, progress: Progress | None) -> 
 def check_schedule(
     statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
 ) -> int:
-    """Prove a schedule and return the number of boxes.
+    """Prove the claims about a schedule and return the number of boxes in the proof.
 
-    The claims are the numbers of unstable modes of all runs, and stability while the scheduling
-    variable moves.
+    The claims are the numbers of unstable modes over each range of the scheduling variable, and
+    stability while the scheduling variable moves.
 
     Raises Rejected if a claim is not proved.
     """
@@ -155,9 +159,10 @@ def _linear_model(statement: ScheduleStatement, trim: TrimBox) -> LinearModelBox
 def _loop_bounds(
     statement: ScheduleStatement, linear: LinearModelBox, box: ModesBox
 ) -> tuple[int, int]:
-    """Return the lowest and highest number of unstable modes of the loop that a box proves.
+    """Return the lowest and highest number of unstable modes of the loop, proved on a box.
 
-    The highest is the number of all modes if the loop is stable but not with the decay rate.
+    If the loop is proved stable, but not with the claimed decay rate, the highest number is the
+    number of all modes.
     """
     model = statement.flight.model
     if isinstance(statement.actuators, UncertainActuators):
@@ -174,9 +179,11 @@ def _loop_bounds(
 
 
 def _check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
-    """Raise Rejected unless the boxes prove the stated bounds of all runs, or tighter ones.
+    """Raise Rejected unless the boxes prove the stated numbers of unstable modes.
 
-    name: name of the runs, for messages
+    name: subject of the runs in messages, "loop" or "modes"
+    runs: stated lowest and highest numbers over ranges of the scheduling variable
+    bounds: lowest and highest numbers that each box proves
     size: number of eigenvalues
     """
     for run in runs:
@@ -205,7 +212,7 @@ def _check_scheduled_rate(
 ) -> list[LinearModelBox]:
     """Return linear models on boxes that prove stability while the scheduling variable η moves.
 
-    V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 is proved for both signs of the largest η', and therefore
+    V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 is proved for η' at both limits of the rate, and therefore
     holds for all rates between them.
 
     Raises Rejected if stability is not proved.
@@ -226,11 +233,15 @@ def _check_scheduled_rate(
 
 
 def check_game(statement: GameStatement, witness: GameWitness) -> int:
-    """Prove a statement about a game and return 1, the number of boxes.
+    """Prove the claims about a game and return the number of boxes in the proof, 1.
 
-    Raises Rejected unless these claims are proved, as far as they are stated: the distances of the
-    critic, the gain of the critic's P and W, the numbers of unstable modes, the bracket of
-    delta_min.
+    The claims, as far as they are stated, are:
+    - the distances of the critic from the exact solution
+    - the gain of the critic's P or W
+    - the numbers of unstable modes of the loop and of the plant
+    - the lower and upper bound of delta_min
+
+    Raises Rejected unless all claims are proved.
     """
     weights = statement.weights
     doubles = _plant(statement, witness, decimals=False)
@@ -266,10 +277,13 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
 def _plant(
     statement: GameStatement, witness: GameWitness, *, decimals: bool
 ) -> tuple[TaylorModel, TaylorModel]:
-    """Return A and B, for the stored doubles or for every decimal number that rounds to them.
+    """Return the matrices A and B of the plant of a game.
 
     The trim of the doubles is within its radii about the center. The larger radii for all decimals
     contain these radii, and each trim in them is unique. All trims are therefore on one branch.
+
+    decimals: whether the matrices enclose those of every decimal number that rounds to the stored
+        doubles, instead of those of the doubles alone
     """
     plant = statement.plant
     if isinstance(plant, Plant):
@@ -289,7 +303,7 @@ def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
 def check_models(
     statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
 ) -> int:
-    """Prove the interpolation errors between breakpoints and return the number of boxes.
+    """Prove the interpolation errors of models between breakpoints and return the number of boxes.
 
     Raises Rejected unless all errors are proved to be at most as large as stated.
     """
@@ -315,8 +329,8 @@ def interpolation_errors(
 ) -> dict[str, arb]:
     """Return name -> upper bound of the interpolation error on a box.
 
-    The errors are |X - X̂| / |X| for X = A, B and K (Frobenius norm), and |U - Û| for the trim
-    inputs U divided by their nominal values. X̂ and Û are interpolated.
+    The error is |X - X̂| / |X| for X = A, B and K in Frobenius norms. For the trim inputs U it is
+    |U - Û|, with U divided by the nominal values. X̂ and Û are interpolated between breakpoints.
 
     tables: models at breakpoints
     linear: linear model on the box

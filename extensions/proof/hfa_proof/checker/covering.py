@@ -16,10 +16,11 @@ Piece = TypeVar("Piece")
 def covering(
     what: str, stated: Box, pieces: Sequence[Piece], box_of: Callable[[Piece], Box]
 ) -> list[Piece]:
-    """Return all pieces if their boxes cover the stated box.
+    """Return all pieces of evidence if their boxes cover the stated box.
 
     what: name of the pieces in a message, such as "the cells"
-    stated: box of the claim, with low = high for a claim at one value
+    stated: box of the claim, as (low, high) of each coordinate. A claim at one value has low =
+        high.
     pieces: evidence in any order
     box_of: piece -> box, which may overlap other boxes and extend beyond the stated box
 
@@ -56,7 +57,9 @@ def _check_ends(what: str, box: Box, coordinates: int) -> None:
 
 
 def _meets(box: Box, part: Box) -> bool:
-    """Return whether a box and a part have more in common than a face of the part."""
+    """Return whether a box and a part of the stated box have more in common than a face of the
+    part.
+    """
     for (low, high), (least, most) in zip(box, part, strict=True):
         if least == most and not low <= least <= high:
             return False
@@ -66,16 +69,16 @@ def _meets(box: Box, part: Box) -> bool:
 
 
 def _holds(box: Box, part: Box) -> bool:
-    """Return whether a box contains a part."""
+    """Return whether a box contains a part of the stated box."""
     pairs = zip(box, part, strict=True)
     return all(low <= least and most <= high for (low, high), (least, most) in pairs)
 
 
 def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
-    """Return two parts of a box, which is cut at an endpoint of another box.
+    """Return the two parts of a box that is cut at an endpoint of another box.
 
-    part: the box
-    boxes: boxes that meet `part` and do not contain `part`
+    part: the box that is cut
+    boxes: boxes that overlap `part` and do not contain it
     """
     cuts = []
     for i, (least, most) in enumerate(part):

@@ -33,11 +33,11 @@ from hfa_proof.checker.trims import LinearModelBox
 class LoopBox:
     """Closed loop ζ' = base ζ + ω (lag ζ + G v) on a box, with commands u = U ζ.
 
-    v are the commands after delay and effectiveness.
+    v are the commands after delay and effectiveness, and ω is the bandwidth of the actuators.
 
     base: (n, n), the aircraft and the controller
     lag: (n, n), dynamics of actuators with a bandwidth of 1 rad/s
-    G: (n, a)
+    G: (n, a), for a actuators
     U: (a, n)
     """
 
@@ -90,7 +90,7 @@ def actuated_loop(
     controller: Controller,
     actuators: FixedActuators | UncertainActuators,
 ) -> LoopBox:
-    """Return the loop with actuators, with their commands v as separate inputs."""
+    """Return the closed loop on a box with the commands v of the actuators as separate inputs."""
     n = len(model.linear)
     a = len(actuators.order)
     second = [i for i, order in enumerate(actuators.order) if order == 2]
@@ -131,7 +131,13 @@ def _measured(
     x: arb_mat,
     positions: arb_mat,
 ) -> TaylorModel:
-    """Return y as a function of ζ: states, outputs or parts of outputs, and actuator positions."""
+    """Return the measurements y of the controller as a function of ζ.
+
+    A measurement is a state, an output or a part of one, or the position of an actuator.
+
+    x: matrix from ζ to the states of the aircraft
+    positions: matrix from ζ to the positions of the actuators
+    """
     p = len(controller.measurements)
     outputs = controller.outputs(model)
     S = matrix(_selected(controller.inputs, tuple(model.inputs)))
@@ -153,12 +159,15 @@ def _measured(
 
 
 def _selected(names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
-    """Return a matrix (wanted, names) with entries 1 where the names are equal, else 0."""
+    """Return a matrix (wanted, names) with entries 1 where the names are equal, otherwise 0."""
     return np.array([[float(name == row) for name in names] for row in wanted])
 
 
 def controller_on(controller: Controller, low: float, high: float) -> list[TaylorModel]:
-    """Return A, B, C, D of the controller on a box between two breakpoints."""
+    """Return A, B, C and D of the controller on a box between two breakpoints.
+
+    low, high: ends of the box, values of the scheduling variable
+    """
     tables = (controller.A, controller.B, controller.C, controller.D)
     return [between(controller.breakpoints, table, low, high) for table in tables]
 
@@ -166,8 +175,9 @@ def controller_on(controller: Controller, low: float, high: float) -> list[Taylo
 def between(breakpoints: np.ndarray, table: np.ndarray, low: float, high: float) -> TaylorModel:
     """Return the linear interpolation of a table of matrices, on a box between two breakpoints.
 
-    breakpoints: (g,)
-    table: (g, rows, columns)
+    breakpoints: values of the scheduling variable, (g,)
+    table: matrices at the breakpoints, (g, rows, columns)
+    low, high: ends of the box
 
     Raises Rejected if a breakpoint is inside the box or the box extends beyond the table.
     """

@@ -51,11 +51,13 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """Raise Rejected unless V = ζ'P ζ > 0 decreases while the scheduling variable moves.
+    """Raise Rejected unless V = ζ'P ζ is proved positive and decreasing while the scheduling
+    variable moves.
 
-    The proved condition is P > 0 and A'P + P A ± growth < 0 on the box.
+    The proved conditions are P > 0 and A'P + P A ± growth < 0 on the box.
 
-    growth: (n, n), change of P per second at the largest rate
+    loop: matrix A of the closed loop
+    growth: (n, n), change of P per second at the largest rate of the scheduling variable
     turn_of_box: (n, n), coordinates in which definiteness is tested
     """
     turn = matrix(turn_of_box)
@@ -71,8 +73,9 @@ def check_motion(
 
 
 def check_positive(form: TaylorModel, turn: arb_mat) -> None:
-    """Raise Rejected unless every symmetric matrix of the form is proved positive definite.
+    """Raise Rejected unless every symmetric matrix in a Taylor model is proved positive definite.
 
+    form: the Taylor model
     turn: (n, n), coordinates for the test, in which errors of the parameters are small
     """
     turned = form.map(lambda part: turn.transpose() * part * turn)
@@ -81,11 +84,11 @@ def check_positive(form: TaylorModel, turn: arb_mat) -> None:
 
 
 def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
-    """Return the signs of the eigenvalues of a symmetric matrix (Sylvester).
+    """Return the signs 1 or -1 of the eigenvalues of a symmetric matrix of balls.
 
-    turn: (n, n), coordinates of the test
+    turn: (n, n), coordinates of the test (Sylvester's law of inertia)
 
-    Raises Rejected if an eigenvalue may be 0 or turn may be singular.
+    Raises Rejected if an eigenvalue may be 0 or `turn` may be singular.
     """
     diagonal = pivots(turn.transpose() * symmetric * turn)
     if diagonal is None:

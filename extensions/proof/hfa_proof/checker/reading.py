@@ -56,10 +56,9 @@ NOT_PROVED = (
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Add the name of the file to the errors of the block.
+    """Add the name of a file to the errors that are raised in the block.
 
-    - BadInputError: raised again as BadInputError
-    - errors in `NOT_PROVED`: raised as Rejected
+    A BadInputError is raised again. An error in `NOT_PROVED` is raised as Rejected.
     """
     try:
         yield
@@ -93,27 +92,27 @@ class Fields:
         )
 
     def value(self, name: str, holds: Callable[[Any], bool]) -> Any:
-        """Return an entry that passes the test `holds`."""
+        """Return the entry with the given name if it passes the test `holds`."""
         require(name in self._remaining, f"{self._called(name)}: missing entry")
         value = self._remaining.pop(name)
         require(bool(holds(value)), self._called(name), value)
         return value
 
     def same(self, name: str, expected: Any) -> None:
-        """Read an entry that must equal `expected`."""
+        """Raise Malformed unless an entry equals `expected`."""
         self.value(name, lambda value: value == expected)
 
     def fields(self, name: str) -> Fields:
-        """Return the entries of an object."""
+        """Return a reader of an entry that is a JSON object."""
         return Fields(self._called(name), self.value(name, lambda value: isinstance(value, dict)))
 
     def items(self, name: str) -> list[Fields]:
-        """Return the entries of each object in a list."""
+        """Return a reader of each object in an entry that is a list."""
         entries = self.value(name, lambda value: isinstance(value, list))
         return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
 
     def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
-        """Return the strings of a list, each of which must be in `allowed`."""
+        """Return an entry that is a list of strings, each of which must be in `allowed`."""
         entries = self.value(name, lambda value: isinstance(value, list))
         for entry in entries:
             require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
@@ -124,33 +123,30 @@ class Fields:
         return bool(self.value(name, lambda value: isinstance(value, bool)))
 
     def count(self, name: str, most: int) -> int:
-        """Return a whole number from 0 to `most`."""
+        """Return an entry that is a whole number from 0 to `most`."""
         return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
 
     def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
-        """Return a finite number that is at least `least` and larger than `above`."""
+        """Return an entry that is a finite number, at least `least` and larger than `above`."""
         value = float(self.array(name))
         require(value >= least and value > above, self._called(name), value)
         return value
 
     def positive(self, name: str) -> float:
-        """Return a positive number, or infinity if the entry is "inf"."""
+        """Return an entry that is a positive number, or infinity if the entry is "inf"."""
         if self._remaining.get(name) == "inf":
             del self._remaining[name]
             return math.inf
         return self.number(name, above=0.0)
 
     def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
-        """Return two numbers in increasing order, the first at least `least`.
-
-        The two numbers may be equal.
-        """
+        """Return an entry that is two numbers (low, high) with least <= low <= high."""
         low, high = self.array(name, 2).tolist()
         require(least <= low <= high, self._called(name), [low, high])
         return low, high
 
     def numbers(self, name: str, allowed: Any) -> dict[str, float]:
-        """Return name -> number from an object whose names must be in `allowed`."""
+        """Return name -> number of an entry that is an object whose names must be in `allowed`."""
         entries = self.fields(name)
         values = {}
         for key in list(entries._remaining):
@@ -159,15 +155,17 @@ class Fields:
         return values
 
     def all_numbers(self, name: str, names: Sequence[str]) -> dict[str, float]:
-        """Return name -> number from an object that must have exactly these names."""
+        """Return name -> number of an entry that is an object with exactly the given names."""
         numbers = self.numbers(name, names)
         require(set(numbers) == set(names), self._called(name), sorted(numbers))
         return {each: numbers[each] for each in names}
 
     def terms(self, name: str, variables: int, highest: int) -> Terms:
-        """Return the terms of a polynomial, at least one.
+        """Return the terms of a polynomial, at least one, from an entry.
 
         Each term has a degree from 2 to `highest`, and no monomial is listed twice.
+
+        variables: number of variables of the polynomial
         """
         listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
         terms = []
@@ -183,7 +181,7 @@ class Fields:
         return tuple(terms)
 
     def array(self, name: str, *shape: int | None) -> np.ndarray:
-        """Return an array from nested lists of finite numbers.
+        """Return an entry of nested lists of finite numbers as an array.
 
         shape: length of each level of lists, or None for any length
         """
@@ -197,19 +195,22 @@ class Fields:
         return values.reshape(sides) if len(sides) == len(shape) else values
 
     def increasing(self, name: str) -> np.ndarray:
-        """Return at least two numbers in strictly increasing order."""
+        """Return an entry that is a list of at least two numbers in strictly increasing order."""
         values = self.array(name, None)
         require(len(values) > 1 and bool(np.all(np.diff(values) > 0.0)), self._called(name))
         return values
 
     def symmetric(self, name: str, n: int) -> np.ndarray:
-        """Return a matrix (n, n) that must equal its transpose exactly."""
+        """Return an entry that is a matrix (n, n) equal to its transpose."""
         values = self.array(name, n, n)
         require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
         return values
 
     def balls(self, name: str, *shape: int) -> Any:
-        """Return nested lists of balls, exact for doubles and enclosing for decimals in strings.
+        """Return an entry of nested lists of balls.
+
+        A ball is exact for a double. For a decimal number in a string, the ball encloses the
+        number.
 
         shape: length of each level of lists
         """
@@ -221,7 +222,7 @@ class Fields:
 
 
 def rows_of(terms: Terms) -> list[list[Any]]:
-    """Return the terms as stored in a file, in the form that `Fields.terms` accepts."""
+    """Return the terms of a polynomial in the form that `Fields.terms` reads from a file."""
     return [[coefficient, list(powers)] for coefficient, powers in terms]
 
 

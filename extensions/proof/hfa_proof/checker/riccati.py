@@ -1,4 +1,4 @@
-"""The exact solution of a game, for every linear model of a box.
+"""Checker of the exact solution of a game, for every linear model of a box.
 
     A'P + P A + Q - P S P = 0,   S = B R⁻¹ B' - E E' / delta²,   K = R⁻¹ B' P.
 
@@ -29,7 +29,11 @@ SAME_GAIN = 1e-9
 
 
 class Solution(NamedTuple):
-    """Solution of the Riccati equation on a box: P (n, n) and K (m, n)."""
+    """Enclosure of the solution of the Riccati equation on a box.
+
+    P: (n, n)
+    K: (m, n)
+    """
 
     P: TaylorModel
     K: TaylorModel
@@ -38,13 +42,13 @@ class Solution(NamedTuple):
 def solution_on(
     weights: Weights, A: TaylorModel, B: TaylorModel, box: SolutionBox, lowest: int
 ) -> Solution:
-    """Return the solution P for which A - S P is Hurwitz, and its K.
-
-    box: stated P(s), its radius and the line for the eigenvalues of A - S P
-    lowest: sign that the lowest eigenvalue of P must have
+    """Return the proved enclosure of the solution P for which A - S P is Hurwitz, and its K.
 
     F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A - S P) at a symmetric P.
     The only root near a symmetric P(s) is symmetric, because its transpose is a root too.
+
+    box: stated P(s), its radius and the line for the eigenvalues of A - S P
+    lowest: sign that the lowest eigenvalue of P must have
 
     Raises Rejected unless a solution near P(s), A - S P Hurwitz and the sign are proved.
     """
