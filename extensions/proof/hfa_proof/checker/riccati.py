@@ -91,12 +91,12 @@ def lyapunov_operator(loop: arb_mat) -> arb_mat:
 
 
 def gain_matrix(weights: Weights, B: TaylorModel) -> TaylorModel:
-    """Return R⁻¹ B'."""
+    """Return the matrix R⁻¹ B' of a game, from which the gain is K = R⁻¹ B' P."""
     return matrix(weights.R).inv() * B.transpose()
 
 
 def riccati_S(weights: Weights, B: TaylorModel) -> TaylorModel:
-    """Return B R⁻¹ B' - E E' / delta²."""
+    """Return the matrix S = B R⁻¹ B' - E E' / delta² of the Riccati equation."""
     E = matrix(weights.E)
     return B * gain_matrix(weights, B) - E * E.transpose() * (1 / arb(weights.delta) ** 2)
 
@@ -106,11 +106,11 @@ def check_axis(
 ) -> None:
     """Raise Rejected unless H = [[A, -S], [-Q, -A']] is proved to have an eigenvalue j ω.
 
-    The game then has no stabilizing solution. The spectrum of H is symmetric about the imaginary
-    axis, so that det(j ω I - H) is real. H has an eigenvalue j ω between frequencies at which the
-    determinant has opposite signs.
+    With such an eigenvalue, the game has no stabilizing solution. The spectrum of H is symmetric
+    about the imaginary axis, and det(j ω I - H) is therefore real. H has an eigenvalue j ω between
+    two frequencies at which the determinant has opposite signs.
 
-    frequencies: ω, rad/s
+    frequencies: frequencies ω at which the sign is computed, rad/s
     """
     rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
     H = acb_mat(rows)
@@ -121,21 +121,29 @@ def check_axis(
 
 
 def hamiltonian_rows(A: arb_mat, S: arb_mat, Q: arb_mat) -> list[list[arb]]:
-    """Return the rows of [[A, -S], [-Q, -A']]."""
+    """Return the rows of the Hamiltonian matrix [[A, -S], [-Q, -A']]."""
     upper = [[*a, *s] for a, s in zip(A.tolist(), (-S).tolist(), strict=True)]
     lower = [[*q, *a] for q, a in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
     return upper + lower
 
 
 def weights_of_basis(P: arb_mat, size: int) -> arb_mat:
-    """Return W (size, 1) with W'ψ(z) = z'P z: P_ii and 2 P_ij row by row, followed by zeros."""
+    """Return the weights W (size, 1) of the quadratic form z'P z in a basis, W'ψ(z) = z'P z.
+
+    W contains P_ii and 2 P_ij of the upper triangle row by row, followed by zeros.
+    """
     n = P.nrows()
     entries = [P[i, j] if i == j else 2 * P[i, j] for i in range(n) for j in range(i, n)]
     return arb_mat(size, 1, entries + [arb(0)] * (size - len(entries)))
 
 
 def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
-    """Return P (n, n) of the quadratic part of W'ψ(z). Halves of doubles are exact."""
+    """Return P (n, n) of the quadratic part of W'ψ(z).
+
+    The result is exact, because halves of doubles are exact.
+
+    W: weights, whose first n (n + 1) / 2 entries are those of the quadratic part
+    """
     P = np.zeros((n, n))
     upper = np.triu_indices(n)
     P[upper] = np.asarray(W, dtype=float).ravel()[: len(upper[0])] / 2.0
@@ -143,10 +151,12 @@ def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
 
 
 def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
-    """Raise Rejected unless K equals R⁻¹ B' P within `SAME_GAIN`.
+    """Raise Rejected unless the gain K of a critic equals R⁻¹ B' P within `SAME_GAIN`.
 
-    P is the critic's P, and also the P of the quadratic part of the critic's W. Missing parts are
-    not tested.
+    P is the critic's P, and also the P of the quadratic part of the critic's W. A part that the
+    critic does not have is not tested.
+
+    critic: name -> matrix, with the names K, P and W
     """
     K = matrix(critic["K"])
     values = [critic["P"]] if "P" in critic else []
@@ -160,9 +170,9 @@ def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray
 
 
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
-    """Return a lower and an upper bound of the Frobenius norm of differences.
+    """Return a lower and an upper bound of the Frobenius norm of a matrix of differences.
 
-    sizes: entries of a matrix by whose norm the bounds are divided, or None
+    sizes: entries of a matrix whose norm divides the bounds, or None
     """
     whole = arb(1) if sizes is None else norm(sizes)
     least = norm(differences.range().entries()) / whole
@@ -174,9 +184,10 @@ def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tu
 def critic_distances(
     critic: Mapping[str, np.ndarray], exact: Solution
 ) -> dict[str, tuple[arb, arb]]:
-    """Return name -> bounds of |X - X*| / |X*| for each part X = K, P or W of the critic.
+    """Return name -> (lower, upper) bound of |X - X*| / |X*| for each part X = K, P or W of a
+    critic.
 
-    exact: the exact solution X*
+    exact: enclosure of the exact solution X*
     """
     targets = {"K": exact.K, "P": exact.P}
     if "W" in critic:

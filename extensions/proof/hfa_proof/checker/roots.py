@@ -10,14 +10,14 @@ from hfa_proof.checker.reading import Rejected
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
-    """Return an enclosure of w - x̂(s) for the only root w of F near x̂, a column (n, 1).
+    """Return an enclosure of w - x̂, a column (n, 1), for the only root w of F near x̂.
 
-    residual: F at x̂, a column
-    J: Jacobian F' where |w_i - x̂_i| <= r_i
-    radii: r
+    residual: F at x̂, a column (n, 1)
+    J: Jacobian F' for |w_i - x̂_i| <= r_i, (n, n)
+    radii: radii r_i
 
-    Raises Rejected if Krawczyk's test does not prove a root, and ZeroDivisionError if the midpoint
-    of J is singular.
+    Raises Rejected if Krawczyk's test does not prove a root. Raises ZeroDivisionError if the
+    midpoint of J is singular.
     """
     n = len(radii)
     C = J.mid().inv().mid()

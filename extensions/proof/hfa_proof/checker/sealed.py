@@ -1,4 +1,4 @@
-"""File format of a certificate, which detects an edit of any number."""
+"""File format of a certificate, with a digest and a checksum that detect any edit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sealed(head: str, origin: str) -> str:
 
 
 def claims_of(content: dict[str, Any]) -> Fields:
-    """Return the entries of a certificate that the checker of its kind reads."""
+    """Return a reader of the entries kind, statement and witness of a certificate."""
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
         entries.value(name, lambda value: True)
@@ -42,7 +42,7 @@ def claims_of(content: dict[str, Any]) -> Fields:
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a certificate.
+    """Return the kind of the certificate in a file, such as "schedule".
 
     Raises BadInputError if the file is not a certificate or was edited.
     """
@@ -51,7 +51,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the content of a certificate, and version, command and date of the run that wrote it.
+    """Return the content of the certificate in a file, and version, command and date of its run.
 
     Raises BadInputError if the file is not a certificate, was edited, or has another schema.
     """
@@ -88,8 +88,12 @@ def write_sealed(
     witness: dict[str, Any],
     origin: dict[str, Any],
 ) -> None:
-    """Write a certificate, with all digits of every number.
+    """Write a certificate with all digits of every number.
 
+    path: file of the certificate
+    kind: kind of the certificate
+    statement: the claim as stored in the file
+    witness: data for the proof as stored in the file
     origin: provenance of the run, which the digest does not cover
     """
     content = {

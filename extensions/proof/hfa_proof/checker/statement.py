@@ -1,9 +1,9 @@
 """Statements of certificates about schedules, games and interpolated models.
 
 The checker interprets or refuses every field. The digest covers all fields, and reports show them.
-Evidence is separate (`witness.py`) and cannot change a claim. Scheduling values are stored as a
-user types them, angles in degrees, because their doubles are then exact. All other numbers are in
-the units of the model.
+Data for the proof are separate (`witness.py`) and cannot change a claim. Scheduling values are
+stored as a user types them, with angles in degrees, because their doubles are then exact. All other
+numbers are in the units of the model.
 """
 
 from __future__ import annotations
@@ -25,10 +25,13 @@ from hfa_support.reporting.results import Stack, Vector
 
 
 class Run(NamedTuple):
-    """Bounds on the number of eigenvalues with positive real part, from `low` to `high`.
+    """Bounds on the number of eigenvalues with positive real part over a range of scheduling
+    values.
 
-    At every scheduling value in this interval, at least `least` and at most `most` eigenvalues have
-    a positive real part. If `least` equals `most`, no eigenvalue is on the imaginary axis.
+    If `least` equals `most`, no eigenvalue is on the imaginary axis.
+
+    low, high: ends of the range
+    least, most: lowest and highest number at every scheduling value of the range
     """
 
     low: float
@@ -38,12 +41,12 @@ class Run(NamedTuple):
 
 
 class StatedTrim(NamedTuple):
-    """Approximate values of a trim at a scheduling value.
+    """Approximate values of the unknowns of a trim at one scheduling value.
 
     The proved trim is the only trim within `SAME_TRIM` nominal values of each unknown.
 
     breakpoint: scheduling value
-    unknowns: name -> approximate value
+    unknowns: unknown -> approximate value
     """
 
     breakpoint: float
@@ -54,14 +57,14 @@ class StatedTrim(NamedTuple):
 class Flight:
     """Trims of an aircraft at every scheduling value from `low` to `high`, within its limits.
 
-    model: the equations, of which the statement contains name, units and source hash
+    model: the equations. The statement contains their name, units and source hash.
     parameters: every parameter of the model -> value
     spread: parameter -> half-width of the values that the claim covers
     imposed: imposed variable -> value, the same for every trim
     limits: state, input or output -> (lowest, highest)
-    low: first scheduling value
-    high: last scheduling value
-    trims: one stated trim for each branch of trims that the claim covers, in order
+    low: lowest scheduling value
+    high: highest scheduling value
+    trims: one stated trim for each branch of trims that the claim covers, in ascending order
     """
 
     model: Model
@@ -76,20 +79,21 @@ class Flight:
     def value(self, scheduling_value: Any) -> Any:
         """Return a scheduling value in the unit of the model, as a ball or a double.
 
-        An angle is converted to rad, a ball with an enclosure of π.
+        An angle is converted from degrees to rad. For a ball, π is enclosed.
         """
         return in_model_unit(self.model, scheduling_value)
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Names of the free variables of a trim."""
+        """Names of the unknowns of a trim."""
         imposed = (self.model.schedule, *self.imposed)
         return tuple(name for name in self.model.variables if name not in imposed)
 
     @classmethod
     def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:
-        """Return the flight of a certificate.
+        """Return the trims that a certificate claims.
 
+        entries: reader of the entry that describes the aircraft and its trims
         point: whether `low` and `high` must be equal
 
         Raises Malformed for the first wrong entry.
@@ -123,7 +127,9 @@ class Flight:
         return cls(model, parameters, spread, imposed, flight.limits, low, high, tuple(trims))
 
     def _check_imposed(self) -> None:
-        """Raise Malformed if an imposed variable or the scheduling variable exceeds its limits."""
+        """Raise Malformed if an imposed value or the range of the scheduling variable exceeds a
+        limit.
+        """
         ends = {name: (value, value) for name, value in self.imposed.items()}
         ends[self.model.schedule] = tuple(
             in_model_unit(self.model, end) for end in (self.low, self.high)
@@ -147,7 +153,7 @@ class Plant:
 
     @classmethod
     def read(cls, entries: Fields) -> Plant:
-        """Return the plant of a certificate, of any size.
+        """Return the plant stored in a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -177,7 +183,7 @@ class Weights:
 
     @classmethod
     def read(cls, entries: Fields, n: int, m: int) -> Weights:
-        """Return the weights of a game with n states and m inputs.
+        """Return the weights of a game with n states and m inputs from a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -196,16 +202,16 @@ class Controller:
     """Controller x_c' = A x_c + B y, u = C x_c + D y.
 
     The matrices are linear in the scheduling value between breakpoints. A gain u = -K x is a
-    controller without states, D = -K.
+    controller without states and with D = -K.
 
-    breakpoints: (g,), increasing
+    breakpoints: scheduling values, (g,), increasing
     A: (g, k, k)
     B: (g, k, p)
     C: (g, a, k)
     D: (g, a, p)
     measurements: (p,), names of linear states, outputs, parts of outputs, and INPUT_position of
         actuators
-    inputs: (a,), names of the inputs that u moves
+    inputs: (a,), names of the inputs that u commands
     """
 
     breakpoints: np.ndarray
@@ -218,7 +224,7 @@ class Controller:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> Controller:
-        """Return the controller of a certificate.
+        """Return the controller stored in a certificate.
 
         Raises Malformed for the first wrong entry, such as a name that the model does not have.
         """
@@ -245,21 +251,23 @@ class Controller:
         return controller
 
     def outputs(self, model: Model) -> tuple[str, ...]:
-        """Return the names of the model's outputs among the measurements."""
+        """Return the names of the model's outputs of which the controller measures the whole or a
+        part.
+        """
         names = (model.part(name)[0] for name in self.measurements)
         return tuple(dict.fromkeys(name for name in names if name in model.outputs))
 
 
 @dataclass(frozen=True, eq=False)
 class FixedActuators:
-    """One actuator for each input of the controller.
+    """Actuators with known parameters, one for each input of the controller.
 
     First order: a' = ω (λ u - a). Second order: a'' = ω² (λ u - a) - 2 d ω a'.
 
-    order: (a,), 1 or 2
-    damping: (a,), d, for order 2
-    bandwidth: (a,), ω, rad/s
-    effectiveness: (a,), λ
+    order: 1 or 2, (a,)
+    damping: d, used only for order 2, (a,)
+    bandwidth: ω, rad/s, (a,)
+    effectiveness: λ, (a,)
     """
 
     order: tuple[int, ...]
@@ -269,7 +277,7 @@ class FixedActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> FixedActuators:
-        """Return the actuators of `count` inputs.
+        """Return the actuators of `count` inputs stored in a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -282,10 +290,11 @@ class FixedActuators:
 
 @dataclass(frozen=True, eq=False)
 class UncertainActuators:
-    """Actuators whose ω, λ(t) and delay τ(t) are known only within intervals.
+    """Actuators whose bandwidth ω, effectiveness λ(t) and delay τ(t) are known only within
+    intervals.
 
-    order: (a,), 1 or 2
-    damping: (a,), d, for order 2
+    order: 1 or 2, (a,)
+    damping: d, used only for order 2, (a,)
     bandwidth: lowest and highest ω, rad/s, constant and equal for all inputs
     effectiveness: lowest and highest λ, which varies independently for each input
     delay: largest τ, s, which varies independently for each input
@@ -299,7 +308,7 @@ class UncertainActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> UncertainActuators:
-        """Return the uncertain actuators of `count` inputs.
+        """Return the uncertain actuators of `count` inputs stored in a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -318,15 +327,20 @@ Actuators = FixedActuators | UncertainActuators
 
 @dataclass(frozen=True, eq=False)
 class ScheduleStatement:
-    """Claim about the loop of a flight, a controller and optional actuators.
+    """Claim about the loop of an aircraft, a controller and optional actuators.
 
-    The claim covers every scheduling value of the flight.
+    The claim covers every scheduling value of the aircraft's trims.
 
-    loop: unstable modes of the loop, as runs from `low` to `high` without gaps, where a run from 0
-        to all modes claims nothing
-    modes: unstable modes of the aircraft alone, as runs in the same form
-    decay_rate: bound, 1/s, with Re λ < -decay_rate for every eigenvalue λ in runs of the loop
-        without unstable modes, or 0 if there is no such run or the actuators are uncertain
+    flight: aircraft and its trims
+    controller: the controller
+    actuators: the actuators, or None
+    loop: numbers of unstable modes of the loop, for consecutive ranges of the scheduling value. A
+        range
+        with bounds from 0 to the number of all modes claims nothing.
+    modes: numbers of unstable modes of the aircraft alone, in the same form
+    decay_rate: bound, 1/s, with Re λ < -decay_rate for every eigenvalue λ of the loop in ranges
+        without
+        unstable modes. 0 if there is no such range or the actuators are uncertain.
     scheduled_rate: largest rate of the scheduling value, per s, at which the loop is stable, or
         None
     """
@@ -341,7 +355,7 @@ class ScheduleStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
-        """Return the statement of a certificate.
+        """Return the statement about a schedule stored in a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -373,18 +387,18 @@ class ScheduleStatement:
 
 @dataclass(frozen=True, eq=False)
 class GameStatement:
-    """Claim about the exact solution of a game and the distance of a critic from it.
+    """Claim about the exact solution of a game and the distance of a critic from this solution.
 
-    plant: flight at one scheduling value, whose linear model is used, or matrices
+    plant: aircraft at one scheduling value, of which the linear model is used, or matrices
+    weights: weights of the game
     decimals: whether `distances` and `loop` are claimed for every decimal number that rounds to the
         stored doubles. `delta_min` and `modes` are claimed for the doubles only.
     critic: K (m, n), and P (n, n) or W (weights, 1) if the critic has them
-    gain_of_value: whether K is claimed to equal R⁻¹ B' P of the critic's P and W, within
-        `SAME_GAIN`
-    distances: part of the critic -> bounds of |X - X*| / |X*| (Frobenius norm)
+    gain_of_value: whether K is claimed to equal R⁻¹ B' P of the critic's P or W, within `SAME_GAIN`
+    distances: part X of the critic -> lower and upper bound of |X - X*| / |X*| (Frobenius norm)
     loop: lowest and highest number of unstable modes of A - B K with the critic's K
-    delta_min: a delta without a value of the game and a delta with a value, or None
-    modes: lowest and highest number of unstable modes of A, or None without delta_min
+    delta_min: a delta for which the game has no value and a delta for which it has a value, or None
+    modes: lowest and highest number of unstable modes of A, or None if `delta_min` is None
     """
 
     plant: Flight | Plant
@@ -399,7 +413,9 @@ class GameStatement:
 
     @property
     def hurwitz(self) -> bool | None:
-        """True if A - B K is proved Hurwitz, False if proved not Hurwitz, None if neither."""
+        """True if A - B K is proved Hurwitz, False if proved not Hurwitz, None if neither is
+        proved.
+        """
         least, most = self.loop
         if most == 0:
             return True
@@ -407,9 +423,9 @@ class GameStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model | None) -> GameStatement:
-        """Return the statement of a certificate.
+        """Return the statement about a game stored in a certificate.
 
-        entries: entries of the statement
+        entries: reader of the entry `statement`
         model: the aircraft, or None if the plant is given by matrices
 
         Raises Malformed for the first wrong entry.
@@ -448,11 +464,13 @@ class GameStatement:
 class ModelsStatement:
     """Claim about linear models at breakpoints, between which they are interpolated linearly.
 
-    breakpoints: (g,), increasing, from one end of the flight to the other
+    flight: aircraft and its trims
+    weights: weights of the game
+    breakpoints: (g,), increasing, from the lowest to the highest scheduling value of the trims
     A: (g, n, n)
     B: (g, n, m)
-    inputs: (g, m, 1), inputs of the trims
-    K: (g, m, n), gains of the exact game
+    inputs: inputs at the trims, (g, m, 1)
+    K: gains of the exact solution of the game, (g, m, n)
     errors: name -> upper bound of |X - X*| / |X*| (Frobenius norm) for A, B and K, and of |U - U*|
         in nominal values for inputs
     """
@@ -468,7 +486,7 @@ class ModelsStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ModelsStatement:
-        """Return the statement of a certificate.
+        """Return the statement about interpolated models stored in a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -501,14 +519,14 @@ KINDS: dict[str, Any] = {
 
 
 def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
-    """Return the statement of a certificate.
+    """Return the statement stored in a certificate.
 
     kind: the certificate's entry `kind`
     content: the certificate's entry `statement`
-    own: the user's model, if the statement concerns one
+    own: the user's model, or None
 
-    Raises Malformed for the first wrong entry, and BadInputError if the statement concerns another
-    model.
+    Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
+    another model.
     """
     require(isinstance(kind, str) and kind in KINDS, "kind", kind)
     entries = Fields("statement", content)
@@ -532,7 +550,7 @@ def kind_of_statement(statement: Statement) -> str:
 
 
 def flight_content(flight: Flight) -> dict[str, Any]:
-    """Return a flight as stored in a file."""
+    """Return the trims of an aircraft in the form that is stored in a certificate."""
     content: dict[str, Any] = _content(flight)
     return content
 
@@ -576,7 +594,11 @@ def _content(value: Any) -> Any:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, scheduling variable, units and scales."""
+    """Return entries that identify a model.
+
+    The entries are the name, the hash of the source, the scheduling variable, the units and the
+    nominal values of the inputs.
+    """
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],
@@ -589,7 +611,10 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def in_model_unit(model: Model, scheduling_value: Any) -> Any:
-    """Return a scheduling value of a file in the unit of the model: degrees become rad."""
+    """Return a scheduling value of a certificate in the unit of the model.
+
+    An angle is converted from degrees to rad.
+    """
     if model.schedule_unit != "deg":
         return scheduling_value
     if isinstance(scheduling_value, arb):
@@ -598,7 +623,10 @@ def in_model_unit(model: Model, scheduling_value: Any) -> Any:
 
 
 def measurable(model: Model) -> tuple[str, ...]:
-    """Return the names of the linear states, outputs and parts of outputs that may be measured."""
+    """Return the names of signals of the model that a controller may measure.
+
+    These are the linear states, the outputs and the parts of outputs.
+    """
     return tuple(name for name in model.measurable if name in model.linear or _output(model, name))
 
 
@@ -607,17 +635,19 @@ def _output(model: Model, name: str) -> bool:
 
 
 def loop_size(model: Model, controller: Controller, actuators: Actuators | None) -> int:
-    """Return the number of states of the loop: aircraft, actuators and controller."""
+    """Return the number of states of the closed loop: aircraft, actuators and controller."""
     size = len(model.linear) + controller.A.shape[1]
     return size if actuators is None else size + sum(actuators.order)
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """Return signal -> (lowest, highest) from a certificate.
+    """Return signal -> (lowest, highest) from the entry `limits` of a certificate.
 
-    Raises Malformed if a limit is wider than the model's, or if a signal with limits in the model
-    has no limits in the certificate. Disturbances and signals without limits in the model may be
-    omitted.
+    Limits of disturbances, and of signals that have no limits in the model, may be omitted.
+
+    Raises Malformed in these cases:
+    - A limit is wider than the model's limit.
+    - A signal with limits in the model has no limits in the certificate.
     """
     stated = entries.fields("limits")
     limits = {}
@@ -639,14 +669,14 @@ def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
 
 
 def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
-    """Return the runs in an entry with rows [low, high, least, most].
+    """Return the ranges of an entry with rows [low, high, least, most], in ascending order.
 
-    entries: object that contains the entry
+    entries: reader of the object that contains the entry
     name: name of the entry
+    flight: aircraft and its trims
     size: number of eigenvalues
 
-    Raises Malformed unless the runs follow each other without a gap over the interval of the
-    flight.
+    Raises Malformed unless the ranges cover all scheduling values of the trims without a gap.
     """
     runs: list[Run] = []
     for row in entries.array(name, None, 4).tolist():

@@ -28,14 +28,16 @@ from hfa_proof.checker.witness import TrimBox
 
 @dataclass(frozen=True, eq=False)
 class LinearModelBox:
-    """Linear model x' = A x + B u, y = C x + D u on a box, as Taylor models of matrices.
+    """Linear model x' = A x + B u, y = C x + D u on a box of scheduling values.
 
-    trim: the box
+    The matrices are Taylor models.
+
+    trim: enclosure of the trims on the box
     A: (n, n)
     B: (n, m)
-    C: (k, n), of the measured outputs
+    C: (k, n), rows of the measured outputs
     D: (k, m)
-    inputs: (m, 1), inputs of the trims
+    inputs: inputs at the trims, (m, 1)
     offsets: unknown -> enclosure of the trim minus its polynomial
     """
 
@@ -51,11 +53,12 @@ class LinearModelBox:
 def linear_model_on(
     flight: Flight, trim: TrimBox, measured: Sequence[str] = (), *, decimals: bool = True
 ) -> LinearModelBox:
-    """Return the linear model on a box.
+    """Return the linear model on a box of scheduling values.
 
-    measured: outputs of the linear model
-    decimals: whether to cover all decimal numbers that round to the parameters and imposed values,
-        not only the doubles
+    trim: stated enclosure of the trims on the box
+    measured: names of the outputs of the linear model
+    decimals: whether the model covers all decimal numbers that round to the stored parameters and
+        imposed values, instead of the doubles alone
 
     Raises Rejected unless the box is proved to contain a trim within all limits.
     """
@@ -84,7 +87,8 @@ def linear_model_on(
 
 
 def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Return name -> Taylor model of parameters, imposed values and scheduling variable on a box.
+    """Return name -> Taylor model of all parameters, imposed values and the scheduling variable on
+    a box.
 
     decimals: whether to cover all decimal numbers that round to the stored doubles
     """
@@ -103,7 +107,7 @@ def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dic
 
 
 def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
-    """Return the trim minus the polynomials of a box, a ball for each unknown.
+    """Return the trim minus the polynomials of a box, one ball for each unknown.
 
     residual: residual of the trim equations at the polynomials
     linear: Jacobian of the equations on the box
@@ -125,7 +129,7 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Raise Rejected unless every value of the trim is within its limits.
+    """Raise Rejected unless every value of the trim on a box is proved to be within its limits.
 
     Imposed values and the scheduling variable are not compared here.
 
@@ -145,8 +149,9 @@ def _is_zero(values: Iterable[Any]) -> bool:
 
 
 def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
-    """Return the Taylor model of a matrix from rows of scalars.
+    """Return the Taylor model of a matrix whose entries are Taylor models of scalars.
 
+    rows: entries of the matrix
     columns: number of columns if there are no rows
     """
     if not rows:
@@ -160,7 +165,8 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     """Raise Rejected unless the trims of all boxes are proved to be on the stated branches.
 
     A branch extends from its stated trim to the next stated trim. Two boxes are on one branch if,
-    at a common scheduling value, the trim of one lies where the other has only its own trim.
+    at a common scheduling value, the trim of one box is in the enclosure of the other box, which
+    contains only one trim.
     """
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
@@ -176,9 +182,13 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
 def _check_branch(
     stated: LinearModelBox, boxes: Sequence[LinearModelBox], following: float
 ) -> None:
-    """Raise Rejected unless ascending boxes begin at a stated trim and are on its branch.
+    """Raise Rejected unless a branch of trims is proved to begin at a stated trim.
 
-    following: scheduling value of the next stated trim, below which the boxes must end
+    The boxes must contain the stated trim, be connected, and end below the next stated trim.
+
+    stated: linear model at the stated trim
+    boxes: linear models on the boxes of the branch, in ascending order
+    following: scheduling value of the next stated trim, or inf
     """
     start = stated.trim.low
     covering(
@@ -203,9 +213,9 @@ def _check_branch(
 
 
 def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
-    """Return the linear model at the only trim within `SAME_TRIM` of a stated one.
+    """Return the linear model at the only trim within `SAME_TRIM` nominal values of a stated trim.
 
-    The parameters have their stated values, without errors.
+    The errors of the parameters (`spread`) are not included.
     """
     polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
     radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
@@ -214,7 +224,9 @@ def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
 
 
 def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
-    """Return whether two boxes have the same trim at their lowest common scheduling value."""
+    """Return whether two boxes are proved to have the same trim at their lowest common scheduling
+    value.
+    """
     at = max(box.trim.low, other.trim.low)
     if at > min(box.trim.high, other.trim.high):
         return False
@@ -222,10 +234,13 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of `other` lies in the interval in which `box` has only one trim.
+    """Return whether the trim of `other` is in the enclosure of `box`, which contains only one
+    trim.
 
     If both boxes include errors of the parameters, the condition must hold for all errors.
-    Otherwise it must hold without errors.
+    Otherwise the errors are omitted.
+
+    scheduling_value: a scheduling value in both boxes
     """
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)
@@ -239,7 +254,10 @@ def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: fl
 
 
 def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[arb]:
-    """Return (value, z_1, ...) of an unknown at a scheduling value of the box."""
+    """Return the value and the coefficients z_k of an unknown's polynomial at a scheduling value.
+
+    name: name of the unknown
+    """
     c0, c1, c2, *errors = trim.polynomials[name]
     if trim.low == trim.high:
         return [c0, *errors]
@@ -250,8 +268,8 @@ def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[ar
 
 
 def equations_of(flight: Flight, measured: Sequence[str] = ()) -> SteadyFlight:
-    """Return the trim equations of a flight.
+    """Return the trim equations and the linear model of an aircraft.
 
-    measured: outputs of the linear model
+    measured: names of the outputs of the linear model
     """
     return steady_flight(flight.model, flight.imposed, tuple(flight.limits), measured)

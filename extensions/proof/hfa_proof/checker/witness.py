@@ -1,6 +1,6 @@
-"""Evidence for statements about schedules, games and interpolated models.
+"""Data for the proofs of statements about schedules, games and interpolated models.
 
-The evidence is not part of the claim. In a box of scheduling values, the value is
+The data are not part of the claim. In a box of scheduling values, the value is
 center + s radius with -1 <= s <= 1.
 """
 
@@ -28,11 +28,12 @@ from hfa_proof.checker.statement import (
 
 @dataclass(frozen=True, eq=False)
 class TrimBox:
-    """Enclosure of the trims from `low` to `high`.
+    """Enclosure of the trims at all scheduling values from `low` to `high`.
 
-    Each unknown differs from c0 + c1 s + c2 s² + Σ z_k t_k by at most its radius. |t_k| <= 1 are
-    the errors of the parameters in units of their half-widths.
+    Each unknown differs from c0 + c1 s + c2 s² + Σ z_k t_k by at most its radius. t_k are the
+    errors of the parameters in units of their half-widths, |t_k| <= 1.
 
+    low, high: ends of the box of scheduling values
     polynomials: unknown -> (c0, c1, c2, z_1, ...)
     radii: unknown -> radius
     """
@@ -44,7 +45,7 @@ class TrimBox:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> TrimBox:
-        """Return the box stored in the entries `range` and `trim`.
+        """Return the enclosure stored in the entries `range` and `trim` of a certificate.
 
         Raises Malformed for the first wrong entry.
         """
@@ -62,10 +63,10 @@ class TrimBox:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Matrix H of an inertia theorem about the eigenvalues on each side of the line Re λ = -rate.
+    """Matrix H that counts the eigenvalues on each side of the line Re λ = -rate.
 
-    H: (n, n), symmetric
-    turn: (n, n), coordinates in which the signs of the eigenvalues of H are decided
+    H: symmetric matrix, (n, n)
+    turn: coordinates in which the signs of the eigenvalues of H are decided, (n, n)
     rate: 1/s
     """
 
@@ -75,9 +76,12 @@ class Line:
 
     @classmethod
     def read(cls, entries: Fields, n: int, *, rated: bool = True) -> Line:
-        """Return the line of a certificate.
+        """Return the matrix H and the line stored in a certificate.
 
-        rated: whether to read the entry `rate`, without which the rate is 0
+        n: number of states
+        rated: whether to read the entry `rate`. Otherwise the rate is 0.
+
+        Raises Malformed for the first wrong entry.
         """
         rate = entries.number("rate") if rated else 0.0
         return cls(entries.symmetric("H", n), entries.array("turn", n, n), rate)
@@ -85,12 +89,12 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Lyapunov function V = ζ'H ζ for actuators whose bandwidth is in an interval.
+    """Lyapunov function V = ζ'H ζ for actuators with a bandwidth in an interval.
 
-    bandwidth: lowest and highest, rad/s
-    H: (n, n), symmetric
-    X: (2 a,), multipliers of the delays, then of the effectiveness
-    turn: (n + 2 a, n + 2 a), coordinates of (ζ, d, e) in which the condition is tested
+    bandwidth: lowest and highest bandwidth, rad/s
+    H: symmetric matrix, (n, n)
+    X: multipliers of the delays, then of the effectiveness, (2 a,)
+    turn: coordinates of (ζ, d, e) in which the condition is tested, (n + 2 a, n + 2 a)
     """
 
     bandwidth: tuple[float, float]
@@ -100,9 +104,12 @@ class Piece:
 
     @classmethod
     def read(cls, entries: Fields, n: int, a: int) -> Piece:
-        """Return a piece for a loop with n states and a actuators.
+        """Return the Lyapunov function stored in a certificate.
 
-        Raises Malformed for a wrong entry.
+        n: number of states of the loop
+        a: number of actuators
+
+        Raises Malformed for the first wrong entry.
         """
         bandwidth = entries.pair("bandwidth", least=0.0)
         H = entries.symmetric("H", n)
@@ -115,9 +122,12 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class ModesBox:
-    """Evidence for the number of unstable modes on a box.
+    """Data for the proof of the number of unstable modes on a box.
 
-    proof: a line, or pieces that cover the bandwidths of uncertain actuators
+    trim: enclosure of the trims on the box
+    proof: a matrix that counts eigenvalues, or Lyapunov functions that together cover the
+        bandwidths of
+        uncertain actuators
     """
 
     trim: TrimBox
@@ -128,9 +138,9 @@ class ModesBox:
 class Motion:
     """Lyapunov function V = ζ'P ζ for a moving scheduling value, with P linear between breakpoints.
 
-    breakpoints: (l,)
-    P: (l, n, n), symmetric
-    boxes: pairs of trims and coordinates (n, n) in which the condition is tested
+    breakpoints: scheduling values, (l,)
+    P: symmetric matrices, (l, n, n)
+    boxes: pairs of an enclosure of trims and coordinates (n, n) in which the condition is tested
     """
 
     breakpoints: np.ndarray
@@ -139,10 +149,10 @@ class Motion:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
-        """Return the motion of a certificate.
+        """Return the Lyapunov function stored in a certificate.
 
-        entries: entries of the motion
-        flight: flight whose trims the boxes enclose
+        entries: reader of the entry `motion`
+        flight: aircraft whose trims the boxes enclose
         n: number of states of the loop
 
         Raises Malformed for the first wrong entry.
@@ -161,10 +171,11 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class ScheduleWitness:
-    """Evidence for a statement about a schedule.
+    """Data for the proof of a statement about a schedule.
 
-    loop, modes: boxes that together prove the bounds of the statement's runs
-    motion: evidence for a moving scheduling value, or None
+    loop: boxes that together prove the numbers of unstable modes of the loop
+    modes: boxes that together prove the numbers of unstable modes of the aircraft
+    motion: Lyapunov function for a moving scheduling value, or None
     """
 
     loop: list[ModesBox]
@@ -173,7 +184,7 @@ class ScheduleWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: ScheduleStatement) -> ScheduleWitness:
-        """Return the witness of a certificate.
+        """Return the witness of a statement about a schedule, stored in a certificate.
 
         statement: the statement, which determines the sizes of the matrices
 
@@ -207,14 +218,14 @@ class ScheduleWitness:
 
 @dataclass(frozen=True, eq=False)
 class SolutionBox:
-    """Enclosure of the solution of the Riccati equation, with states measured in `units`.
+    """Enclosure of the solution of the Riccati equation on a box, with states measured in `units`.
 
     Every entry of the solution differs from the same entry of P(s) by at most `reach`.
 
-    units: (n,), positive
-    P: symmetric (n, n), matrix of balls or Taylor model of a matrix
-    reach: ball
-    line: evidence that A - S P is Hurwitz
+    units: units of the states, (n,), positive
+    P: P(s), Taylor model of a symmetric matrix (n, n)
+    reach: radius, a ball
+    line: matrix H for the proof that A - S P is Hurwitz
     """
 
     units: np.ndarray
@@ -226,7 +237,8 @@ class SolutionBox:
     def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
         """Return the enclosure stored in a certificate.
 
-        orders: number of coefficients of P in s
+        n: number of states
+        orders: number of coefficients of the polynomial P(s)
 
         Raises Malformed for the first wrong entry.
         """
@@ -250,9 +262,10 @@ class PointTrim:
     """Enclosure of the trim at one scheduling value.
 
     center: unknown -> (c0, 0, 0) with the center c0
-    radii: unknown -> radius about c0, for the trim of the stored doubles
-    wide_radii: unknown -> radius about c0, for the trims of all decimals that round to these
-        doubles
+    radii: unknown -> radius about c0 that contains the trim of the stored doubles
+    wide_radii: unknown -> radius about c0 that contains the trims of all decimal numbers that round
+        to
+        these doubles
     """
 
     center: dict[str, list[arb]]
@@ -261,7 +274,8 @@ class PointTrim:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> PointTrim:
-        """Return the trim stored as a list (center, radius, wide radius) for each unknown.
+        """Return the trim stored in a certificate as a list (center, radius, wide radius) for each
+        unknown.
 
         Raises Malformed for the first wrong entry.
         """
@@ -278,16 +292,19 @@ class PointTrim:
 
 @dataclass(frozen=True, eq=False)
 class GameWitness:
-    """Evidence for a statement about a game.
+    """Data for the proof of a statement about a game.
 
-    trim: the trim, or None for a plant given by matrices
-    solution: the solution at the game's delta
-    loop: lines of A - B K
-    modes: lines of A, [] without delta_min
-    value: the solution at the upper end of delta_min, or None without delta_min
-    refused: evidence at the lower end of delta_min: a solution whose lowest eigenvalue is negative,
-        frequencies, rad/s, between which the Hamiltonian matrix has an eigenvalue on the imaginary
-        axis, or None without delta_min
+    trim: enclosure of the trim, or None for a plant given by matrices
+    solution: enclosure of the solution at the game's delta
+    loop: matrices H that count the unstable modes of A - B K
+    modes: matrices H that count the unstable modes of A, [] if delta_min is not claimed
+    value: enclosure of the solution at the upper bound of delta_min, or None if delta_min is not
+        claimed
+    refused: proof that the game has no value at the lower bound of delta_min. This is a solution
+        whose
+        lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian matrix
+          has an
+        eigenvalue on the imaginary axis. None if delta_min is not claimed.
     """
 
     trim: PointTrim | None
@@ -299,7 +316,7 @@ class GameWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: GameStatement) -> GameWitness:
-        """Return the witness of a certificate.
+        """Return the witness of a statement about a game, stored in a certificate.
 
         statement: the statement, which determines the sizes of the matrices
 
@@ -329,16 +346,16 @@ class GameWitness:
 
 @dataclass(frozen=True, eq=False)
 class ModelsWitness:
-    """Evidence for a statement about interpolated models.
+    """Data for the proof of a statement about interpolated models.
 
-    cells: trims and solutions of the game on boxes that cover the interval
+    cells: enclosures of the trims and of the solution of the game on boxes that cover the interval
     """
 
     cells: list[tuple[TrimBox, SolutionBox]]
 
     @classmethod
     def read(cls, entries: Fields, statement: ModelsStatement) -> ModelsWitness:
-        """Return the witness of a certificate.
+        """Return the witness of a statement about interpolated models, stored in a certificate.
 
         statement: the statement, which determines the sizes of the matrices
 
@@ -369,7 +386,7 @@ def _lines(entries: Fields, name: str, n: int) -> list[Line]:
 
 
 def trim_content(trim: TrimBox) -> dict[str, Any]:
-    """Return the box of trims as stored in a file, with doubles."""
+    """Return an enclosure of trims in the form that is stored in a certificate, with doubles."""
     numbers = {
         name: [float(trim.radii[name]), *map(float, polynomial)]
         for name, polynomial in trim.polynomials.items()
