@@ -1,4 +1,7 @@
-"""Fields of statements about schedules, games and models, and how each is checked."""
+"""Entries of statements about schedules, games and models.
+
+Each entry is a claim, or is compared with the user's data.
+"""
 
 from __future__ import annotations
 

@@ -14,17 +14,26 @@ from hfa_support.provenance import parameter_hash
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
-    """Return the aircraft with dynamics of this name, or None if the name is unknown."""
+    """Return the flexible aircraft with the dynamics of a given name, or None if the name is
+    unknown.
+    """
     return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
 
 
 def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
-    """Return parameter -> standard error, or {} for dynamics of other packages."""
+    """Return parameter -> standard error of the aircraft with the given dynamics.
+
+    The result is {} for dynamics of other packages.
+    """
     return parameters.standard_errors if dynamics in VARIANTS else {}
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a parameter set and its hash, or None for other parameters."""
+    """Return the name of a parameter set of the flexible aircraft, and its hash.
+
+    The name is "of the certificate" if the values belong to no named set. Return None if the
+    parameters are those of another aircraft.
+    """
     if set(parameters) != set(Parameters._fields):
         return None
     values = Parameters(**parameters)

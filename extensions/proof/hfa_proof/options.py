@@ -53,7 +53,7 @@ def positive_interval(text: str) -> tuple[float, float]:
 
 
 def interval_of(model: Model, text: str) -> tuple[float, ...]:
-    """Return the ends of LOW:HIGH of the scheduling variable, or one value, as typed."""
+    """Return the ends LOW and HIGH of the scheduling variable, or one value, in the unit typed."""
     return interval(text)
 
 
@@ -80,7 +80,7 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
 
 
 def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
-    """Return the aircraft and the flights that the options define, at any scheduling value.
+    """Return the aircraft and its trims at any scheduling value, as defined by the options.
 
     errors: number of standard errors that the proof covers for each identified parameter
 
@@ -100,7 +100,10 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
 
 
 def refuse_no_certificate(output: Path | None) -> None:
-    """Raise BadInputError if the file of -o is not a .json file."""
+    """Raise BadInputError if the output file of a certificate is not a .json file.
+
+    output: path of the file, or None
+    """
     if output is not None and output.suffix.lower() != ".json":
         raise BadInputError(
             f"{output}: a certificate must be a .json file; give a path with the suffix .json"
@@ -108,9 +111,9 @@ def refuse_no_certificate(output: Path | None) -> None:
 
 
 def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:
-    """Return the loop with the gains of a file, or with its controller if a design is given.
+    """Return the loop of a gain schedule or controller in a file.
 
-    design: design whose actuators the controller uses, or None for gains
+    design: design with the actuators of the controller, or None if the file contains gains
     intervals: intervals of uncertain actuators, or None
     """
     from hfa_proof.search.loops import loop_of_schedule, loop_of_servo

@@ -1,4 +1,4 @@
-"""Text of bounds, rounded outward so that the printed bounds are also proved."""
+"""Text of proved bounds, rounded such that the printed bounds are also proved."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 
 def at_least(value: float, digits: int) -> str:
-    """Return a lower bound as text with this number of digits, rounded down."""
+    """Return a lower bound as text with the given number of digits, rounded down."""
     return _rounded(value, digits, ROUND_FLOOR)
 
 
 def at_most(value: float, digits: int) -> str:
-    """Return an upper bound as text with this number of digits, rounded up."""
+    """Return an upper bound as text with the given number of digits, rounded up."""
     return _rounded(value, digits, ROUND_CEILING)
 
 

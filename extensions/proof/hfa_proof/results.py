@@ -1,4 +1,4 @@
-"""Common parts of proved results about an aircraft at a trim."""
+"""Base class of proved results about an aircraft at a trim, and their text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ NO_BOX = "The set is {V <= rho}, not a box: a state within all of these ranges m
 
 
 class Subject(Protocol):
-    """An aircraft about a trim, as the subject of a proof."""
+    """An aircraft about a trim, as the subject of a proof.
+
+    The moving states are those of the linear model. All other states are constant.
+    """
 
     @property
     def model(self) -> Model:
@@ -35,11 +38,11 @@ class Subject(Protocol):
 
     @property
     def held(self) -> Mapping[str, float]:
-        """Every other state -> its constant value."""
+        """Constant state -> value, for every state that is not a moving state."""
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Parameter of the model -> value, for every parameter."""
+        """Parameter -> value, for every parameter of the model."""
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
@@ -61,7 +64,7 @@ class ProvedResult(Result):
 
     @property
     def states(self) -> Sequence[str]:
-        """Names of the states, in the order of z."""
+        """Names of the moving states, in the order of the deviations z."""
         return self.subject.states
 
     @property
@@ -76,12 +79,12 @@ class ProvedResult(Result):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Parameter of the model -> value."""
+        """Parameter -> value, for every parameter of the model."""
         return self.subject.parameters
 
     @property
     def limits(self) -> Mapping[str, Sequence[float]]:
-        """Signal -> lowest and highest value."""
+        """Signal -> lowest and highest value, for every signal with a limit."""
         return self.subject.limits
 
 
@@ -93,13 +96,13 @@ def limits_in_words(subject: Subject, name: str) -> list[str]:
 
 
 def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str:
-    """Return the deviations (n,) of the states as text, each with name and unit."""
+    """Return state deviations (n,) as text, each with name and unit."""
     pairs = zip(subject.states, np.asarray(place).tolist(), strict=True)
     return ", ".join(f"{name} {subject.model.describe(name, value)}" for name, value in pairs)
 
 
 def outputs_in_words(subject: Subject) -> tuple[str, ...]:
-    """Return a tuple of one line on the limits of outputs, or () if no output has limits."""
+    """Return one line on the limits of outputs in a tuple, or () if no output has limits."""
     listed = []
     for name in subject.model.outputs:
         if name in subject.limits:
@@ -109,7 +112,7 @@ def outputs_in_words(subject: Subject) -> tuple[str, ...]:
 
 
 def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
-    """Return a sentence with the model's name, the hash of its file and all parameter values."""
+    """Return a line with the model's name, the hash of its file and all parameter values."""
     named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in parameters.items())
     file = model.extras.source[1]
     source = f" (SHA-256 of the file: {file[:16]})" if file else ""
@@ -119,7 +122,12 @@ def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
 def polynomial_in_words(
     terms: Iterable[tuple[float, Sequence[int]]], variables: Sequence[str]
 ) -> str:
-    """Return Σ coefficient variables^exponents as text, with six digits per coefficient."""
+    """Return the polynomial Σ coefficient variables^exponents as text, six digits for each
+    coefficient.
+
+    terms: pairs of a coefficient and its exponents
+    variables: names of the variables
+    """
     monomials = []
     for coefficient, exponents in terms:
         powers = zip(variables, exponents, strict=True)
@@ -131,7 +139,7 @@ def polynomial_in_words(
 def curved_policies_in_words(
     policies: Mapping[str, Iterable[tuple[float, Sequence[int]]]], states: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return one line on the policy of each input that is not linear.
+    """Return one line for each input whose policy is not linear, with the terms of the policy.
 
     policies: input -> terms of degree 2 and more
     """

@@ -251,7 +251,7 @@ class Controller:
         return controller
 
     def outputs(self, model: Model) -> tuple[str, ...]:
-        """Return the names of the model's outputs of which the controller measures the whole or a
+        """Return the names of the model's outputs that the controller measures, as a whole or in
         part.
         """
         names = (model.part(name)[0] for name in self.measurements)

@@ -39,7 +39,7 @@ class CheckRequest(PlantOptions, OutputOptions):
     design: Any = design_option("design with the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the origin of the user's aircraft file, or {} without one."""
+        """Return the provenance of the user's aircraft file, or {} if no file is given."""
         return self._origin_of_file({}) if self.own else {}
 
 
@@ -67,7 +67,9 @@ def prove(request: CheckRequest) -> int:
 
 
 def _check(request: CheckRequest, certificate: Path) -> int:
-    """Verify a certificate of a schedule, a game or models, and return the exit code."""
+    """Verify a certificate of a schedule, a game or models, print a report and return the exit
+    code.
+    """
     from hfa_proof.checker.checker import check_certificate
     from hfa_proof.checker.statement import content_of, kind_of_statement
     from hfa_proof.commands.given import given_for

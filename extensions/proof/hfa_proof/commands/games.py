@@ -27,9 +27,10 @@ class Stated(NamedTuple):
 
     request: options of the command
     named: the game
-    family: flights of the aircraft, or None for a plant from a file
-    value: scheduling value as typed, or the trim's value if none is typed, or None for a plant from
-        a file
+    family: aircraft and its trims, or None for a plant from a file
+    value: scheduling value in the unit of the option, by default that of the model's trim, or None
+        for a
+        plant from a file
     """
 
     request: SolutionRequest
@@ -47,8 +48,8 @@ class SolutionRequest(PlantOptions, OutputOptions):
     def stated(self) -> Stated:
         """Return the game that the options define.
 
-        Raises BadInputError if several scheduling values are given, or if proofs do not support the
-        trim.
+        Raises BadInputError if several scheduling values are given, or if the trim has properties
+        that proofs do not support.
         """
         typed = self.at
         request = self
@@ -129,7 +130,9 @@ def critic(request: CriticRequest) -> int:
 
 
 def _prepared(request: SolutionRequest) -> None:
-    """Raise BadInputError if python-flint is not installed, or -o is not a .json file."""
+    """Raise BadInputError if python-flint is not installed, or the output file is not a .json
+    file.
+    """
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
@@ -137,9 +140,11 @@ def _prepared(request: SolutionRequest) -> None:
 
 
 def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
-    """Print the report of a proof and return the exit code, 0 if the claim is proved.
+    """Print the report of a proof and return the exit code, 0 if the full claim is proved.
 
-    If -o is given and a part of the claim is proved, the certificate is written.
+    The certificate is written if an output file is given and a part of the claim is proved.
+
+    critic_file: file of the critic, for the report, or ""
     """
     from hfa_proof.search.report import game_report
 

@@ -40,18 +40,21 @@ _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
 
 
 def names_aircraft(request: PlantOptions) -> bool:
-    """Return whether an option names an aircraft."""
+    """Return whether an option that defines the aircraft or its trim is given."""
     return any(name in request.typed for name in _OF_THE_AIRCRAFT)
 
 
 def aircraft_option(request: PlantOptions) -> str:
-    """Return the option that names the aircraft, or else the option of the scheduling value."""
+    """Return the first given option that defines the aircraft or its trim, for messages.
+
+    If there is no such option, return the option of the scheduling value.
+    """
     named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
     return f"--{named[0]}" if named else f"--{called_at(request.model)}"
 
 
 def at_one_value(request: PlantOptions) -> Any:
-    """Return the request with its one scheduling value in the unit of the model.
+    """Return the request with its one scheduling value converted to the unit of the model.
 
     A request without a scheduling value is returned unchanged.
 
@@ -67,7 +70,7 @@ def at_one_value(request: PlantOptions) -> Any:
 
 
 def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
-    """Return entry path -> value from the user's options.
+    """Return path of an entry of the statement -> the value that the user's options give.
 
     statement: the proved statement
     request: options of the command
@@ -93,7 +96,9 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries of the aircraft, its trims, parameters and limits from the options."""
+    """Return the entries on the aircraft, its parameters, limits and trims that the options
+    give.
+    """
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"
@@ -112,9 +117,9 @@ def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries Q, R and delta that were typed.
+    """Return the entries Q, R and delta that the options give.
 
-    With one of them and an aircraft, E of the usual game is also returned.
+    If one of them and an aircraft are given, the entry E of the default game is also returned.
     """
     given = {
         f"weights.{name}": Given(value, f"--{name}")
@@ -129,7 +134,10 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries of the plant of --model, of its weights, and of the critic."""
+    """Return the entries on the plant, its weights and the critic that the options give.
+
+    Raises BadInputError if an option defines an aircraft.
+    """
     request.refuse(
         (*_OF_THE_AIRCRAFT, "at"),
         "names an aircraft, but the certificate is about a plant; remove this option",
@@ -148,8 +156,9 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 
 
 def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries K, P and W of the critic in --weights.
+    """Return the entries K, P and W of the critic file that is given, or {} if no file is given.
 
+    Raises BadInputError if an option does not apply to a critic.
     Raises NoSolutionError if the file has no K and the statement does not claim that K is the gain
     of the critic's P or W.
     """
@@ -187,11 +196,12 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
 def _given_controller(
     statement: ScheduleStatement | ModelsStatement, request: CheckRequest
 ) -> dict[str, Given]:
-    """Return the entries of the controller in --weights, with the actuators of --design.
+    """Return the entries on the controller in the file of --weights and on the actuators of
+    --design.
 
-    For a statement about models the entries are the breakpoints and gains of the file.
+    For a statement about models, the entries are the breakpoints and gains of the file.
 
-    Raises BadInputError if only one of the loop and the statement has actuators.
+    Raises BadInputError if either the given loop or the statement has no actuators, but not both.
     """
     assert request.weights is not None
     option = f"--weights {request.weights}"
@@ -222,7 +232,9 @@ def _given_controller(
 
 
 def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
-    """Return the intervals of the statement's uncertain actuators, or None if it has none."""
+    """Return the intervals of the statement's uncertain actuators, or None if it has no such
+    actuators.
+    """
     actuators = statement.actuators
     if not isinstance(actuators, UncertainActuators):
         return None

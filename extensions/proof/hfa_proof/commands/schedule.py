@@ -74,9 +74,9 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
 
     def intervals(self) -> Intervals | None:
-        """Return the intervals of uncertain actuators, or None without --bandwidth.
+        """Return the intervals of uncertain actuators, or None if --bandwidth is not given.
 
-        Raises BadInputError for options that do not fit together.
+        Raises BadInputError if an option has no effect without another option that is missing.
         """
         from hfa_proof.search.loops import Intervals
 

@@ -41,11 +41,11 @@ _DIGITS = 55
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Proof(Reported):
-    """A statement and its proof.
+    """A statement with its proof.
 
     statement: the proved statement
-    witness: evidence for the checker, {} if nothing is proved
-    data: the result for JSON, with the entry `proved` except for models
+    witness: data for the checker, {} if no part of the claim is proved
+    data: the result for JSON, with the entry `proved` except for interpolated models
     """
 
     statement: Statement
@@ -59,7 +59,7 @@ class Proof(Reported):
 
     @property
     def proved(self) -> bool:
-        """Whether the full claim is proved, which is true for every proof of models."""
+        """Whether the full claim is proved. For interpolated models, the value is always True."""
         return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:
@@ -67,8 +67,9 @@ class Proof(Reported):
         return proof_report(self.statement, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
-        """Write the certificate, with all digits of every double.
+        """Write the certificate of the proof, with all digits of every double.
 
+        path: file of the certificate
         origin: provenance of the run, which the digest does not cover
 
         Raises NoSolutionError if no part of the claim is proved.
@@ -80,10 +81,9 @@ class Proof(Reported):
 
 
 def witness_content(value: Any) -> Any:
-    """Return a witness as JSON data.
+    """Return a witness in the form that is stored in a certificate.
 
-    - balls: their midpoints as decimals in strings
-    - arrays: lists
+    Balls become their midpoints as decimal numbers in strings, and arrays become lists.
     """
     if isinstance(value, Mapping):
         return {name: witness_content(entry) for name, entry in value.items()}
@@ -95,11 +95,11 @@ def witness_content(value: Any) -> Any:
 
 
 class CertificateFile:
-    """The file of a proof in progress, a valid certificate of the part proved so far.
+    """File of a proof in progress, which is a valid certificate of the part proved so far.
 
-    path: the file
+    path: path of the file
     origin: provenance of the run
-    resume: whether to continue the proof in the file
+    resume: whether to continue the proof that is stored in the file
     """
 
     def __init__(self, path: Path, origin: Provenance, *, resume: bool = False) -> None:
@@ -109,7 +109,12 @@ class CertificateFile:
         self._next = time.monotonic() + _PAUSE
 
     def save(self, proof: Proof, *, finished: bool = False) -> None:
-        """Write the proof, unless it is unfinished and the file was written a short time ago."""
+        """Write the certificate of the part proved so far.
+
+        Nothing is written if the proof is unfinished and the file was written a short time ago.
+
+        finished: whether the proof is finished
+        """
         start = time.monotonic()
         if finished or start > self._next:
             proof.write(self.path, self._origin)
@@ -117,11 +122,13 @@ class CertificateFile:
             self._next = now + max(_PAUSE, _RARELY * (now - start))
 
     def known(self, statement: ScheduleStatement, model: Model) -> Content:
-        """Return the verified witness of an earlier run, or {} without --resume.
+        """Return the verified witness of an earlier run, or {} if no run is resumed.
 
-        statement: the statement to prove, whose trims and proved values are not compared
+        statement: the statement to prove. Its trims and proved values are not compared with the
+            file.
 
-        Raises BadInputError if the file is not a certificate of this statement or is not verified.
+        Raises BadInputError if the file is not a certificate of this statement, was written by
+        another version, or is not verified.
         """
         if not self._resume:
             return {}
@@ -142,7 +149,9 @@ class CertificateFile:
 
 
 def _subject(content: Content) -> Content:
-    """Return the entries of a statement on flight, controller and actuators, without trims."""
+    """Return the entries of a statement on aircraft, controller and actuators, without stated
+    trims.
+    """
     subject = {
         name: value
         for name, value in content.items()

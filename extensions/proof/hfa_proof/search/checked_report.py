@@ -42,7 +42,7 @@ from hfa_support.reporting.text import Table
 
 
 def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
-    """Return the report of a verified statement.
+    """Return the report of a statement that the checker has proved.
 
     not_given: parts of the statement that were not compared, because the user did not give them
     """
@@ -104,9 +104,10 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
 
 
 def _checked_verdict(statement: Statement, data: Content) -> str:
-    """Return the verdict on a verified statement: proved, refuted or open.
+    """Return the first words of the report: whether the statement proves, refutes or leaves open
+        the claim.
 
-    data: data of the report, with `proved`
+    data: data of the report, with the entry `proved`
     """
     if data["proved"]:
         return "Verified, proved"
@@ -118,7 +119,10 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
 
 
 def _flight_said(flight: Flight) -> tuple[str, Content]:
-    """Return text and data about the aircraft, its trims, limits and parameter errors."""
+    """Return text and data about the aircraft of a statement.
+
+    They contain its parameters, their errors, its trims and limits.
+    """
     model = flight.model
     lines = [_aircraft_said(flight)]
     lines.append(f"trims at {_values_said(model, flight.imposed)}")
@@ -148,7 +152,9 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
 
 
 def _identity(flight: Flight) -> tuple[str, str] | None:
-    """Return the name and the hash of the parameters, or None for an aircraft from a file."""
+    """Return the name and the hash of the parameters, or None for an aircraft from a user's
+    file.
+    """
     return None if flight.model.extras.source[1] else identity_of(flight.parameters)
 
 
@@ -189,7 +195,7 @@ def _plain(value: Any) -> str:
 
 
 def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
-    """Return a table of the distances and text about modes and delta_min.
+    """Return a table of the distances of the critic, and text about modes and delta_min.
 
     The proved values are added to `data`.
     """
@@ -237,7 +243,7 @@ def _weights_said(weights: Weights) -> list[str]:
 
 
 def _matrix_said(values: np.ndarray) -> str:
-    """Return a short text for a matrix: I, its diagonal, or its size and SHA-256."""
+    """Return a matrix as short text: "I", its diagonal, or its size and SHA-256."""
     diagonal = np.diag(values)
     if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
         if set(diagonal.tolist()) == {1.0}:

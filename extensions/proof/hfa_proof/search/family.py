@@ -1,6 +1,6 @@
 """Trims of an aircraft over an interval of its scheduling variable, as polynomials on boxes.
 
-The trims are computed in doubles, and the checker's test proves them on every box.
+The trims are computed in double precision. The checker's test then proves them on every box.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _STEPS = 4
 
 
 class Box(NamedTuple):
-    """Interval of scheduling values from `low` to `high`, as exact doubles in the user's unit."""
+    """Box of scheduling values from `low` to `high`, as exact doubles in the user's unit."""
 
     low: float
     high: float
@@ -66,12 +66,15 @@ def bisected(
 ) -> Iterator[tuple[Box, Proved | None]]:
     """Yield boxes, each with the result of `prove`.
 
-    A box is halved if `prove` returns None, or raises Undecided or Rejected. A box no wider than
-    `narrowest` is not halved and is yielded with None.
+    A box is halved if `prove` returns None, or raises Undecided or Rejected. A box that is no wider
+    than `narrowest` is not halved. If such a box is not proved, it is yielded with None.
 
-    start: boxes up to this value are skipped, and boxes that contain it are halved without a trial,
-        so
-        that a resumed proof has the same boxes as an uninterrupted one
+    boxes: boxes to prove, in ascending order
+    prove: box -> result, or None
+    narrowest: smallest width of a box that is halved
+    start: end of the part that is already proved. Boxes below it are skipped, and boxes that
+        contain it
+        are halved without a trial. A resumed proof then has the same boxes as an uninterrupted one.
     """
     waiting = list(boxes)[::-1]
     while waiting:
@@ -95,7 +98,7 @@ class Family:
     """Trims of an aircraft at any value of its scheduling variable.
 
     model: the aircraft with its declared parameter values
-    flights: imposed and free variables, or None for the variables of the model's trim
+    flights: trim condition, or None for the condition of the model's trim
     spread: parameter -> half-width of the possible values
     """
 
@@ -107,8 +110,8 @@ class Family:
     def step(self) -> float:
         """Unit of box widths, in the unit of the scheduling variable.
 
-        The step of an angle is 1 deg. The step of another variable is the power of two nearest to π
-        / 180 nominal values, on a logarithmic scale.
+        The unit is 1 deg for an angle. For another variable, it is the power of two nearest to π /
+        180 nominal values on a logarithmic scale.
         """
         if self.model.schedule_unit == "deg":
             return 1.0
@@ -123,7 +126,7 @@ class Family:
         return flights.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
-        """Return the trim at a scheduling value, in doubles.
+        """Return the trim at a scheduling value, in double precision.
 
         Raises TrimError if there is no trim.
         """
@@ -134,7 +137,7 @@ class Family:
         return find_operating_point(model, self.condition(scheduling_value))
 
     def flight(self, low: float, high: float) -> Flight:
-        """Return the flights of an interval in the form of a statement, without stated trims.
+        """Return the trims from `low` to `high` in the form of a statement, without stated trims.
 
         Raises BadInputError if a limit is wider than the model's.
         """
@@ -160,6 +163,7 @@ class Family:
     def check(self, low: float, high: float) -> None:
         """Raise BadInputError unless proofs support the trims from `low` to `high`.
 
+        The conditions are:
         - The model has a scheduling variable.
         - No imposed value depends on the scheduling variable.
         - All rates of the trim are 0.
@@ -193,11 +197,11 @@ class Family:
 
 
 class TrimSearch:
-    """Trims of a family on boxes, and the linear models that the checker proves there.
+    """Trims of an aircraft on boxes of scheduling values, and the linear models proved there.
 
-    family: the trims
+    family: aircraft and its trims
     low, high: ends of the interval
-    measured: outputs of the linear models
+    measured: names of the outputs of the linear models
 
     Raises BadInputError if an equation that depends on no unknown is not satisfied.
     """
@@ -214,10 +218,10 @@ class TrimSearch:
         self._refuse_what_nothing_balances(low)
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """Return the linear model on a box.
+        """Return the linear model that the checker proves on a box.
 
         Raises Undecided or Rejected if the box is too wide or a trim may exceed its limits. Raises
-        TrimError if the center has no trim.
+        TrimError if no trim exists at the center.
         """
         if box not in self._linear_models:
             trim = self.trim_box(box)
@@ -225,7 +229,10 @@ class TrimSearch:
         return self._linear_models[box]
 
     def _refuse_what_nothing_balances(self, low: float) -> None:
-        """Raise BadInputError if an equation that depends on no unknown is not satisfied."""
+        """Raise BadInputError if an equation that depends on no unknown is not satisfied at a trim.
+
+        low: scheduling value of the trim
+        """
         start = self.family.point(low).values
         trim = TrimBox(low, low, {}, {})
         values: dict[str, Any] = known_values(self.flight, trim, decimals=False)
@@ -240,7 +247,9 @@ class TrimSearch:
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
-        """Return polynomials of the trims on a box, and radii for the checker's proof."""
+        """Return polynomials of the trims on a box, and the radii within which the checker can
+        prove them.
+        """
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)
         C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))
@@ -258,9 +267,10 @@ class TrimSearch:
         return trim
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
-        """Return the trim at a scheduling value, in the form of a witness.
+        """Return the center and the radii of the trim at a scheduling value.
 
-        The radii contain the trim for the stored doubles, and for all decimals that round to them.
+        The radii are those for the stored doubles, and those for all decimal numbers that round to
+        them.
         """
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)
@@ -274,13 +284,13 @@ class TrimSearch:
         return PointTrim(center, of_doubles, of_decimals)
 
     def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
-        """Return unknown -> radius within which the root is to be proved.
+        """Return unknown -> radius within which the checker can prove the trim.
 
         The radius is √n times the size of the Newton step C F times `room`, plus a small multiple
         of the nominal value.
 
-        C: approximation of F_w⁻¹
-        residual: F at the center
+        C: approximate inverse of F_w
+        residual: residual F of the trim equations
         """
         unknowns = self._equations.unknowns
         steps = (C * residual.range()).entries()
@@ -292,14 +302,17 @@ class TrimSearch:
         return radii
 
     def stated_trim(self, scheduling_value: float) -> StatedTrim:
-        """Return the trim at a scheduling value, in doubles, in the form of a statement."""
+        """Return the trim at a scheduling value as stated in a certificate, rounded to doubles."""
         values = map(float, self._newton(scheduling_value))
         return StatedTrim(
             scheduling_value, dict(zip(self._equations.unknowns, values, strict=True))
         )
 
     def _newton(self, scheduling_value: float, *, precise: bool = False) -> list[arb]:
-        """Return the unknowns at a scheduling value, rounded to doubles unless `precise`."""
+        """Return the values of the unknowns at a scheduling value, by Newton's method.
+
+        precise: whether to use more steps and to keep all digits instead of rounding to doubles
+        """
         unknowns = self._equations.unknowns
         start = self.family.point(scheduling_value).values
         values = [arb(float(start[name])) for name in unknowns]
@@ -313,7 +326,7 @@ class TrimSearch:
         return values if precise else [arb(float(value)) for value in values]
 
     def _residual(self, trim: TrimBox, *, decimals: bool = True) -> TaylorModel:
-        """Return F at the polynomials of a box, as a column.
+        """Return the residual F of the trim equations at the polynomials of a box, a column.
 
         decimals: whether to cover all decimal numbers that round to the stored doubles
         """
@@ -324,7 +337,10 @@ class TrimSearch:
         return stacked([[residual[row]] for row in self._rows])
 
     def _slopes(self, scheduling_value: float, values: Sequence[arb]) -> Any:
-        """Return the Jacobian F_w at a scheduling value and values of the unknowns."""
+        """Return the Jacobian F_w of the trim equations at a scheduling value.
+
+        values: values of the unknowns
+        """
         trim = TrimBox(scheduling_value, scheduling_value, {}, {})
         imposed = known_values(self.flight, trim, decimals=False)
         at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}
@@ -335,7 +351,7 @@ class TrimSearch:
     def _add_errors(self, trim: TrimBox, C: Any) -> None:
         """Add the first-order effects of the parameter errors to the polynomials of a box.
 
-        C: approximation of F_w⁻¹
+        C: approximate inverse of F_w
         """
         for index, slope in enumerate(self._residual(trim).parts[4:]):
             steps = (C * slope).entries()

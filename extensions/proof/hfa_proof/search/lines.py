@@ -1,4 +1,4 @@
-"""Search, in doubles, for matrices H that count the eigenvalues on each side of a line."""
+"""Search, in double precision, for matrices H that count the eigenvalues on each side of a line."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _DEPENDENT = 1e12
 
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
-    """Return the number of eigenvalues with Re λ > -rate of every matrix, and the line.
+    """Return the number of eigenvalues with Re λ > -rate, and a matrix H that proves the number.
 
-    Return None if no line proves a number.
+    Return None if no matrix H that proves a number is found.
 
-    A: the matrices, (n, n)
+    A: Taylor model of a matrix, (n, n)
     rate: 1/s
     """
     for H, turn in _candidates(A, rate):
@@ -36,7 +36,11 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """Return the nearest line found on each side of the imaginary axis, at most one per side."""
+    """Return lines Re λ = -rate on which no eigenvalue of A is proved to be, with their matrices H.
+
+    The list contains the nearest line found on each side of the imaginary axis, at most one per
+    side.
+    """
     abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
     lines = []
     for side in (-1.0, 1.0):
@@ -57,7 +61,9 @@ def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
 
 
 def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
-    """Return bounds on the number of eigenvalues with positive real part, and lines as proof."""
+    """Return (lowest, highest) number of eigenvalues with positive real part, and lines as
+    proof.
+    """
     on_axis = find_line(A)
     if on_axis is not None:
         count, line = on_axis
@@ -73,14 +79,14 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
 
 
 def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield matrices H (n, n) for the center of a box, and coordinates T in which to prove each.
+    """Yield matrices H (n, n) for the center of a box, and coordinates T in which to test each.
 
     H = T⁻ᵀ diag(±h) T⁻¹, with T the eigenvectors of the center matrix. Each h > 0 tolerates a
     different set of deviations from the center matrix. N is the largest effect of the set in these
-    coordinates, and h = y/x with G x = 1, G'y = 1 and G = diag|Re λ + a| - N. If G has a positive
-    inverse, diag(h) G + G'diag(h) is positive definite (Berman and Plemmons 1979). h = 1/|Re λ + a|
-    solves Lyapunov's equation and suffices for small deviations. If the eigenvectors are nearly
-    dependent, Lyapunov's equation is solved for A instead.
+    coordinates. With G = diag|Re λ + a| - N, G x = 1 and G'y = 1, the vector is h = y/x. If G has a
+    positive inverse, diag(h) G + G'diag(h) is positive definite (Berman and Plemmons 1979). h =
+    1/|Re λ + a| solves Lyapunov's equation and suffices for small deviations. If the eigenvectors
+    are nearly dependent, Lyapunov's equation is solved for the center matrix instead.
     """
     middle, *additions = A.parts
     A_middle = doubles(middle)
@@ -137,8 +143,8 @@ def _shares(
 def _lyapunov_candidate(A: np.ndarray, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield H of (A + a I)'H + H (A + a I) = -I with a = rate, and its eigenvectors.
 
-    Nothing is yielded if two eigenvalues are nearly mirror images in the line Re λ = -a, so that
-    the equation is nearly singular.
+    Nothing is yielded if two eigenvalues are nearly mirror images in the line Re λ = -a. The
+    equation is then nearly singular.
     """
     from scipy.linalg import solve_continuous_lyapunov
 

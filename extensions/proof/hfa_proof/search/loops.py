@@ -1,4 +1,4 @@
-"""Controllers and actuators of a statement, from gains, designs and exact games."""
+"""Controllers and actuators of proofs, from gains, designs and exact solutions of games."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ _DIGITS = 10
 class Intervals:
     """Intervals of uncertain actuators.
 
-    bandwidth: lowest and highest, rad/s
-    effectiveness: lowest and highest factor
-    delay: largest, s
+    bandwidth: lowest and highest bandwidth, rad/s
+    effectiveness: lowest and highest effectiveness, a factor on the command
+    delay: largest delay, s
     """
 
     bandwidth: tuple[float, float]
@@ -54,13 +54,17 @@ class Intervals:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """Controller and actuators in a proof of a schedule."""
+    """Controller and actuators in the proof of a schedule.
+
+    controller: the controller
+    actuators: the actuators, or None
+    """
 
     controller: Controller
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """Return the parts of the interval between breakpoints.
+        """Return the interval from `low` to `high` divided at the breakpoints of the controller.
 
         Raises BadInputError if the breakpoints do not cover the interval, or unless low < high.
         """
@@ -81,12 +85,14 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """Return the loop of gains u = -K x.
+    """Return the loop of a gain schedule u = -K x.
 
     The loop has uncertain first-order actuators if intervals are given.
 
-    breakpoints: (g,), values of the scheduling variable
-    K: (g, m, n), or with intervals also (g, m, n + m), the last m columns for actuator positions
+    breakpoints: values of the scheduling variable, (g,)
+    K: gains, (g, m, n). With intervals also (g, m, n + m), with the last m columns for the
+        positions of
+        the actuators.
     intervals: intervals of bandwidth, effectiveness and delay of the actuators, or None
 
     Raises BadInputError if there are fewer than two breakpoints or K has another number of columns.
@@ -134,14 +140,14 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """Return the loop of a scheduled controller without its commands, and its actuators.
+    """Return the loop of a scheduled controller without its command inputs, and its actuators.
 
     actuators: input -> actuator of the design
     intervals: intervals of bandwidth, effectiveness and delay that replace the actuators' values,
-        or
-        None
+        or None
 
-    Raises BadInputError, which names an input without an actuator or an unsupported measurement.
+    Raises BadInputError with the name of an input without an actuator or of an unsupported
+    measurement.
     """
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]
@@ -182,10 +188,12 @@ def loop_of_servo(
 def exact_gains(
     family: Family, low: float, high: float, intervals: Intervals | None, **changes: Any
 ) -> Loop:
-    """Return the loop of the exact game's gains at breakpoints from `low` to `high`.
+    """Return the loop of the gains of the exact game at breakpoints from `low` to `high`.
 
-    intervals: if given, the gains are those of an LQR for the aircraft with its slowest actuators
-    changes: weights that differ from the usual game
+    intervals: intervals of uncertain actuators, or None. With intervals, the game is that of the
+        aircraft
+        with its slowest actuators, without disturbance unless delta is changed.
+    changes: weights that differ from the default game, name -> value
     """
     model = family.model
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
@@ -204,8 +212,9 @@ def exact_gains(
 def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, Any]) -> Game:
     """Return the game of the aircraft with first-order actuators, whose positions have no weight.
 
-    slowest: bandwidth, rad/s
-    changes: weights that the user typed. Without R, the usual R is multiplied by `_SLOWER`.
+    slowest: bandwidth of the actuators, rad/s
+    changes: weights that the user typed, name -> value. Without R, the default R is multiplied by
+        `_SLOWER`. Without delta, the game has no disturbance.
     """
     n, m = game.B.shape
     A = np.block([[game.A, game.B], [np.zeros((m, n)), -slowest * np.eye(m)]])
