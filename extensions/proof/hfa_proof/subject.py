@@ -1,7 +1,7 @@
 """Comparison of a certificate's statement with the user's data.
 
-Each kind of statement has a table of its fields. A field with a subject is compared if the user
-gave it. The first line of the report names the subjects that were not given.
+Each kind of statement has a table of its entries. An entry that is not a claim is compared if the
+user gave a value. The first line of the report names the entries that were not given.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ _COLUMNS = 100
 
 
 class Field(NamedTuple):
-    """Treatment of a field of a statement.
+    """Treatment of an entry of a statement.
 
-    subject: name of the field in the first line of a report, or "" for a claim, which is not
-        compared
-    shown: whether a report shows the field, apart from the digest
+    subject: name of the entry in the first line of a report if the user does not give a value, or
+        "" for
+        a claim, which is not compared
+    shown: whether a report shows the entry, apart from the digest
     """
 
     subject: str = ""
@@ -55,7 +56,7 @@ def _same(stated: Any, own: Any) -> bool:
 
 
 def _numbers(stated: Any) -> np.ndarray:
-    """Return the entries as doubles, or an empty array if they are not numbers."""
+    """Return the entries of an array as doubles, or an empty array if they are not numbers."""
     try:
         return np.asarray(stated, dtype=float)
     except (TypeError, ValueError):
@@ -63,11 +64,12 @@ def _numbers(stated: Any) -> np.ndarray:
 
 
 class Given(NamedTuple):
-    """An entry from the user's data.
+    """A value from the user's data that is compared with an entry of a statement.
 
-    value: the user's value, in the form of a statement's content
+    value: the value, in the form that is stored in a certificate
     option: the option that gave the value
-    same: (stated, own) -> whether the values agree, exact equality by default
+    same: (value in the certificate, user's value) -> whether the values agree, exact equality by
+        default
     """
 
     value: Any
@@ -76,10 +78,11 @@ class Given(NamedTuple):
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
-    """Return a comparison of matrices: stated, own -> whether they agree.
+    """Return a comparison of matrices, (value in the certificate, user's value) -> whether they
+    agree.
 
     Two matrices agree if their shapes are equal and no difference exceeds `relative` times the
-    largest entry of the own matrix.
+    largest absolute entry of the user's matrix.
     """
 
     def same(stated: Any, own: Any) -> bool:
@@ -94,9 +97,10 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
 
 
 def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of numbers by name: stated, own -> whether they agree.
+    """Return a comparison of numbers by name, (value in the certificate, user's value) -> whether
+    they agree.
 
-    widths: name -> largest difference
+    widths: name -> largest permitted difference
     """
 
     def same(stated: Any, own: Any) -> bool:
@@ -111,11 +115,11 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
     """Return the subjects that the user did not give, in the order of the table.
 
     content: content of a statement
-    table: every field of statements of this kind
-    given: path -> the user's value
+    table: all entries of statements of this kind
+    given: path of an entry -> the user's value
 
-    Raises NoSolutionError if an entry differs from the user's. Raises BadInputError if the user
-    gave a field that the statement does not have.
+    Raises NoSolutionError if an entry differs from the user's value. Raises BadInputError if the
+    user gave a value for an entry that the statement does not have.
     """
     stated = dict(entries_of(content, table))
     for path, own in given.items():
@@ -135,10 +139,11 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
-    """Return the name of the first differing entry for a message.
+    """Return the name of the first entry that differs from the user's value, for a message.
 
-    - Two mappings with a differing key: "limit of KEY" if `name` is "limits", else the key
-    - Otherwise: `name`
+    - Entry `limits`: "limit of KEY", with the first key whose values differ
+    - Other entries that are objects: the first key whose values differ
+    - Other entries: `name`
 
     name: name of the entry
     stated: value in the certificate
@@ -152,7 +157,7 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
 
 
 def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
-    """Yield path and value of every entry.
+    """Yield path and value of every entry of a statement.
 
     Raises LookupError if an entry is not in the table.
     """
@@ -184,9 +189,10 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
 
 
 def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
-    """Return a claim, the subjects that the user did not give, and the effects not covered.
+    """Return the first line of a report.
 
-    The effects are on a new line if the line would exceed 100 columns.
+    The line contains the claim, the subjects that the user did not give, and the effects not
+    covered. The effects are on a second line if the line would exceed 100 columns.
 
     not_given: names of the subjects
     not_covered: names of the effects

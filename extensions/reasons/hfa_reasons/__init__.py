@@ -1,1 +1,4 @@
-"""Reasons why a critic is wrong: the mistake, or another game, that explains its numbers."""
+"""Search for the reason why a critic is wrong.
+
+The reason is a mistake, or another game of which the critic is the solution.
+"""

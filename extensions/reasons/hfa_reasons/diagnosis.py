@@ -1,6 +1,6 @@
 """Search for the mistake in a wrong critic.
 
-A mistake, or another game that the critic may solve, is named if reversing it removes almost all of
+A mistake, or another game that the critic may solve, is named if its reversal removes almost all of
 the error. The permitted remaining part is larger for common mistakes in noisy data, and for
 networks, which are compared by approximations.
 """
@@ -69,8 +69,9 @@ _PER_DEGREE = 180.0 / math.pi
 class Demands(NamedTuple):
     """Thresholds for naming a mistake.
 
-    left: `Hypothesis.fitted` -> permitted remaining part of the error. The part is smaller if
-        numbers were fitted, because fitted numbers explain part of any error.
+    left: kind of the fitted numbers (`Hypothesis.fitted`) -> permitted remaining part of the error.
+        The
+        part is smaller if numbers were fitted, because fitted numbers explain part of any error.
     least: error below which `_EXACT` applies.
     entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
     share: fraction of the informative entries that must satisfy `entry`.
@@ -97,7 +98,7 @@ class Cause(NamedTuple):
 
     share: remaining part of the error, relative to the permitted part.
     error: remaining error, relative to the exact matrix.
-    says: text of the mistake, or "" without a mistake.
+    says: sentence on the mistake, or "" if no mistake is found.
     """
 
     share: float

@@ -227,7 +227,11 @@ def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, An
 def _uncertain(
     orders: Sequence[int], dampings: Sequence[float], intervals: Intervals
 ) -> UncertainActuators:
-    """Return uncertain actuators with these orders and damping ratios."""
+    """Return uncertain actuators with the given orders and damping ratios.
+
+    orders: 1 or 2, for each input
+    dampings: damping ratio, for each input
+    """
     return UncertainActuators(
         tuple(orders),
         np.array(dampings, dtype=float),

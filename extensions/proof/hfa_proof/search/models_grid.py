@@ -1,7 +1,7 @@
 """Search for the fewest breakpoints with a proved bound of the interpolation error between them.
 
-The search uses doubles. The checker's tests prove trims, A, B and K on every cell, and their
-difference from the linear interpolation.
+The search uses double precision. The checker's tests prove trims, A, B and K on every cell, and
+their difference from the linear interpolation.
 """
 
 from __future__ import annotations
@@ -58,7 +58,13 @@ _PARTS = ("A", "B", "inputs", "K")
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A box of scheduling values with its proved linear model and solution of the game."""
+    """A box of scheduling values with its proved linear model and solution of the game.
+
+    box: the box
+    linear: the linear model
+    solution_box: stated enclosure of the solution
+    exact: proved enclosure of the solution
+    """
 
     box: Box
     linear: LinearModelBox
@@ -66,7 +72,11 @@ class Cell:
     exact: Solution
 
     def at(self, s: float) -> dict[str, np.ndarray]:
-        """Return A, B, inputs and K at an end of the cell, s = -1 or 1, in doubles."""
+        """Return A, B, the trim inputs and K at an end of the cell, name -> matrix in double
+        precision.
+
+        s: -1 for the lower end, 1 for the upper end
+        """
         models = {
             "A": self.linear.A,
             "B": self.linear.B,
@@ -117,7 +127,7 @@ def prove_models(
 
 
 class GridSearch:
-    """Cells of an interval, in increasing order, and grids whose breakpoints are ends of cells.
+    """Consecutive cells of an interval, and grids whose breakpoints are ends of cells.
 
     family, low, high, tolerance: as for `prove_models`
     """
@@ -133,7 +143,7 @@ class GridSearch:
         self._weights = weights_of(self._game)
 
     def add(self, box: Box) -> None:
-        """Prove a box, or its parts, and append the cells.
+        """Prove the models on a box, halved as often as necessary, and append the cells.
 
         Raises NoSolutionError if a box of the smallest width is not proved.
         """
@@ -146,10 +156,13 @@ class GridSearch:
             self.cells.append(cell)
 
     def _prove(self, box: Box) -> Cell | None:
-        """Return the proved cell of a box.
+        """Return the proved cell of a box, or None if the box must be halved.
 
-        Return None if the errors with breakpoints at the ends of the box exceed `_LOOSE` times the
-        tolerance, so that the box has to be halved.
+        The box must be halved if the errors with breakpoints at its ends exceed `_LOOSE` times the
+        tolerance, unless the box has the smallest width.
+
+        Raises Undecided or Rejected if the trim or the solution of the game is not proved on the
+        box.
         """
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)
@@ -161,7 +174,9 @@ class GridSearch:
         return cell
 
     def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
-        """Return the cell with the proved solution of the game.
+        """Return the cell of a box, with the proved solution of the game.
+
+        linear: linear model on the box
 
         Raises Rejected if no solution is proved.
         """
@@ -174,10 +189,10 @@ class GridSearch:
         raise Rejected("the solution of the game is not proved on this box")
 
     def coarsest(self) -> tuple[list[int], dict[str, float]]:
-        """Return the breakpoints of the coarsest grid, and the largest errors.
+        """Return the breakpoints of the coarsest permitted grid, and its largest errors by name.
 
-        A breakpoint is given by the index of the cell that begins there, the last breakpoint by the
-        number of cells.
+        A breakpoint is given as the index of the cell that begins there. The last breakpoint is
+        given as the number of cells.
 
         Raises NoSolutionError if the error on a single cell exceeds the tolerance.
         """
@@ -208,7 +223,7 @@ class GridSearch:
         """Return the models at breakpoints, in the form of a statement.
 
         ends: index of the cell that begins at each breakpoint, or the number of cells for the last
-            end
+            breakpoint
         """
         count = len(self.cells)
         return self._tables(
@@ -222,9 +237,10 @@ class GridSearch:
         return ModelsStatement(self._flight, self._weights, breakpoints, **tables, errors={})
 
     def _errors(self, first: int, last: int) -> dict[str, float]:
-        """Return the largest errors on the cells from `first` to before `last`.
+        """Return name -> largest error on the cells from `first` to before `last`.
 
-        The models are interpolated between the outer ends of these cells.
+        The models are interpolated between the lower end of the first and the upper end of the last
+        cell.
         """
         tables = self.tables([first, last])
         largest = dict.fromkeys(_PARTS, 0.0)
@@ -235,9 +251,11 @@ class GridSearch:
 
 
 def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> SolutionBox:
-    """Return P(s) of the game on a box to second order, with a reach from the Newton step.
+    """Return an unproved enclosure of the solution of the game on a box.
 
-    Raises Rejected if A - S P is not found Hurwitz.
+    The enclosure is a polynomial P(s) of degree 2, with a radius from the Newton step.
+
+    Raises Rejected if A - S P is not Hurwitz in double precision.
     """
     middle = replace(game, A=doubles(linear.A.parts[0]), B=doubles(linear.B.parts[0]))
     units = NormalForm.of(middle).units
@@ -262,7 +280,10 @@ def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> Solu
 
 
 def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the symmetric P in these units at s = -_ZERO, 0 and _ZERO."""
+    """Yield the symmetric solution P of the game at s = -_ZERO, 0 and _ZERO.
+
+    units: units of the states in which P is expressed, (n,)
+    """
     for s in (-_ZERO, 0.0, _ZERO):
         A, B = (doubles(model.polynomial_at(s)) for model in (linear.A, linear.B))
         form = NormalForm.of(replace(game, A=A, B=B))

@@ -34,9 +34,9 @@ INTERPOLATION_ERRORS = {
 
 
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Return the runs, with adjacent runs of equal results merged.
+    """Return consecutive intervals with results, in which neighbors with equal results are merged.
 
-    runs: (low, high, result), in increasing order
+    runs: (low, high, result), in ascending order
     """
     together: list[tuple[float, float, Found]] = []
     for low, high, result in runs:
@@ -48,9 +48,10 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
 
 
 def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """Return the intervals (low, high) between `low` and `high` that no run covers, in order.
+    """Return the intervals (low, high) between `low` and `high` that no run covers, in ascending
+    order.
 
-    runs: runs in any order, which may overlap
+    runs: intervals with results, in any order, which may overlap
     """
     empty = []
     reached = low
@@ -64,10 +65,10 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 
 
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
-    """Return scheduling values as data.
+    """Return key -> scheduling values, as an entry of the data of a report.
 
-    The key is `dihedral_deg` for the flexible aircraft, otherwise the scheduling variable's name in
-    `scheduled`.
+    For the flexible aircraft, the entry is `dihedral_deg`. For another aircraft, the entry is
+    `scheduled` and contains the name of the scheduling variable.
     """
     if model.extras.names_schedule:
         return {model.schedule_key: breakpoints}
@@ -158,10 +159,10 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
     """Return sentences and tables about the proved, refuted and open parts of a schedule.
 
-    The tables list the numbers of unstable modes of the loop and of A.
+    The tables list the numbers of unstable modes of the loop and of the aircraft.
 
-    moving: whether a rate of the scheduling variable is claimed
-    data: data of the report, for the number of boxes
+    moving: whether stability for a moving scheduling variable is claimed
+    data: data of the report, which contain the number of boxes
     """
     flight = statement.flight
     variable = flight.model.schedule
@@ -189,9 +190,8 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
 def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
     """Return sentences on the intervals where the loop is unstable, open or stable.
 
-    statement: the statement
-    stable: whether no run of the loop has, or may have, an unstable mode
-    data: data of the report, for the number of boxes
+    stable: whether the loop is proved stable on the whole interval
+    data: data of the report, which contain the number of boxes
     """
     flight = statement.flight
     unit = flight.model.schedule_unit
@@ -231,9 +231,9 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
 
 
 def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
-    """Return text about the actuators that the statement covers.
+    """Return text about the intervals of the actuators that the statement covers.
 
-    stable: whether the loop is proved stable, without which the text says "requested"
+    stable: whether the loop is proved stable. If not, the text begins with "requested".
     """
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
@@ -246,19 +246,21 @@ def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
 
 
 def _span(run: Run) -> str:
-    """Return the interval of a run as text: "5 to 15"."""
+    """Return the range of scheduling values of a run as text, such as "5 to 15"."""
     return f"{run.low:.10g} to {run.high:.10g}"
 
 
 def count_said(run: Run) -> str:
-    """Return the number of unstable modes as text: "2", or "0 to 2" if only bounds are proved."""
+    """Return the number of unstable modes as text, such as "2", or "0 to 2" if only bounds are
+    proved.
+    """
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 
 
 def game_report(
     data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "the critic"
 ) -> Report:
-    """Return the report of a proof about a game, for a solution or for a critic.
+    """Return the report of a proof about the solution of a game or about a critic.
 
     data: data of the proof, with "solution" or "critic" as the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...
@@ -296,7 +298,7 @@ def _critic_parts(data: Content) -> list[Part]:
 
 
 def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
-    """Return a table of the proved statements about a solution, and a table of P."""
+    """Return a table of the claims about a solution with their results, and a table of P."""
     above = data["delta_min_above"]
     most = data["delta_min_at_most"]
     bracket = "open"
@@ -323,14 +325,22 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
-    """Return a clause on a closed loop: proved Hurwitz, proved not Hurwitz, or open for None."""
+    """Return a clause on a closed loop.
+
+    The clause reports that the loop is proved Hurwitz for True, proved not Hurwitz for False, and
+    open for None.
+    """
     if closed_loop is None:
         return "open: a mode may lie on the axis"
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"
 
 
 def _models_report(statement: ModelsStatement, data: Content) -> Report:
-    """Return the report of interpolated models: bounds and steps, with the matrices as records."""
+    """Return the report of interpolated models.
+
+    The report contains the bounds of the errors and the steps between breakpoints. The records
+    contain the matrices.
+    """
     model = statement.flight.model
     breakpoints = statement.breakpoints
     unit = model.schedule_unit
@@ -353,7 +363,10 @@ def _models_report(statement: ModelsStatement, data: Content) -> Report:
 
 
 def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
-    """Return a row for every entry: breakpoint, matrix, row, column, value and unit."""
+    """Return (breakpoint, matrix, row, column, value, unit) of every entry of the models.
+
+    The matrices are A, B and K, and the trim inputs U0.
+    """
     model = statement.flight.model
     states = model.linear
     inputs = tuple(model.inputs)
@@ -373,6 +386,6 @@ def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
 
 
 def interval_said(flight: Flight) -> str:
-    """Return the interval of scheduling values as text: "dihedral from 5 to 15 deg"."""
+    """Return the interval of scheduling values as text, such as "dihedral from 5 to 15 deg"."""
     unit = flight.model.schedule_unit
     return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"

@@ -127,7 +127,7 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def model(self) -> Model:
-        """The aircraft."""
+        """The aircraft whose models are interpolated."""
         return self.statement.flight.model
 
     @property
@@ -155,14 +155,14 @@ class InterpolatedModels(StatesAndInputs, Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertificateData(Result):
-    """The file of a certificate.
+    """Content of the file of a certificate.
 
     kind: schedule, game, models, region, region-boxes or cost-boxes.
     toolchain: version of the program that wrote the file.
     statement: the claim.
-    witness: the evidence.
-    digest: SHA-256 of the text before it, equal for equal proofs.
-    checksum: SHA-256 of the text before it, including the provenance.
+    witness: data for the proof.
+    digest: SHA-256 of the text before this entry, equal for equal proofs.
+    checksum: SHA-256 of the text before this entry, including the provenance.
     """
 
     schema = "hfa.certificate/9"

@@ -1,7 +1,7 @@
 """Search for a proof that the trim exists and the loop is stable at every scheduling value.
 
 The unstable modes are counted on boxes. For a moving scheduling value, a Lyapunov function that
-depends on the scheduling value is proved to decrease.
+depends on this value is proved to decrease.
 """
 
 from __future__ import annotations
@@ -65,10 +65,12 @@ _POWER = 8
 
 @dataclass(frozen=True, eq=False)
 class ProvedBox:
-    """A box with its proved bounds of the number of unstable modes and its entry in a certificate.
+    """A box of scheduling values with its proved number of unstable modes.
 
-    rate: decay rate, 1/s
-    content: the entry
+    box: the box
+    least, most: lowest and highest number of unstable modes
+    rate: proved decay rate, 1/s
+    content: data for the proof, as stored in a certificate
     """
 
     box: Box
@@ -79,7 +81,7 @@ class ProvedBox:
 
     @property
     def run(self) -> Run:
-        """The bounds of the box, as a run."""
+        """The proved numbers of unstable modes over the box."""
         return Run(self.box.low, self.box.high, self.least, self.most)
 
 
@@ -94,16 +96,16 @@ def prove_schedule(
     file: CertificateFile | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """Return a proof of the numbers of unstable modes of the loop and of A, on boxes.
+    """Return a proof of the numbers of unstable modes of the loop and of the aircraft, on boxes.
 
-    family: the trims
+    family: aircraft and its trims
     loop: controller and actuators, or gains u = -K x
     low, high: ends of the interval of the scheduling value
     moving: whether to prove stability for a moving scheduling value too
-    file: the certificate, which is written during the proof, or None
+    file: file of the certificate, which is written during the proof, or None
 
-    Raises NoSolutionError if a scheduling value has no trim, and BadInputError if the controller or
-    the model does not cover the interval.
+    Raises NoSolutionError if no trim exists at a scheduling value. Raises BadInputError if the
+    controller or the model does not cover the interval.
     """
     if isinstance(loop, GainSchedule):
         loop = loop_of_schedule(loop)
@@ -129,7 +131,12 @@ def prove_schedule(
 
 
 class ScheduleSearch:
-    """Search for the proof of a loop on an interval of scheduling values."""
+    """Search for the proof of a loop on an interval of scheduling values.
+
+    family: aircraft and its trims
+    loop: controller and actuators
+    low, high: ends of the interval
+    """
 
     def __init__(self, family: Family, loop: Loop, low: float, high: float) -> None:
         self.family = family
@@ -145,9 +152,11 @@ class ScheduleSearch:
         self.motion: Content | None = None
 
     def prove(self, name: str) -> Iterator[Box]:
-        """Yield each box, in increasing order, after its proof or if it remains open.
+        """Prove the number of unstable modes on boxes, and yield each box, in ascending order.
 
-        name: "loop", or "modes" for the modes of A
+        A box that is not proved is also yielded. The boxes of an earlier run are not repeated.
+
+        name: "loop" for the closed loop, "modes" for the aircraft
         """
         prove = self._prove_loop if name == "loop" else self._prove_modes
         narrowest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
@@ -160,7 +169,8 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Return a box on which the number of unstable modes of the loop is proved, or None.
+        """Return a box with the proved number of unstable modes of the loop, or None if it is not
+        proved.
 
         A stable loop is proved with a decay rate, or with Lyapunov functions if the actuators are
         uncertain.
@@ -185,7 +195,12 @@ class ScheduleSearch:
         return self._counted(box, self.linear_model(box).A, 0.0)
 
     def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """Return a box with the proved number of eigenvalues of A with Re λ > -rate, or None."""
+        """Return a box with the number of eigenvalues of A with Re λ > -rate, or None if it is not
+        proved.
+
+        A: Taylor model of the matrix on the box
+        rate: 1/s
+        """
         proof = find_line(A, rate)
         if proof is None:
             return None
@@ -194,7 +209,9 @@ class ScheduleSearch:
         return ProvedBox(box, count, count, rate, content)
 
     def bound_crossings(self) -> None:
-        """Prove bounds of A's number of unstable modes on the intervals where it is not counted."""
+        """Prove bounds on the aircraft's number of unstable modes where the exact number is not
+        proved.
+        """
         widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         counted = [proved.run for proved in self.boxes["modes"]]
         for low, high in gaps(counted, self.low, self.high):
@@ -211,7 +228,8 @@ class ScheduleSearch:
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
 
     def prove_motion(self, progress: Progress | None) -> None:
-        """Prove a rate up to which the scheduling value may move, and store it with its proof.
+        """Prove stability while the scheduling value moves, and store the largest proved rate and
+        its proof.
 
         Nothing is stored if no rate is proved.
         """
@@ -224,7 +242,7 @@ class ScheduleSearch:
                 return
 
     def resume(self, witness: Content) -> None:
-        """Append the boxes of an earlier run.
+        """Append the boxes that an earlier run has proved.
 
         witness: verified witness of the earlier run
         """
@@ -256,7 +274,7 @@ class ScheduleSearch:
         )
 
     def proof(self) -> Proof:
-        """Return the statement with its witness."""
+        """Return the statement that the present boxes prove, with its witness."""
         witness: Content = {
             name: [proved.content for proved in boxes] for name, boxes in self.boxes.items()
         }
@@ -265,7 +283,9 @@ class ScheduleSearch:
         return Proof(self.statement(), witness)
 
     def data(self) -> Content:
-        """Return further data of the result: bounds of A and B on each box, and V of the motion."""
+        """Return further data of the result: ranges of A and B on each box, and V for a moving
+        scheduling value.
+        """
         boxes = []
         for proved in self.boxes["loop"]:
             linear = self.linear_model(proved.box)
@@ -292,7 +312,9 @@ class ScheduleSearch:
         return closed_loop(linear, self.family.model, self.loop.controller, self.loop.actuators)
 
     def _runs(self, name: str, size: int) -> tuple[Run, ...]:
-        """Return runs over the whole interval: the proved bounds, and 0 to `size` elsewhere.
+        """Return the numbers of unstable modes over the whole interval.
+
+        Where nothing is proved, the bounds are 0 and `size`.
 
         name: "loop" or "modes"
         size: number of eigenvalues
@@ -308,7 +330,7 @@ class ScheduleSearch:
         return tuple(Run(low, high, *bounds) for low, high, bounds in joined(runs))
 
     def _stated_trims(self) -> tuple[StatedTrim, ...]:
-        """Return a stated trim at the beginning of each contiguous set of boxes."""
+        """Return the trim at the beginning of each contiguous set of boxes, for the statement."""
         boxes = sorted(proved.box for name in self.boxes for proved in self.boxes[name])
         starts = []
         reached = -math.inf
@@ -320,12 +342,14 @@ class ScheduleSearch:
 
 
 class MotionSearch:
-    """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
+    """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a limit.
 
-    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 is proved for both signs of the largest η', and therefore
-    holds for all rates between them. P solves F'P + P F = -W at every breakpoint, with the same W,
-    and is linear between breakpoints. V is therefore continuous, and P is as smooth as F even where
-    modes of F coincide.
+    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 is proved for η' at both limits, and therefore holds for all
+    rates between them. P solves F'P + P F = -W at every breakpoint, with the same W, and is linear
+    between breakpoints. V is therefore continuous, and P is as smooth as F even where modes of F
+    coincide.
+
+    search: search for the proof of the loop
     """
 
     def __init__(self, search: ScheduleSearch) -> None:
@@ -344,8 +368,10 @@ class MotionSearch:
         The rates are fractions of the largest rate that a Lyapunov function allows at the centers
         of the boxes. `self.P` stores the P of this function at the ends of the boxes.
 
-        The result is [] if a loop cannot be enclosed or is not stable, or a P is not positive
-        definite.
+        The list is empty in these cases:
+        - The loop on a box cannot be enclosed.
+        - The loop is not stable at the center of a box.
+        - P is not positive definite at an end of a box.
         """
         try:
             loops = [self._search.closed_loop(box) for box in self._boxes]
@@ -373,7 +399,10 @@ class MotionSearch:
         return rates
 
     def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
-        """Return the boxes that prove a rate, or [] if it is not proved on all of them."""
+        """Return the boxes that together prove a rate, as stored in a certificate.
+
+        The list is empty if the rate is not proved on every box.
+        """
         narrowest = _NARROWEST_MOVING * self._search.family.step
         proved: list[Content] = []
         for whole in told(self._boxes, progress):
@@ -405,11 +434,13 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 
 def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
-    """Return the largest rate that was found, and its W > 0.
+    """Return the largest rate of the scheduling variable that was found, and its W > 0.
 
     A rate η' requires W ± η' dP/dη > 0 at all points (A, dA/dη). For the first W, P is the identity
-    in the modes of the center point. W is then moved, step by step, toward Σ |dP/dη|^p, the sum
-    over the points in units of W. The power p gives the largest terms the most weight.
+    in the modes of the center point. W is then moved, step by step, toward Σ |dP/dη|^p. The sum is
+    over the points, in units of W. The power p gives the largest terms the most weight.
+
+    points: pairs (A, dA/dη) of matrices (n, n)
     """
     W = _first_weight(points[len(points) // 2][0])
     best = (0.0, np.eye(len(W)))
@@ -436,7 +467,10 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
 
 
 def _first_weight(A: np.ndarray) -> np.ndarray:
-    """Return W for which P is the identity in the modes of A, or I if the modes are dependent."""
+    """Return W (n, n) for which P is the identity in the modes of A.
+
+    If the modes are nearly dependent, W is the identity.
+    """
     values, vectors = np.linalg.eig(A)
     try:
         inverse = np.linalg.inv(vectors)
@@ -448,7 +482,7 @@ def _first_weight(A: np.ndarray) -> np.ndarray:
 
 
 def _ends(entries: TaylorModel) -> list[list[list[float]]]:
-    """Return the lowest and highest value of each entry on a box, rounded outward."""
+    """Return [lowest, highest] of each entry of a matrix on a box, rounded outward."""
     rows = []
     for row in entries.range().tolist():
         ends = [(float(entry.lower()), float(entry.upper())) for entry in row]

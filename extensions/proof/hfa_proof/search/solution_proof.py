@@ -65,7 +65,7 @@ _SHARP = 1e-6
 def weights_of(game: Game) -> Weights:
     """Return the weights of a game in the form of a statement.
 
-    Raises NoSolutionError unless Q >= 0 and R > 0, which is decided exactly.
+    Raises NoSolutionError unless Q >= 0 and R > 0. The test is exact.
     """
     Q = (game.Q + game.Q.T) / 2
     R = (game.R + game.R.T) / 2
@@ -85,12 +85,12 @@ def weights_of(game: Game) -> Weights:
 class ExactGame:
     """A game with enclosures of A and B.
 
-    game: the game in doubles
-    weights: weights of the statement
-    plant: plant of the statement
-    trim: trim of A and B, or None for a plant given by matrices
+    game: the game in double precision
+    weights: weights of the game, in the form of a statement
+    plant: plant of the game, in the form of a statement
+    trim: enclosure of the trim, or None for a plant given by matrices
     doubles: A and B for the stored doubles
-    wide: A and B for every number that rounds to these doubles
+    wide: A and B for every number that rounds to the stored doubles
     """
 
     game: Game
@@ -106,12 +106,11 @@ class ExactGame:
     ) -> ExactGame:
         """Return a game with enclosures of its A and B.
 
-        game: the game in doubles
-        family: trims whose linear model has A and B, or None if the game's A and B are exact
-        scheduling_value: scheduling value of the linear model, or None without a family
+        game: the game in double precision
+        family: aircraft whose linear model has A and B, or None if the game's A and B are exact
+        scheduling_value: scheduling value of the linear model, or None if `family` is None
 
-        Raises NoSolutionError if Q or R is not definite as `weights_of` requires, or no trim is
-        found.
+        Raises NoSolutionError unless Q >= 0 and R > 0, or if no trim is found.
         """
         weights = weights_of(game)
         if family is None or scheduling_value is None:
@@ -140,9 +139,10 @@ class ExactGame:
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
     def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
-        """Return the evidence and the enclosure of the stabilizing solution P.
+        """Return an enclosure of the stabilizing solution P, as stated in a certificate and as
+        proved.
 
-        decimals: whether to cover every number that rounds to the doubles
+        decimals: whether to cover every number that rounds to the stored doubles
         lowest: sign that the lowest eigenvalue of P must have
 
         Raises NoSolutionError if the enclosure or the sign is not proved.
@@ -160,10 +160,10 @@ class ExactGame:
         return True
 
     def why_no_value(self) -> SolutionBox | list[float] | None:
-        """Return evidence that the game has no value, or None if there is no proof.
+        """Return a proof that the game has no value, or None if no proof is found.
 
-        The evidence is a stabilizing solution with a negative eigenvalue, or frequencies (rad/s)
-        between which the Hamiltonian matrix has an eigenvalue on the imaginary axis.
+        The proof is a stabilizing solution with a negative eigenvalue, or frequencies (rad/s)
+        between which the Hamiltonian matrix H has an eigenvalue on the imaginary axis.
         """
         try:
             return self.solution(lowest=-1)[0]
@@ -179,7 +179,8 @@ class ExactGame:
     def _frequencies_of_both_signs(self) -> Iterator[float]:
         """Yield one ω with det(j ω I - H) > 0 and one with det(j ω I - H) < 0, if they are found.
 
-        Frequencies near the eigenvalues of H closest to the imaginary axis are tried.
+        H is the Hamiltonian matrix. Frequencies near the eigenvalues of H closest to the imaginary
+        axis are tried.
         """
         values = np.linalg.eigvals(NormalForm.of(self.game).hamiltonian)
         nearest = np.argsort(np.abs(values.real))[:4]
@@ -205,7 +206,11 @@ class ExactGame:
 
 
 def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
-    """Return P of the Riccati equation with evidence, by Newton's method from a Schur solution.
+    """Return an unproved enclosure of the stabilizing solution P of a game.
+
+    P is computed by Newton's method from the solution by the Schur form.
+
+    A, B: enclosures of the matrices of the game
 
     Raises NoSolutionError if no solution is found or A - S P is not proved Hurwitz.
     """
@@ -255,11 +260,11 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """Proved bracket refused < delta_min <= value.
+    """Proved bounds of delta_min, refused < delta_min <= value.
 
     value: a delta at which the game has a value
     refused: a delta at which the game has no value
-    why: evidence for `refused`
+    why: proof that the game has no value at `refused`
     """
 
     value: float
@@ -270,15 +275,15 @@ class Bracket:
 def prove_delta_min(
     exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
 ) -> Bracket | None:
-    """Return a proved bracket of delta_min, or None if no bracket is proved.
+    """Return proved bounds of delta_min, or None if no bounds are proved.
 
-    The bracket is narrowed to the relative width `WIDTH`, or as far as proofs are found.
+    The bounds are narrowed to the relative width `WIDTH`, or as far as proofs are found. The values
+    of delta for which the game has a value form an interval (delta_min, inf] (Basar and Bernhard,
+    Theorem 4.11).
 
     exact: the game, whose own delta is not used
-    in_doubles: delta_min as computed in doubles, where the search begins
-
-    The values of delta for which the game has a value form an interval (delta_min, inf] (Basar and
-    Bernhard, Theorem 4.11).
+    in_doubles: delta_min in double precision, where the search begins
+    progress: called with the current step, or None
     """
     if in_doubles.value <= 0.0:
         return None
@@ -317,7 +322,7 @@ def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -
 
 
 def _tell(progress: Progress | None, what: str) -> None:
-    """Report the current step."""
+    """Call the progress function, if there is one, with the current step."""
     if progress is not None:
         progress(0, 1, what)
 
@@ -331,15 +336,16 @@ def prove_solution(
 ) -> Proof:
     """Return a proof that encloses the stabilizing solution of a game.
 
-    game: the game in doubles
-    family: trims whose linear model has A and B, or None if the game's A and B are exact
-    scheduling_value: scheduling value of that linear model, or None without a family
-    progress: called with the current step
+    game: the game in double precision
+    family: aircraft whose linear model has A and B, or None if the game's A and B are exact
+    scheduling_value: scheduling value of this linear model, or None if `family` is None
+    progress: called with the current step, or None
 
-    The proof's `data` contains the printed P and `relative_radius`, within which the exact solution
-    lies (Frobenius norm). With a family, the radius also covers every number that rounds to the
-    stored parameters. P > 0 and A - S P Hurwitz are always proved. The attribute `proved` is True
-    if A - B K is also proved Hurwitz and delta is above a proved bracket of delta_min.
+    The proof's `data` contains the printed P and `relative_radius`, the largest relative distance
+    of the exact solution from the printed P (Frobenius norm). With a family, the radius also covers
+    every number that rounds to the stored parameters. P > 0 and A - S P Hurwitz are always proved.
+    The attribute `proved` is True if A - B K is also proved Hurwitz and delta is above the proved
+    bounds of delta_min.
 
     Raises NoSolutionError if the game has no value or its solution cannot be enclosed.
 
@@ -414,7 +420,7 @@ def prove_critic(
 
     The attribute `proved` of the result is True if A - B K is proved Hurwitz.
 
-    Raises BadInputError for a network, and NoSolutionError if the exact solution cannot be
+    Raises BadInputError for a network. Raises NoSolutionError if the exact solution cannot be
     enclosed.
 
     >>> import hfa
@@ -460,9 +466,12 @@ def prove_critic(
 
 
 def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
-    """Return whether K follows from the critic's P and W, by the test of the checker.
+    """Return whether K is proved to be the gain of the critic's P and W, by the test of the
+    checker.
 
     Return False for a critic that has only K.
+
+    parts: name -> matrix of the critic
     """
     if len(parts) == 1:
         return False
@@ -474,9 +483,9 @@ def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
-    """Return the entry of the trim in a witness, or {} without a trim.
+    """Return the entry `trim` of a witness, or {} if the trim is None.
 
-    The entry is unknown -> center, radius and wide radius.
+    The entry is unknown -> [center, radius, wide radius].
     """
     if trim is None:
         return {}

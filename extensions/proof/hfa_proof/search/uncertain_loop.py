@@ -1,7 +1,8 @@
 """Search for proofs of a loop whose actuators have uncertain bandwidth, effectiveness and delay.
 
-One Lyapunov function is found for all bandwidths of a piece. The condition is a matrix inequality,
-linear in H and X, at the ends of each piece. The checker proves the inequality (`check_pieces`).
+One Lyapunov function is found for all bandwidths of an interval. The condition is a matrix
+inequality that is linear in H and X, at both ends of the interval. The checker proves the
+inequality (`check_pieces`).
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """Return pieces that prove the loop on a box for all of its actuators, or []."""
+    """Return Lyapunov functions that prove the loop on a box for all of its actuators.
+
+    The list is empty if none are found.
+    """
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
@@ -36,9 +40,10 @@ def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]
 def _pieces(
     loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float], halvings: int
 ) -> list[Piece]:
-    """Return pieces for an interval of bandwidths, or [] if none are found.
+    """Return Lyapunov functions that together cover an interval of bandwidths.
 
-    The interval is halved, at most `halvings` times, if no single piece is found.
+    The interval is halved, at most `halvings` times, if no single function is found. The list is
+    empty if a part is not covered.
     """
     piece = _piece(loop, actuators, bandwidth)
     low, high = bandwidth
@@ -82,7 +87,7 @@ def _piece(
 def _points(
     loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return pairs of ζ' and (q, z), as rows that act on (ζ, d, e).
+    """Return pairs of matrices for ζ' and for (q, z), which act on the vector (ζ, d, e).
 
     There is one pair for each end of the box and each end of the bandwidths.
     """
@@ -107,13 +112,15 @@ def _points(
 
 
 def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the matrix of the form in (ζ, d, e) that must be positive definite.
+    """Return the matrix of the quadratic form in (ζ, d, e) that must be positive definite.
 
-    The form is -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q - z'X_2 z.
+    The form is -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q - z'X_2 z, with ζ' the rates in the second
+    factor.
 
-    rates: (n, n + 2 a), ζ'
-    rows: (2 a, n + 2 a), q and z
-    X: (2 a,), diagonals of X_1 and X_2
+    rates: matrix of ζ', (n, n + 2 a)
+    rows: matrix of q and z, (2 a, n + 2 a)
+    H: (n, n)
+    X: diagonals of X_1 and X_2, (2 a,)
     """
     n, size = rates.shape
     growth = np.eye(size)[:, :n] @ H @ rates
@@ -123,11 +130,14 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
 def common_lyapunov(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return H and X for all points (rates, rows), in doubles, or None if they are not found.
+    """Return H and the diagonals of X in double precision for all points, or None if none are
+    found.
 
     Clarabel (Goulart and Chen, 2024) maximizes t such that the form of `decrease` minus t I is
     positive semidefinite at all points, with 0 <= H <= I and 0 <= X <= 100, in the modes of the
     mean rates. A solution needs t > 0.
+
+    points: pairs of matrices, as returned by `_points`
     """
     n, size = points[0][0].shape
     mean = np.mean([rates for rates, _ in points], axis=0)
