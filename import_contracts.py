@@ -1,6 +1,6 @@
-"""Import contracts that list the allowed packages. `make lint` checks them.
+"""Import contracts in which a package may import, or be imported by, only the listed packages.
 
-Indirect imports are included.
+`make lint` checks the contracts. Indirect imports are included.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ class ImportsNothingBut(Contract):
     """Contract that modules import only the allowed packages, directly or indirectly.
 
     modules: packages whose imports are checked
-    allowed: packages that may be imported
+    allowed: packages that the modules may import
     """
 
     modules = fields.ListField(subfield=fields.ModuleExpressionField())
     allowed = fields.ListField(subfield=fields.ModuleExpressionField())
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
-        """Return whether the contract is kept, with the shortest chain for each forbidden import.
+        """Return whether the contract is kept, with the shortest chain of imports for each
+        violation.
 
         A chain consists of the modules from the checked module to the first forbidden one.
         """
@@ -64,7 +65,11 @@ class ImportsNothingBut(Contract):
 
 
 class ImportedByNothingBut(ImportsNothingBut):
-    """Contract that only the allowed packages import the modules, directly or indirectly."""
+    """Contract that modules are imported only by the allowed packages, directly or indirectly.
+
+    modules: packages whose importers are checked
+    allowed: packages that may import the modules
+    """
 
     def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
         inside = allowed | _within(graph, self.modules)
@@ -78,6 +83,9 @@ class ImportedByNothingBut(ImportsNothingBut):
 
 
 def _within(graph: ImportGraph, packages: Iterable[object]) -> set[str]:
-    """Return the names of the packages and of all modules in them."""
+    """Return the names of packages and of all modules in them.
+
+    packages: expressions of import-linter for the packages
+    """
     found = module_expressions_to_modules(graph, packages, as_packages=True)
     return {module.name for module in found}

@@ -40,7 +40,11 @@ TOLERANCE = 1e-10
 
 
 def arrays(python: str, command: str) -> dict[str, np.ndarray]:
-    """Run a command with this Python interpreter and return name -> array from its JSON output."""
+    """Return the arrays in the JSON output of a command of `hfa`, name -> array.
+
+    python: Python interpreter that runs the command
+    command: a key of `COMMANDS`, which lists the names of the arrays
+    """
     words = [python, "-P", "-m", "hfa", *command.split(), "--json"]
     data = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     return {name: np.array(data[name], dtype=float) for name in COMMANDS[command]}
@@ -49,7 +53,7 @@ def arrays(python: str, command: str) -> dict[str, np.ndarray]:
 @nox.session(python=["3.11", "3.12", "3.13", "3.14"])
 @nox.parametrize("versions", ["oldest", "newest"])
 def matrix(session: nox.Session, versions: str) -> None:
-    """Install the dependencies, compare results with .venv, and run tests.
+    """Install the dependencies, compare results of commands with those in .venv, and run tests.
 
     versions: "oldest" or "newest". The oldest versions are tested only with the oldest Python.
     """

@@ -22,8 +22,9 @@ from hfa_support.files import read_toml
 
 
 class Number(NamedTuple):
-    """Declaration of a number from `lowest` to `highest`.
+    """Declaration of a number in a file, from `lowest` to `highest`.
 
+    lowest, highest: limits
     above: whether `lowest` itself is excluded
     infinite: whether an infinite number is allowed
     """
@@ -61,13 +62,15 @@ POSITIVE = Number(0.0, above=True)
 
 
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
-    """Return a value of a file, checked against its declaration, with numbers converted to floats.
+    """Return a value of a user's file, with numbers converted to floats.
 
     where: the file, for the message
+    value: the value
     declared: declaration of the value
     entry: name of the entry, for the message
 
-    Raises BadInputError with the file, the entry and the requirement.
+    Raises BadInputError, with the file, the entry and the requirement, if the value does not match
+    its declaration.
     """
     if isinstance(declared, Number):
         number = declared.of(value)

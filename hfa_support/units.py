@@ -28,7 +28,7 @@ def si_unit(unit: str) -> str:
 
 
 def si_factor(unit: str) -> float:
-    """Return the number of SI units in one English unit, for example 0.3048 for ft/s.
+    """Return the conversion factor from an English unit to SI, for example 0.3048 for ft/s.
 
     All units after "/" divide, up to the end of the bracket.
     """
@@ -36,7 +36,7 @@ def si_factor(unit: str) -> float:
 
 
 def _product(words: Iterator[str]) -> float:
-    """Return the conversion factor of a product of units.
+    """Return the conversion factor from a product of English units to SI.
 
     words: units, exponents, "/" and brackets, in order, which are read up to the closing bracket
     """
@@ -57,10 +57,9 @@ def _product(words: Iterator[str]) -> float:
 
 
 def conversion(stated: str, unit: str) -> float | None:
-    """Return the factor that converts numbers in unit `stated` to numbers in `unit`.
+    """Return the factor that converts numbers in unit `stated` to numbers in `unit`, or None.
 
-    The factor is known for equal units, and for an English unit and its SI unit. For other units
-    None is returned.
+    The factor is known for equal units, and for an English unit and its SI unit.
     """
     if stated == unit:
         return 1.0

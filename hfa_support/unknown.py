@@ -1,6 +1,7 @@
-"""Handling of unknown attributes, arguments and public names.
+"""Handling of unknown attributes, unsuitable arguments and unknown public names.
 
-An installed package may supply them. Otherwise the error suggests the nearest known names.
+An installed package may supply or correct them. Otherwise the error suggests the nearest known
+names.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from hfa_support.errors import BadInputError, advice, numbers_in, shown
 def attribute_of(value: Any, name: str, *more: str) -> Any:
     """Return an attribute that an installed package adds to a result.
 
+    value: the result
+    name: name of the attribute
     more: further attribute names that the message may suggest
 
-    Raises AttributeError with the nearest attributes if no package supplies it.
+    Raises AttributeError with the nearest attributes if no package supplies the attribute.
     """
     if "notebook.attribute" in offered(PARTS):
         return part(PARTS, "notebook.attribute", "")(value, name, *more)
@@ -29,11 +32,13 @@ def attribute_of(value: Any, name: str, *more: str) -> Any:
 
 
 def no_attribute(value: object, name: str, *more: str) -> AttributeError:
-    """Return the AttributeError for an unknown attribute, with the nearest attributes.
+    """Return the AttributeError for an unknown attribute of a result, with the nearest attributes.
 
-    If the class has a property of this name, the property's own error is raised.
-
+    value: the result
+    name: name of the attribute
     more: further attribute names that the message may suggest
+
+    If the class has a property of this name, the error that the property raises is raised here.
     """
     if hasattr(type(value), name):
         object.__getattribute__(value, name)
@@ -44,11 +49,13 @@ def no_attribute(value: object, name: str, *more: str) -> AttributeError:
 def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     """Return the BadInputError for an argument that does not match its annotation.
 
-    If an array was expected and the value has a faulty row, a BadInputError that names the row is
-    raised instead.
-
     name: name of the function, for the message
+    parameter: name of the argument
+    value: the given value
     wanted: description of a valid argument
+
+    Raises BadInputError, which names the row, if an array was expected and the value has a faulty
+    row.
     """
     if wanted.endswith("an array of numbers") and type(value) in (list, tuple, np.ndarray):
         numbers_in(f"{name}: {parameter}", value)
@@ -79,10 +86,10 @@ def mismatch(
 ) -> BadInputError:
     """Return the BadInputError for a call with missing, unknown or too many arguments.
 
-    Raises `error` itself if the arguments match the signature.
-
     name: name of the function, for the message
     error: TypeError that the call raised
+
+    Raises `error` itself if the arguments match the signature of the function.
     """
     signature = inspect.signature(function)
     try:
@@ -100,10 +107,16 @@ def result_as_meant(
     named: dict[str, Any],
     error: BadInputError,
 ) -> Any:
-    """Return the result of a failed call, repeated with corrected arguments.
-
-    An installed package supplies the correction. Raises `error` if no package corrects the
+    """Return the result of a function for corrected arguments, after a call with unsuitable
     arguments.
+
+    An installed package supplies the correction.
+
+    checked: the function
+    arguments, named: arguments of the failed call
+    error: error to raise if the arguments are not corrected
+
+    Raises `error` if no package corrects the arguments.
     """
     meant = None
     if "notebook.call" in offered(PARTS):
@@ -119,10 +132,12 @@ def unknown_name(
 ) -> Callable[..., Any]:
     """Return the function that an installed package supplies for an unknown public name.
 
+    package: package in which the name was sought
+    name: the unknown name
     get: function that returns the object with a public name
     known: the public names
 
-    Raises AttributeError with the nearest names if no package supplies it.
+    Raises AttributeError with the nearest names if no package supplies the function.
     """
     is_module = find_spec(f"{package}.{name}") is not None  # Python imports it after this error
     if not is_module and package == "hfa" and "notebook.function" in offered(PARTS):

@@ -42,9 +42,9 @@ class Limits:
         names: Sequence[str],
         changes: Mapping[str, tuple[float, float]] | None = None,
     ) -> Limits:
-        """Return the limits of the named signals.
+        """Return the limits of the named signals of a model.
 
-        changes: name -> (lowest, highest), instead of the declared min and max
+        changes: name -> (lowest, highest), instead of the declared min and max; None for no changes
         """
         pairs = [(name, *ends) for name, ends in (changes or {}).items()]
         return _limits(model, tuple(names), tuple(pairs))
@@ -58,13 +58,15 @@ class Limits:
         return (array >= self.least) & (array <= self.most)
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) that are at their lowest limit, up to `NEAR`, or
-        below."""
+        """Return the mask of the values (..., k) at or below their lowest limit, up to a tolerance
+        `NEAR`.
+        """
         return np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest)
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) that are at their highest limit, up to `NEAR`, or
-        above."""
+        """Return the mask of the values (..., k) at or above their highest limit, up to a tolerance
+        `NEAR`.
+        """
         return np.asarray(values) >= self.highest - NEAR * self._measure(self.highest)
 
     def between(self, name: str) -> str:
@@ -75,7 +77,7 @@ class Limits:
         return f"{lowest} and {highest}"
 
     def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
-        """Return a sentence for each of the values (k,) that is not within its limits."""
+        """Return an error sentence for each of the values (k,) that is not within its limits."""
         sentences = []
         for index in np.flatnonzero(~self.within(values)).tolist():
             name = self.names[index]
@@ -86,7 +88,12 @@ class Limits:
         return sentences
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """Return nominal + |limit|, (k,), the scale of the tolerances; 0 without a limit."""
+        """Return the scale of the tolerance at each limit, nominal + |limit|, (k,).
+
+        The scale is 0 for a signal without this limit.
+
+        limit: `lowest` or `highest`, (k,)
+        """
         nominal = np.array([self.model.signals[name].nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
@@ -95,9 +102,9 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """Return the limits of the named signals, from a cache.
+    """Return the limits of the named signals of a model. The results are cached.
 
-    changes: (name, lowest, highest), instead of the declared min and max
+    changes: (name, lowest, highest) for signals with other limits than the declared min and max
     """
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []

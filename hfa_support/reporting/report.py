@@ -151,7 +151,9 @@ class Reported:
         return fields_report(self)
 
     def save(self, path: Path) -> None:
-        """Write the data of the report as .json, .npz or .mat, or its records as .csv."""
+        """Write the result to a data file: the report's data (.json, .npz, .mat) or its records
+        (.csv).
+        """
         self.report().save(Path(path))
 
     def to_pandas(self) -> Any:
@@ -170,9 +172,10 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return the entry with this name, so that point.alpha is point["alpha"].
+            """Return an entry of the result by its name, so that point.alpha is point["alpha"].
 
-            If there is no such entry, return an attribute that an extension adds (`attribute_of`).
+            If there is no such entry, an attribute that an extension adds is returned
+            (`attribute_of`).
             """
             if name[0] == "_":
                 raise AttributeError(name)

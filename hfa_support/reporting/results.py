@@ -30,11 +30,11 @@ Record = Annotated[Any, Mapping[str, float]]
 
 
 class Entry(NamedTuple):
-    """Entry of the data of a result.
+    """Entry in the data of a result.
 
     name: key of the entry
     path: names of nested attributes that lead to the value. The value is None if one of the
-      attributes is None
+      attributes is None.
     is_optional: whether the entry is omitted if its value is None or empty
     """
 
@@ -60,7 +60,7 @@ class Result:
     json_keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
-        """Return key -> value of the entries, in which arrays are kept as arrays."""
+        """Return the entries of the result, key -> value. Arrays are kept as arrays."""
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
         for entry in declared_entries(type(self)):
             value = reduce(_attribute, entry.path, self)
@@ -69,22 +69,27 @@ class Result:
         return data
 
     def to_dict(self) -> dict[str, Any]:
-        """Return key -> value of the entries, in which all values can be written as JSON."""
+        """Return the entries of the result, key -> value, with values that JSON can contain."""
         data: dict[str, Any] = jsonable(self.as_data())
         return data
 
 
 def _attribute(value: Any, name: str) -> Any:
-    """Return the attribute of a value, or None if the value is None."""
+    """Return an attribute of an object, or None if the object is None."""
     return None if value is None else getattr(value, name)
 
 
 def plain(value: Any) -> Any:
-    """Convert a value to the form stored in files.
+    """Return a value in the form that is stored in files. The items of lists and mappings are
+    converted.
 
-    Results and named tuples become dictionaries. A complex number becomes [re, im]. A number that
-    is not finite becomes None. Real arrays are unchanged, and complex arrays gain a last axis (re,
-    im).
+    - results, named tuples, mappings: dictionaries
+    - lists and tuples: lists
+    - members of an Enum: their values
+    - complex numbers: [re, im]
+    - numbers that are not finite: None
+    - complex arrays: real arrays with a last axis (re, im)
+    - real arrays and other values: unchanged
     """
     if isinstance(value, Result):
         return value.as_data()
@@ -111,7 +116,7 @@ def _is_empty(value: Any) -> bool:
 
 
 def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
-    """Return the entries that a class of results declares, in order."""
+    """Return the entries that a class of results declares, in the order of its data."""
     if kind.json_keys:
         return tuple(map(_entry, kind.json_keys.split()))
     shown = [field for field in fields(kind) if field.repr]  # type: ignore[arg-type]
@@ -119,7 +124,7 @@ def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
 
 
 def _entry(text: str) -> Entry:
-    """Parse a declaration KEY, KEY? or KEY=FIELD.PROPERTY."""
+    """Return the entry of a declaration KEY, KEY? or KEY=FIELD.PROPERTY (`Result.json_keys`)."""
     key, _, path = text.partition("=")
     name = key.removesuffix("?")
     return Entry(name, tuple((path or name).split(".")), key.endswith("?"))

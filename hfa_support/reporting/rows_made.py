@@ -7,7 +7,7 @@ from typing import Any
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
-    """Sequence of `count` rows, each computed when it is accessed."""
+    """Sequence of the rows of a table, each computed when it is accessed."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
         self._count = count

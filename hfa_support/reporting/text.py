@@ -23,14 +23,21 @@ _GAP = "  "
 
 
 class Table(NamedTuple):
-    """Header and rows of a table, for a terminal or a CSV file."""
+    """Header and rows of a table, for a terminal or a CSV file.
+
+    header: names of the columns
+    rows: one tuple of cells or values for each row
+    """
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]
 
 
 class Cell(str):
-    """Text of a table cell with a tone, which is a key of `TONES` or ""."""
+    """Text of a table cell, with a tone that colors it.
+
+    tone: a key of `TONES`, or "" for no color
+    """
 
     tone: str
 
@@ -49,9 +56,9 @@ _OBEYED = re.compile(
 
 
 def printable(text: str, lines: bool = True) -> str:
-    r"""Return a text with control characters escaped, for example as \\x1b.
+    r"""Return a text with control characters escaped, for example as \x1b.
 
-    lines: whether line breaks are kept, or become blanks
+    lines: True to keep line breaks; False to replace them by blanks
     """
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
@@ -63,12 +70,15 @@ def matrix_table(
     column_names: tuple[str, ...],
     matrix: Any,
 ) -> Table:
-    """Return a table of a matrix with row and column names and four decimals, as in the paper.
+    """Return a table of a matrix, with the names of its rows and columns and four decimals.
 
     An entry above `ROUNDING` that rounds to 0 is printed with an exponent. All entries are printed
     with an exponent if the largest magnitude is nonzero and below `_LEAST`, or at least `_MOST`.
 
     name: text above the row names
+    rows: names of the rows
+    column_names: names of the columns
+    matrix: (rows, columns)
     """
     largest = float(np.abs(matrix).max(initial=0.0))
     form = _entry_text if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
@@ -79,7 +89,9 @@ def matrix_table(
 def entry_rows(
     P: tuple[np.ndarray, ...], K: tuple[np.ndarray, ...], names: Any
 ) -> list[tuple[Any, ...]]:
-    """Return rows (matrix, row name, column name, an entry for each matrix, unit), P before K.
+    """Return table rows that compare several P and several K entry by entry, P before K.
+
+    A row is ("P" or "K", row name, column name, the entry of each matrix, unit).
 
     P: matrices (n, n) to compare
     K: matrices (m, n) to compare
@@ -105,27 +117,32 @@ def entry_rows(
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
-    """Return the names "x1", "x2", ... for this letter and count."""
+    """Return `count` names that consist of a letter and a number: "x1", "x2", ..."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
 
 
 def in_degrees(angle: float) -> float:
-    """Convert radians to degrees, rounded to ten decimals: 15 in place of 14.999999999999998."""
+    """Return an angle in degrees, rounded to ten decimals: 15 in place of 14.999999999999998.
+
+    angle: rad
+    """
     return round(math.degrees(angle), 10)
 
 
 def shown_unit(unit: str) -> str:
-    """Return the unit printed in reports, in which rad is replaced by deg."""
+    """Return the unit that reports print for values in a unit: deg for rad, and other units
+    unchanged.
+    """
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
 def shown_values(values: Any, unit: str) -> Any:
-    """Convert a number or an array to its `shown_unit`: radians become degrees."""
+    """Return a number or an array in the unit that reports print (`shown_unit`)."""
     return np.degrees(values) if unit.startswith("rad") else values
 
 
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:
-    """Return a value in its `shown_unit` as text.
+    """Return a value as text, in the unit that reports print (`shown_unit`).
 
     form: format specification of the number
     """
@@ -133,15 +150,16 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
-    """Return (text of the value with five decimals, unit), with radians converted to degrees.
+    """Return a value as text with five decimals, and the unit of the text.
 
-    A large value is printed with an exponent, for example as 1e+08.
+    Radians are converted to degrees. A large value is printed with an exponent, for example as
+    1e+08.
     """
     return shown_value(value, unit, "z.5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
 def short_number(value: float, unit: str) -> str:
-    """Return a value in its `shown_unit` with four significant digits.
+    """Return a value as text with four significant digits, in the unit that reports print.
 
     A magnitude from 1e4 to 1e7 is rounded to a whole number. A magnitude below `ROUNDING` is
     printed as 0.
@@ -160,16 +178,16 @@ def eigenvalue_text(value: complex) -> str:
 
 
 def _entry_text(value: float) -> str:
-    """Return a number with four decimals, or with an exponent if four decimals would show it as 0.
+    """Return the entry of a matrix as text with four decimals.
 
-    Rounding errors are printed as 0.
+    An entry that would be printed as 0 has an exponent instead, unless it is only a rounding error.
     """
     text = four_decimals(value)
     return f"{value:.1e}" if text == "0.0000" and abs(value) > ROUNDING else text
 
 
 def four_decimals(value: float) -> str:
-    """Return a number with four decimals. Zero has no sign."""
+    """Return a number as text with four decimals. Zero has no sign."""
     return f"{value:z.4f}"
 
 

@@ -1,4 +1,4 @@
-"""Level flight as in the paper, and the other named trim conditions of its aircraft."""
+"""Level flight of the paper, and the other named trim conditions of the paper's aircraft."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ _SAME = 1e-7
 
 @dataclass(frozen=True)
 class EntryRow(Result):
-    """One entry of A or B, computed and printed.
+    """One entry of A or B, as computed from the aircraft and as printed in the paper.
 
     matrix: "A" or "B"
     row: name of a state
@@ -66,7 +66,7 @@ class EntryRow(Result):
 
     @property
     def half_units(self) -> float:
-        """Return (computed - printed) / half unit.
+        """Difference (computed - printed) in half units of the last printed digit.
 
         Within ±1, the computed value rounds to the printed value.
         """
@@ -74,7 +74,9 @@ class EntryRow(Result):
 
     @property
     def percent(self) -> float:
-        """Difference in percent of the printed value, or nan if the printed value is 0."""
+        """Difference (computed - printed) in percent of the printed value, or nan if this value is
+        0.
+        """
         return (
             100 * (self.computed - self.printed) / abs(self.printed)
             if self.printed
@@ -83,7 +85,7 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed as 0 and is 0 up to 1e-6 half units."""
+        """True if the printed value is 0 and the computed value is at most 1e-6 half units."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -115,7 +117,9 @@ class OfTheHfa(Result):
 
 @checks_arguments
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
-    """Return all 66 entries of A (6 x 6) and B (6 x 5) with the printed values, row by row.
+    """Return all 66 entries of A (6 x 6) and B (6 x 5) of a model, each with the printed value.
+
+    The order is row by row, A before B.
 
     model: linear model of the paper's six states
     published: the printed pair (A, B)
@@ -144,9 +148,10 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
 
 @checks_arguments
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
-    """Return the linear model of an aircraft in the paper's trim at a printed dihedral angle.
+    """Return the linear model of an aircraft in the paper's trim at the dihedral angle of a printed
+    pair.
 
-    published: the printed pair (A, B) at this angle
+    published: the printed pair (A, B)
 
     >>> import hfa
     >>> import hfa_model
@@ -158,10 +163,13 @@ def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
 
 
 def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Return |λ_computed - λ_reference| for the best pairing of two spectra, in the reference's
-    order.
+    """Return the distances |λ_computed - λ_reference| of paired eigenvalues, (n,), 1/s.
 
-    The best pairing has the smallest sum of distances.
+    The pairing of the two spectra has the smallest sum of distances. The result is in the order of
+    `reference`.
+
+    computed: (n,)
+    reference: (n,)
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -171,8 +179,9 @@ def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray
 
 
 def printed_at(point: OperatingPoint) -> PublishedModel | None:
-    """Return the printed pair (A, B) for the flight condition of a point, or None if none is
-    printed.
+    """Return the printed pair (A, B) for the flight condition of an operating point.
+
+    The result is None if the paper prints no matrices for this condition.
     """
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
@@ -185,8 +194,10 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """Return the report of a linear model, followed by a table of its entries and the printed
-    entries.
+    """Return the report of a linear model, with a table that compares its entries with the printed
+    ones.
+
+    published: the printed pair (A, B)
     """
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
@@ -196,17 +207,21 @@ def compared_with_print(report: Report, model: LinearModel, published: Published
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
-    """Return a table of a model's entries and the printed entries."""
+    """Return a table of a linear model's entries and the printed entries.
+
+    published: the printed pair (A, B)
+    """
     return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
 
 
 def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Table:
-    """Return a table of printed and computed entries.
+    """Return a table of printed and computed entries of A and B.
 
-    Differences are in half units of the last printed digit, and in percent.
+    Differences are in half units of the last printed digit, and in percent. Entries that are
+    printed as 0 and are 0 are omitted.
 
     title: header of the first column
-    entries: prefix of the entries' names -> entries
+    entries: text before the names of some entries -> these entries
     """
     rows = []
     for begin, group in entries.items():
@@ -222,9 +237,9 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 
 
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
-    """Return a table of the entries at full precision.
+    """Return a table of printed and computed entries of A and B in full precision, with units.
 
-    entries: printed angle (deg) -> entries
+    entries: dihedral angle, deg, of a printed pair -> its entries
     """
     rows = []
     for angle, group in entries.items():
@@ -252,7 +267,7 @@ class Bands(ByValue, Reported):
     B: np.ndarray
 
     def report(self) -> Report:
-        """Return a report with the half-width of every entry."""
+        """Return a report with the half-width of the error band of every entry."""
         tables = [
             matrix_table(f"{name} ±", LINEAR_STATES, across, getattr(self, name))
             for name, across in (("A", LINEAR_STATES), ("B", INPUTS))
@@ -267,10 +282,13 @@ class Bands(ByValue, Reported):
 def with_bands(
     report: Report, model: LinearModel, bands: Bands | None, other: LinearModel | None = None
 ) -> Report:
-    """Return a report with error bands, and with the differences from the other dynamics.
+    """Return the report of a linear model with its error bands, and its differences from other
+    dynamics.
 
-    A sentence states the largest band and the largest difference.
+    A sentence in the report states the largest band and the largest difference.
 
+    report: report of the linear model
+    model: the linear model
     bands: bands of the model's entries, or None if unknown
     other: the model with the other dynamics at the same condition, or None
     """
@@ -326,7 +344,7 @@ def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """Return the largest entry of A and B and its name, as text: "0.1 in A(speed, alpha)"."""
+    """Return the largest entry of A and B with its name, as text: "0.1 in A(speed, alpha)"."""
     name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
     row, column = np.unravel_index(largest.argmax(), largest.shape)
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
@@ -344,9 +362,10 @@ def bands_known(parameters: ParameterSet) -> bool:
 
 @checks_arguments
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
-    """Return the error bands of the entries of a six-state linear model.
+    """Return the error bands of the entries of a linear model with the paper's six states.
 
-    2 sqrt(diag(J C J')),  J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp,  dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p
+    The half-widths are
+    2 sqrt(diag(J C J')),  J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp,  dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p.
 
     C is the covariance of the identified parameters p, and v are the free variables of the trim.
     dv/dp follows from the implicit function theorem.
@@ -393,13 +412,15 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
 def entries_at(
     layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], rows: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return e = vec(A, B) of the paper's six states, (66,), and de/dp along the trim, (66, P).
+    """Return the entries e = vec(A, B) of the paper's six states, (66,), and de/dp along the trim,
+    (66, P).
 
     Along the trim, the free variables change with p so that the rates of the states `rows` remain
     0. The entries are in column-major order.
 
+    layout: equations of the aircraft
     v: variables of the trim
-    p: parameters
+    p: parameters, (P,)
     free: indices of the free variables in v
     rows: indices of the states with imposed rates
     """

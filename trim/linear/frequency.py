@@ -46,7 +46,10 @@ class Responses(Result):
 
 
 def transfers(model: LinearModel) -> list[Transfer]:
-    """Return the transfer functions from each input to each output, output by output."""
+    """Return the transfer functions of a linear model from each input to each output.
+
+    All inputs of the first output come first, then those of the second output, and so on.
+    """
     system = scaled(model)
     poles = spectrum(system.A)
     signals = model.model.signals
@@ -66,17 +69,18 @@ def zeros_of(model: LinearModel) -> np.ndarray:
 
 
 def bode_figure(model: LinearModel) -> Figure:
-    """Return a new figure with the Bode plots of a model (`draw_bode`)."""
+    """Return a new figure with the Bode plots of a linear model (`draw_bode`)."""
     return draw_bode(model, new_figure(6.0, 5.2))
 
 
 def draw_bode(model: LinearModel, figure: Figure) -> Figure:
-    """Draw magnitude (dB) and phase (deg), one panel for each output and one line for each input.
+    """Draw the Bode plots of a linear model, and return the figure.
 
-    At most `_MOST_PANELS` outputs that an input affects are drawn. The names of all other outputs
-    are printed below. The frequencies are `bode_frequencies`.
+    Each output has a panel for the magnitude (dB) and one for the phase (deg), with a line for each
+    input. At most `_MOST_PANELS` outputs that an input affects are drawn. The names of all other
+    outputs are printed below. The frequencies are `bode_frequencies`.
 
-    figure: an empty figure, which is resized and returned
+    figure: an empty figure, which is resized
 
     Raises BadInputError if the model has no inputs, or no input affects an output.
     """
@@ -134,12 +138,11 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
 
 
 def bode_frequencies(model: LinearModel) -> np.ndarray:
-    """Return frequencies for a Bode plot, rad per unit of time.
+    """Return frequencies for the Bode plot of a linear model, rad per unit of time.
 
     The frequencies extend from a tenth of the smallest to ten times the largest magnitude of the
-    eigenvalues of A that are not 0. If all eigenvalues are 0, the frequencies extend from 0.01 to
-    100. The frequencies are dense near each eigenvalue, so that the phase of lightly damped modes
-    is resolved.
+    nonzero eigenvalues of A, or from 0.01 to 100 if all eigenvalues are 0. They are dense near the
+    magnitude of each eigenvalue, where the phase of lightly damped modes changes fast.
     """
     frequencies = np.abs(np.linalg.eigvals(model.A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]
@@ -152,7 +155,11 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
 
 
 def with_transfers(report: Report, model: LinearModel) -> Report:
-    """Return a report with the transmission zeros and a table of the nonzero transfer functions."""
+    """Return the report of a linear model, with its transmission zeros and transfer functions
+    added.
+
+    Transfer functions that are 0 are omitted from the table.
+    """
     responses = Responses(zeros_of(model), transfers(model))
     rows = []
     for transfer in responses.transfers:
@@ -176,7 +183,10 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
 
 
 def scaled(model: LinearModel) -> StateSpace:
-    """Return the model in nominal units of its signals, so that all rows have similar size."""
+    """Return the matrices of a linear model with each signal in units of its nominal value.
+
+    The rows of the matrices then have similar size.
+    """
     signals = model.model.signals
 
     def nominal(names: Iterable[str]) -> np.ndarray:
@@ -194,7 +204,7 @@ def scaled(model: LinearModel) -> StateSpace:
 
 
 def _pairs_text(roots: np.ndarray) -> str:
-    """Return the roots as text, each conjugate pair once, or "none" if there are none."""
+    """Return poles or zeros as text, or "none". A conjugate pair is printed once."""
     words = []
     for root in roots:
         if root.imag >= 0:

@@ -26,7 +26,7 @@ class Quantity(Result):
     """Measure of handling qualities, such as the short-period damping.
 
     name: name of the measure
-    value: in its unit
+    value: number in this unit
     unit: unit of the value
     """
 
@@ -49,8 +49,8 @@ class Qualities(Result):
 
 
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
-    """Return the handling qualities at a trim that the declared modes and outputs of the model
-    allow.
+    """Return the handling qualities at a trim, as far as the model declares their modes and
+    outputs.
 
     - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
       eigenvalues from their product and sum
@@ -103,9 +103,9 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Return the eigenvalues of a family of modes, one for each conjugate pair.
+    """Return the eigenvalues of all modes with a declared name, one for each conjugate pair.
 
-    family: name of the modes; the list is empty if the model does not declare it
+    family: declared name, such as "phugoid"; the list is empty if the model does not declare it
     """
     if family not in linear.model.modes:
         return []
@@ -113,7 +113,12 @@ def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
 
 
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
-    """Return the eigenvalue of a family with exactly one real eigenvalue, otherwise None."""
+    """Return the real eigenvalue of the mode with a declared name, 1/s.
+
+    The result is None unless the name has exactly one eigenvalue and this is real.
+
+    family: declared name, such as "roll"
+    """
     values = _eigenvalues(linear, family)
     if len(values) != 1 or values[0].imag:
         return None
@@ -121,10 +126,12 @@ def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
 
 
 def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None:
-    """Return the natural frequency and damping ratio of a family of modes.
+    """Return the natural frequency, rad/s, and damping ratio of the mode with a declared name.
 
-    The family must consist of one conjugate pair, or of two real eigenvalues of the same sign.
+    The mode must consist of one conjugate pair, or of two real eigenvalues of the same sign.
     Otherwise the result is None.
+
+    family: declared name, such as "phugoid"
     """
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
@@ -140,9 +147,10 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
 
 
 def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
-    """Return n/alpha and the control anticipation parameter CAP.
+    """Return two handling qualities of the short period: n/alpha, and the parameter CAP.
 
-    The list is empty if n/alpha is unknown or 0. A CAP that is not positive is omitted.
+    CAP is the control anticipation parameter, and is omitted unless it is positive. The list is
+    empty if n/alpha is unknown or 0.
 
     frequency: natural frequency of the short period, rad/s
     """

@@ -32,7 +32,8 @@ class Smoothed(NamedTuple):
 def with_means_at_kinks(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
 ) -> Smoothed:
-    """Return A and B at N points, with the mean of both slopes in each entry at a kink.
+    """Return A and B at N points, with the mean of the slopes on both sides in each entry at a
+    kink.
 
     x: (N, n), states
     u: (N, m), inputs
@@ -68,11 +69,12 @@ def linearization_at(
     outputs: Sequence[str] = (),
     disturbances: Sequence[str] = (),
 ) -> tuple[Linearization, tuple[str, ...]]:
-    """Return the derivatives of a model at a point, with mean slopes at kinks, and notes on them.
+    """Return the derivatives of a model at a point, with mean slopes at kinks, and notes on the
+    kinks.
 
     x: (n,), state
     u: (m,), input
-    outputs, disturbances: names
+    outputs, disturbances: names of outputs and disturbances
 
     Raises FloatingPointError if a result is not finite.
     """

@@ -147,14 +147,14 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         *,
         residualize: Sequence[str] = (),
     ) -> LinearModel:
-        """Return the model with the named states and inputs.
+        """Return the model with only the named states and inputs.
 
         Omitted states and inputs are constant at their offsets.
 
         states: names; by default all except `residualize`
         inputs: names; by default all
         residualize: states that follow the other states without delay, x2 = -A22⁻¹ (A21 x1 + B2 u +
-            E2 w), so that static gains are unchanged
+            E2 w). Static gains are unchanged.
 
         Raises BadInputError if the model does not have such a name, a name is repeated, no state
         remains, or A22 is singular.
@@ -164,11 +164,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return reduced(self, states, inputs, residualize)
 
     def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
-        """Return the model from named inputs to named outputs: linear["pitch_rate",
-        "elevator_center"].
+        """Return the model from named inputs to named outputs.
 
-        The outputs are named first. Inputs and outputs are each a name or a list of names. Raises
-        BadInputError if the model does not have such a name, or a name is repeated.
+        The outputs are named first, as in linear["pitch_rate", "elevator_center"]. Inputs and
+        outputs are each a name or a list of names.
+
+        Raises BadInputError if the model does not have such a name, or a name is repeated.
         """
         from trim.linear.reduction import chosen
 
@@ -200,7 +201,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def is_stable(self) -> bool:
-        """True if every mode is stable."""
+        """True if every mode of A is stable."""
         return all(mode.stable for mode in self.modes)
 
     @property
@@ -271,19 +272,19 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @checks_arguments
     def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
-        """Draw the Bode plots of the named inputs and outputs with pyplot. Return the Axes.
+        """Draw the Bode plots of the named inputs and outputs with pyplot, and return the Axes.
 
         Raises BadInputError if no input affects an output.
         """
         return _responses().bode(self, inputs, outputs)
 
     def plot(self) -> Axes:
-        """Draw the poles and zeros with pyplot. Return the Axes."""
+        """Draw the poles and zeros with pyplot, and return the Axes."""
         return _responses().draw_poles(self)
 
     @checks_arguments
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
-        """Draw the Nyquist plot from one input to one output with pyplot. Return the Axes."""
+        """Draw the Nyquist plot from one input to one output with pyplot, and return the Axes."""
         return _responses().nyquist(self, inputs, outputs)
 
     def report(self) -> Report:
@@ -303,7 +304,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _responses() -> Any:
-    """Return the module with the responses, from the package that supplies it.
+    """Return the module that computes and draws responses, from the package that supplies it.
 
     Raises BadInputError if this package is not installed.
     """
