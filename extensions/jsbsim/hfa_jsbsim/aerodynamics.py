@@ -106,7 +106,7 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """Return the sum of a component's functions.
+        """Return one component of the aerodynamic force or moment, as the sum of its functions.
 
         component: 0 to 2 for forces, 3 to 5 for moments
         at_center: True for functions that act at the center of gravity, False for all others

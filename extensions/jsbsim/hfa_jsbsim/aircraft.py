@@ -340,8 +340,9 @@ class Equations:
     def _order_of(self, section: Element, function: Element) -> int:
         """Return the position of a function in JSBSim's order of evaluation.
 
-        In frames, functions of a control system precede its components, and aerodynamic functions
-        outside an <axis> precede those in an <axis>. All others have the position AFTER_ALL.
+        In a simulation with JSBSim's frames, functions of a control system precede its components,
+        and aerodynamic functions outside an <axis> precede those in an <axis>. All others have the
+        position AFTER_ALL.
 
         section: element that contains the function
         """

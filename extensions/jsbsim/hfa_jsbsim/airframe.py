@@ -104,7 +104,7 @@ class Tank:
         return self.contents > self.unusable
 
     def place(self, contents: Any) -> list[Any]:
-        """Return the center of these contents, inches.
+        """Return the center of gravity of given contents of the tank, structural frame, inches.
 
         contents: lb
         """

@@ -394,7 +394,7 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Mark a turbine's spool functions as unread, because no force depends on them.
+    """Record that a turbine's spool functions may be omitted, because no force depends on them.
 
     names: beginnings of the functions' names
     """

@@ -58,7 +58,7 @@ class Planet:
 
 
 class _FrameEquations(Equations):
-    """Forces, moments, mass and stored values at the end of a frame, in place of rates."""
+    """Equations of one JSBSim frame: forces, moments, mass and stored values at its end."""
 
     def __init__(self, parts: Parts) -> None:
         self.planet_rates = ca.SX.sym("planet_rates", 3)

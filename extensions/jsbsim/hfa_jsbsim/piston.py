@@ -134,8 +134,8 @@ class _Breathing:
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
         """Return the ratio of the pressure behind the throttle to the ram pressure.
 
-        The ratio also increases beyond full throttle, so that a trim search has a descent direction
-        there.
+        The ratio also increases beyond full throttle. A trim search therefore has a descent
+        direction there.
 
         throttle: 0 to 1
         piston_speed: mean speed of the pistons, ft/s

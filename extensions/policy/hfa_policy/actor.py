@@ -209,7 +209,10 @@ def stored_gain(path: Path) -> np.ndarray | None:
 
 
 def gain_function(K: np.ndarray) -> ca.Function:
-    """Return the function o -> -K o of the observations o."""
+    """Return the CasADi Function from the observations o (k,) to the actions -K o (m,).
+
+    K: (m, k)
+    """
     o = ca.SX.sym("o", K.shape[1])
     return ca.Function("gain", [o], [ca.densify(-ca.DM(K) @ o)])
 

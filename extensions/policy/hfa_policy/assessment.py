@@ -97,12 +97,12 @@ class AssessedPoint(Result):
     def own_mode(self) -> OwnMode | None:
         """Slow mode of the aircraft that the policy does not control, or None.
 
-        - Some slow modes cannot be moved or observed by the policy: the fastest-growing one of
-          these.
-        - Otherwise, if the policy is not saturated and either does not hold or has a flight that
-          does
-          not converge: the slowest mode of the loop, if the policy hardly changes this mode.
+        - The policy cannot move or observe some slow modes: the fastest-growing of these modes.
+        - Otherwise, if the policy fails without saturation: the slowest mode of the loop if the
+          policy hardly changes it.
         - Otherwise, or without an equilibrium: None.
+
+        The policy fails if it does not hold, or if a flight does not converge.
         """
         reach = self.place.reach
         if reach is None:
@@ -329,7 +329,8 @@ class Assessor:
         return [self._point(*row) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
-        """Return spectral radius and cost at each trim, without flights.
+        """Return the spectral radius and the cost of the sampled loop at each trim, without
+        flights.
 
         Raises BadInputError as `assessed` does.
         """
@@ -408,10 +409,11 @@ def _nearer(
     search: EquilibriumSearch,
     widths: np.ndarray,
 ) -> Equilibrium | None:
-    """Return one of two equilibria, each of which may be None.
+    """Return the equilibrium to which flights from a trim converge, or None.
 
-    The result is `elsewhere` if `equilibrium` is None, or if the flight from the trim ends at
-    `elsewhere` and `equilibrium` is a different point.
+    Two candidates are given, each of which may be None. The result is `elsewhere` if `equilibrium`
+    is None, or if the flight from the trim ends at `elsewhere` and `equilibrium` is a different
+    point. Otherwise it is `equilibrium`.
 
     equilibrium: found by Newton's method from the trim
     elsewhere: found by Newton's method from the end of the flight

@@ -46,7 +46,7 @@ _AT_TRIM = 0.01
 
 
 def _median(best: BestCosts) -> float:
-    """Return the median cost of the policy relative to the best flights found.
+    """Return the median ratio of the policy's costs to the costs of the best flights found.
 
     The result is inf if no flight ends at the trim.
     """
@@ -224,7 +224,7 @@ class Assessment(Result, Reported):
 
     @property
     def _flown(self) -> bool:
-        """True if flights from initial conditions were simulated at a trim."""
+        """True if flights from initial conditions were simulated at one trim or more."""
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
@@ -336,7 +336,10 @@ class Assessment(Result, Reported):
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
 
     def _unless_all(self, points: list[AssessedPoint]) -> str:
-        """Return trims as text after a space, or "" if `points` contains every trim."""
+        """Return trims as text with a leading space, such as " at 45 m/s".
+
+        The result is "" if `points` contains every trim of the assessment.
+        """
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:

@@ -27,9 +27,9 @@ def departure_text(left: Departure) -> str:
 
 
 def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
-    """Return as text the limit that a state violates, and the time.
+    """Return the departure of a flight as text: the violated limit of a state, and the time.
 
-    states: (n,), outside the envelope
+    states: (n,), states outside the envelope
     time: s
     """
     left = departure(envelope, np.array([time]), states[None], False)
@@ -40,12 +40,12 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 def first_departure(
     flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
 ) -> tuple[int, Departure | None]:
-    """Return index and departure of the flight that leaves the envelope first.
+    """Return the index and the departure of the flight that leaves the envelope first.
 
     The result is (0, None) if all flights stay inside.
 
-    rows: initial rows of the flights
-    seconds: duration, s
+    rows: initial rows of the flights (`flights.py`)
+    seconds: duration of the flights, s
     pushed: end of the disturbance pulse, s
     """
     X, *_, push, _ = flight.slices

@@ -38,7 +38,8 @@ TRIM = "trim"
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class Deployed:
-    """Deployment on an aircraft, with names resolved.
+    """Deployment on an aircraft: observations, policy and actions as functions of states and
+        inputs.
 
     deployment: the deployment.
     model: the aircraft.
@@ -77,7 +78,7 @@ class Deployed:
 
     @cached_property
     def maps(self) -> tuple[Formula, ...]:
-        """Formula of each action's input, in order.
+        """Formula of the input that each action moves, in the order of the actions.
 
         Raises BadInputError for a formula that is wrong or lacks the action.
         """
@@ -123,11 +124,11 @@ class Deployed:
         return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
 
     def trim_vector(self, point: OperatingPoint) -> np.ndarray:
-        """Return the argument `trim` = (X0; U0; p) for an operating point."""
+        """Return the vector trim = (X0; U0; p) of an operating point."""
         return np.concatenate([point.states, point.inputs, point.model.p])
 
     def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
-        """Return name -> expression of each state, input and output in still air."""
+        """Return the expressions of all states, inputs and outputs in still air, by name."""
         model = self.model
         p = trim[len(model.states) + len(model.inputs) :]
         vectors = [components(vector) for vector in (X, U, p)]
@@ -137,7 +138,7 @@ class Deployed:
         return dict(zip(self.names, columns, strict=True))
 
     def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
-        """Return name -> expression of each state, input and output at the trim."""
+        """Return the expressions of all states, inputs and outputs at the trim, by name."""
         n, m = len(self.model.states), len(self.model.inputs)
         return self.values(trim[:n], trim[n : n + m], trim)
 
@@ -165,7 +166,9 @@ class Deployed:
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
 
     def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """Return the action (m,) for an observation.
+        """Return the action (m,) of the policy for the observations o.
+
+        o: observations of all samples of the history
 
         Raises BadInputError if the action is not finite.
         """
@@ -210,7 +213,10 @@ class Deployed:
 
     @cached_property
     def action(self) -> ca.Function:
-        """Function raw -> a: the network's output `raw`, clipped or squashed to the box."""
+        """Function that clips or squashes the outputs of the network to the box of the actions.
+
+        It maps the outputs (m,) to the action a (m,).
+        """
         low, high = self.deployment.box
         actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))
@@ -239,7 +245,9 @@ class Deployed:
 
     @cached_property
     def unlimited_inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs of the aircraft, without its limits."""
+        """Function (a, X, U, trim) -> all inputs of the aircraft, not clipped to the control
+        limits.
+        """
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         values = self.values(X, U, trim)
@@ -271,14 +279,14 @@ class Deployed:
 
     @property
     def past(self) -> int:
-        """Number of stored earlier observations, over all samples of the history."""
+        """Number of entries of `past`, the observations of all earlier samples of the history."""
         return self.deployment.width - len(self.deployment.observation)
 
     @cached_property
     def sampled(self) -> ca.Function:
         """Function (X, U, trim, past) -> (commanded U, past of the next sample).
 
-        past: earlier observations of the history, the oldest first.
+        past: observations of the earlier samples in the history, the oldest first.
         """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
@@ -342,13 +350,13 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """Return the values of a function, one for each entry of a table of the deployment file, (k,).
+    """Return the values of a function for the entries of a table of the deployment file, (k,).
 
     Raises BadInputError if a value, or its derivative with respect to a varied argument, is not
     finite.
 
     table: name of the table
-    entries: names of the entries
+    entries: names of the entries, in the order of the values
     varied: positions of the varied arguments
     """
     values = np.array(function(*arguments)).ravel()

@@ -270,7 +270,7 @@ class Deployment(Reported):
 
     @cached_property
     def normalizer(self) -> Normalizer | None:
-        """Normalizer before the network, or None.
+        """Normalizer of the observations before the network, or None if the deployment has none.
 
         A normalizer for one sample is applied to each sample of the history. Raises BadInputError
         if the normalizer cannot be read, or if its size fits neither one sample nor the history.

@@ -178,12 +178,12 @@ def _episodes(
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
-    """Import a class of this package that needs a library.
-
-    Raises a BadInputError with the command that installs the library if the library is missing.
+    """Return a class of this package whose module requires an optional library.
 
     extra: extra of the package that contains the library
     module, name: module of the class and its name
+
+    Raises a BadInputError with the command that installs the library if the library is missing.
     """
     try:
         import_module(library)

@@ -12,10 +12,10 @@ from hfa_support.reporting.text import shown_unit, shown_values
 def episode_picture(
     episodes: Episodes, owner: int, flown: list[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """Return the picture of an episode, pixels (height, width, 3).
+    """Return the picture of an episode as an array of pixels (height, width, 3).
 
-    owner: index of the trim, whose values are drawn as lines
-    flown: X and U at each sample
+    owner: index of the episode's trim; its values are drawn as horizontal lines
+    flown: X and U at each sample of the episode
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

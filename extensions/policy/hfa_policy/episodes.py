@@ -221,7 +221,7 @@ class Episodes:
             self.frames[:, -newest:] = self._observed
 
     def left(self, number: int) -> str:
-        """Return as text why and when an episode was terminated.
+        """Return the reason and the time at which an episode was terminated, as text.
 
         The reason is the violated limit or the value that is not a number.
 
@@ -292,7 +292,7 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Return the number of entries of a row that determine the end of an episode.
+    """Return the number of entries of an episode's row that determine the end of the episode.
 
     The entries are the lowest X, the highest X and the number of remaining samples.
     """

@@ -141,9 +141,10 @@ class EquilibriumSearch:
         return self._by_newton(z) or self._by_newton(self._least(z))
 
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
-        """Return the slopes (k, n) of the equilibrium's linear states with respect to all states.
+        """Return the derivatives of the equilibrium's linear states with respect to all states, (k,
+        n).
 
-        Columns of linear states are 0.
+        The columns of linear states are 0.
         """
         X = equilibrium.states
         U = equilibrium.inputs
@@ -291,7 +292,7 @@ class EquilibriumSearch:
         )
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slopes of the observations by linear states and by previous commanded inputs.
+        """Return the slopes C and D of the observations, as defined in `Frames`.
 
         Slopes that are nan are replaced by 0.
         """
@@ -301,7 +302,7 @@ class EquilibriumSearch:
         return by_states[:, self.rows], by_inputs[:, self.columns]
 
     def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
-        """Return the derivatives with respect to each sample of the history."""
+        """Return the derivatives of the policy with respect to the observations of each sample."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         past = np.tile(o, self.deployed.deployment.history - 1)
         sampled = self.deployed.sampled
@@ -330,6 +331,7 @@ class EquilibriumSearch:
         The slopes (m', k + m') are derivatives with respect to the linear states and to the
         previous inputs.
 
+        z: X and U, (n + m,)
         derivative: (m', k + m'), exact derivative at z
         """
         names = (*self.model.linear, *self.deployed.commanded)
@@ -354,7 +356,7 @@ class EquilibriumSearch:
         return slopes, tuple(notes)
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
-        """Return descriptions of the saturated actions and inputs."""
+        """Return descriptions of the actions and inputs that are saturated at given X and U."""
         deployed = self.deployed
         observation = self._observed(X, U)
         _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))

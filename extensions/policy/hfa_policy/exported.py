@@ -27,7 +27,7 @@ POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 
 
 def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """Return file name -> text of the C files for the command at a sample.
+    """Return the C source of the policy's command at a sample, as file name -> text.
 
     origin: comment on the origin of the policy
     """

@@ -60,7 +60,7 @@ class Steered(NamedTuple):
 
 
 def steered_by(deployed: Deployed) -> Steered:
-    """Return the command steps of a deployment."""
+    """Return the steps by which a deployment computes its command at a sample."""
     arguments = symbols_of_a_sample(deployed, 0)
     raw = ca.SX.sym("raw", len(deployed.commanded))
     past = ca.SX.sym("past", deployed.past)
@@ -80,7 +80,10 @@ def steered_by(deployed: Deployed) -> Steered:
 
 
 def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
-    """Return symbols of X, U before, trim and `extra` further numbers."""
+    """Return new symbols of X, U just before the sample, the trim (X0; U0; p) and extra numbers.
+
+    extra: number of the extra numbers
+    """
     n, m = len(deployed.model.states), len(deployed.model.inputs)
     sizes = (n, m, n + m + len(deployed.model.parameters), extra)
     return [ca.SX.sym("x", size) for size in sizes]
@@ -108,7 +111,7 @@ class SampledFlight:
 
     @cached_property
     def steered(self) -> Steered:
-        """Command steps of the flights."""
+        """Steps by which the policy computes its command at a sample."""
         return steered_by(self.deployed) if self.other is None else self.other
 
     @property
@@ -226,7 +229,7 @@ class SampledFlight:
         return (*self.observed(row), *past)
 
     def window(self, flights: int, seconds: float) -> Window:
-        """Return the function that advances rows by a window.
+        """Return the function that advances the rows of flights by a window of several samples.
 
         The function is compiled if flights * seconds / dt is at least `COMPILE_FROM`.
 
@@ -252,8 +255,9 @@ class SampledFlight:
         rows[:, high_U] = -np.inf
 
     def are_inside(self, rows: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Return whether X is finite and its lowest and highest values are within limits, (N,).
+        """Return a mask (N,), True for flights that stayed within the limits and are finite.
 
+        rows: rows of the flights
         least, most: limits of X, (N, n)
         """
         X, _, low_X, high_X, *_ = self.slices
@@ -267,7 +271,7 @@ class SampledFlight:
         pushes: np.ndarray,
         extra: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the initial rows of flights.
+        """Return the initial rows of flights, as described in the module.
 
         The inputs have their trim values, and earlier observations equal the first.
 
@@ -321,9 +325,10 @@ class Window:
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
-    """Call `work` with disjoint sets of row indices, in several threads if there are many rows.
+    """Call a function with disjoint sets of flights, in several threads if there are many.
 
-    count: number of rows
+    work: the function of the indices of some flights
+    count: number of flights
     """
     threads = max(1, min(os.cpu_count() or 1, count // 100))
     dealt = [np.arange(first, count, threads) for first in range(threads)]

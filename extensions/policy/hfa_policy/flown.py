@@ -64,7 +64,7 @@ class DeployedPolicy(Policy):
         return math.gcd(dt, delay) * _CLOCK
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the inputs held since the last sample."""
+        """Return the inputs held since the last sample, as deviations from trim, (m,)."""
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
@@ -151,7 +151,7 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
 
 
 def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """Return file name -> text of the C files of a policy.
+    """Return the C source of a policy's command at a sample, as file name -> text.
 
     origin: comment on the origin of the policy
     """
@@ -161,7 +161,7 @@ def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 
 
 def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """Return a policy as a loop for `write_fmu`."""
+    """Return the command of a policy at a sample, as a loop for `write_fmu`."""
     from hfa_policy.exported import policy_loop
 
     return policy_loop(policy)

@@ -99,7 +99,7 @@ def _empty(*_: Any) -> _Array:
 
 
 def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
-    """Return the array with these bytes, number type, shape and order."""
+    """Return a NumPy array with the given bytes, number type, shape and order."""
     numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
     return numbers.reshape(shape, order="F" if order == "F" else "C")
 

@@ -14,9 +14,11 @@ from hfa_policy.repair_trial import better_repairs
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
     """Yield the mistakes of a deployment.
 
-    Mistakes that the files show are first. If each of these is unclear and flights were simulated,
-    changes that clearly improve the flights follow. Nothing is yielded for a policy that uses
-    earlier samples.
+    - First, the mistakes that the files show.
+    - If all of these are unclear, and flights were simulated: changes that clearly improve the
+      flights.
+
+    Nothing is yielded for a policy that uses earlier samples.
     """
     if assessor.deployed.past:
         return

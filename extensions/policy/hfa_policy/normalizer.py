@@ -135,7 +135,10 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
 
 
 def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
-    """Return a number among the attributes of a stored object.
+    """Return a number among the attributes of a stored VecNormalize object.
+
+    name: name of the attribute
+    attributes: name -> value
 
     Raises BadInputError unless the attribute is a single number.
     """
@@ -166,7 +169,7 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Return stored observations as an array (E, width) of doubles, or None.
+    """Return stored observations as an array (E, width) of doubles.
 
     The result is None if the observations have another shape.
     """

@@ -28,7 +28,7 @@ UNCLEAR = "observations"
 
 
 class _Record(NamedTuple):
-    """Record of one observation in the training.
+    """Statistics of one observation in the training.
 
     centre: mean.
     spread: standard deviation.
@@ -41,7 +41,7 @@ class _Record(NamedTuple):
 
 
 class _Observed(NamedTuple):
-    """Observation of the deployment at the trims.
+    """Observation that the deployment file specifies, evaluated at the N trims.
 
     name: name in the deployment file.
     state: observed state, or the formula.
@@ -58,7 +58,7 @@ class _Observed(NamedTuple):
     model: Model
 
     def given(self, is_absolute: bool) -> np.ndarray:
-        """Return the observation at each trim, (N,).
+        """Return what the policy receives for this observation at the trims, (N,).
 
         is_absolute: True for absolute values; False for deviations, which are 0
         """
@@ -69,36 +69,43 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the deployment file specifies absolute values.
-
-        False for deviations from the trim.
+        """True if the deployment file specifies absolute values, False for deviations from the
+        trim.
         """
         return bool(self.about != "trim")
 
     def contradicts(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the training's record excludes the observation.
+        """Return whether the values at the trims contradict the statistics in the training.
 
-        is_absolute: True for absolute values, False for deviations
+        record: the statistics
+        is_absolute: True if absolute values are observed, False for deviations
         """
         if record.is_of_many:
             return self._deviations(record, is_absolute) > _FAR
         return self._leaves_limits(record, is_absolute)
 
     def fits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the observation is consistent with the training's record.
+        """Return whether the values at the trims are consistent with the statistics in the
+        training.
 
-        is_absolute: True for absolute values, False for deviations
+        record: the statistics
+        is_absolute: True if absolute values are observed, False for deviations
         """
         if record.is_of_many:
             return self._deviations(record, is_absolute) < _FITS
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Return whether the record is consistent with the declared `about` and another scale.
+        """Return whether another scale would make the observation consistent with the training.
 
-        Deviations have means near 0 in any scale. Absolute values of a state that can be 0 have any
-        mean. Absolute values of another state, such as a speed, have a mean far above their
-        standard deviation.
+        The observation remains absolute or a deviation, as the deployment file declares.
+
+        - Deviations are consistent if the mean in the training is near 0.
+        - Absolute values of a state that can be 0 are always consistent.
+        - Absolute values of another state, such as a speed, are consistent if the mean is far from
+          0.
+
+        record: statistics in the training
         """
         is_seen_about_0 = abs(record.centre) < _FITS * record.spread
         if not self.is_absolute:
@@ -107,23 +114,36 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Return whether the record is consistent with `about` and scale of the deployment file."""
+        """Return whether the statistics in the training agree with the deployment file.
+
+        Both the kind of values (absolute or deviations) and the scale must agree.
+
+        record: the statistics
+        """
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
-        """Return the distance of the nearest trim from the record's mean, in standard deviations.
+        """Return the distance of the observation from its mean in the training, in standard
+        deviations.
 
-        If the standard deviation is 0, a value is returned that counts neither as a fit nor as a
-        contradiction.
+        The distance is that of the nearest trim. If the standard deviation is 0, a value is
+        returned that counts neither as a fit nor as a contradiction.
+
+        record: statistics in the training
+        is_absolute: True if absolute values are observed, False for deviations
         """
         if record.spread == 0.0:
             return 0.5 * (_FITS + _FAR)
         return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
 
     def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the record's mean is clearly outside the limits of the state.
+        """Return whether the mean in the training corresponds to a state clearly outside its
+        limits.
 
-        The result is False for a formula.
+        The result is False for an observed formula.
+
+        record: statistics in the training
+        is_absolute: True if absolute values are observed, False for deviations
         """
         if self.state not in self.model.states:
             return False
@@ -131,9 +151,11 @@ class _Observed(NamedTuple):
         return _outside(seen, *self.model.limits[self.state])
 
     def wrong_scale(self, record: _Record) -> str:
-        """Return the reason why the scale differs from the training's scale.
+        """Return the reason why the scale in the deployment file differs from that in the training.
 
         The result is "" if both scales may be equal.
+
+        record: statistics in the training
         """
         if not record.is_of_many:
             return ""
@@ -146,13 +168,13 @@ def mistakes_of_observations(
     normalizer: Normalizer | None,
     points: Sequence[OperatingPoint],
 ) -> Iterator[Mistake]:
-    """Yield the mistakes of observations that the record of the training proves.
+    """Yield the mistakes of observations that the statistics in the training prove.
 
-    For an observation that contradicts the record, the first of these conditions decides:
+    For an observation that contradicts its statistics, the first of these conditions decides:
     - The observation may be exchanged with another observation: an unclear mistake.
-    - The scale contradicts the record: a wrong scale.
-    - The other kind of values (absolute or deviations) does not fit the record: nothing.
-    - Another scale would also explain the record: an unclear mistake.
+    - The scale contradicts the statistics: a wrong scale.
+    - The other kind of values (absolute or deviations) does not fit the statistics: nothing.
+    - Another scale would also explain the statistics: an unclear mistake.
     - Otherwise: absolute values in place of deviations, or the reverse.
     """
     seen = _seen(stored, normalizer)
@@ -188,7 +210,7 @@ def _exchanged_with(
 ) -> list[str]:
     """Return the names of the observations that may have been exchanged with one observation.
 
-    Two observations may have been exchanged if each agrees with the training's record of the other.
+    Two observations may have been exchanged if each agrees with the statistics of the other.
 
     number: index of the one observation
     """
@@ -201,7 +223,7 @@ def _exchanged_with(
 
 
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
-    """Return the mistake of an observation that contradicts its record for an unclear reason.
+    """Return the mistake of an observation that contradicts its statistics for an unclear reason.
 
     exchanged: names of observations that may be exchanged with this observation
     """
@@ -217,7 +239,7 @@ def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mista
 
 
 def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
-    """Yield a mistake for the observations that only another `about` explains.
+    """Yield the mistakes of observations that are absolute in place of deviations, or the reverse.
 
     absolute: names of observations whose training used absolute values
     deviations: names of observations whose training used deviations
@@ -256,10 +278,10 @@ def _seen(
 
 
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return mean and size of the training's observations, (k,) each, or None if unknown.
+    """Return the mean and the size of the observations in the training, (k,) each, or None.
 
     The size is the root mean square about the mean. Without statistics of many observations, the
-    mean is assumed to be 0.
+    mean is assumed to be 0. None means that nothing is known.
     """
     seen = _seen(deployment.actor.stored, deployment.normalizer)
     if seen is None:
@@ -285,9 +307,12 @@ def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint
 
 
 def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
-    """Return the value of an observation's formula at a trim.
+    """Return the value of an observation's formula at a trim, without `about` and `scale`.
 
-    If deviations of a formula that is not a single name are observed, the result is 0.
+    For a deviation from the trim, the value is known only if the formula is a single name.
+    Otherwise the result is 0.
+
+    index: index of the observation
     """
     formula = deployed.observed[index]
     trim = deployed.trim_vector(point)
@@ -306,7 +331,7 @@ def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
 
 
 def _outside(values: np.ndarray, low: float, high: float) -> bool:
-    """Return whether all values are clearly outside the limits of a state.
+    """Return whether all values are outside the limits of a state by a quarter of the range.
 
     The result is False if a limit is infinite.
     """

@@ -240,9 +240,10 @@ class FlownRows:
         self.swings_of_blocks = np.full(shape, np.inf)
 
     def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
-        """Simulate all flights for at most `seconds`.
+        """Simulate all flights, each until it ends or `seconds` have elapsed.
 
-        window: function that advances rows by a window
+        seconds: s
+        window: function that advances the rows of flights by a window
         """
         self.seconds = seconds
         count = len(self.rows)
@@ -306,9 +307,9 @@ class FlownRows:
         return rows
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the distance from the equilibrium and the swing of each flight in a window.
+        """Return how far each flight was from its equilibrium in a window, and how much it moved.
 
-        The distance (N,) is the largest in the window. The swing (N, k) is half the range of each
+        The distance (N,) is the largest in the window. The motion (N, k) is half the range of each
         linear state, or 0 for a state that does not count. Both are in half-widths of the ball in
         which a flight counts as converged.
 
@@ -362,12 +363,13 @@ class FlownRows:
         """Return a mask of the flights in a limit cycle.
 
         The mask is False unless this window is the last of a block of `_BLOCK` windows. In such a
-        window, a flight is in a limit cycle if the least swings of a state in the last three blocks
-        fulfill these conditions:
+        window, the smallest half range of each state in each of the last three blocks is
+        considered. A flight is in a limit cycle if these three values of a state fulfill all
+        conditions:
 
-        - Each least swing is at least `_CYCLES`.
-        - The range of the three is at most `_SAME` times the smallest.
-        - The three neither increase nor decrease in order.
+        - Each value is at least `_CYCLES`.
+        - The range of the values is at most `_SAME` times the smallest.
+        - The values neither increase nor decrease in order.
 
         flying: indices of the flights
         swings: half ranges in this window, (N, k), as returned by `_in_balls`
@@ -454,10 +456,11 @@ class FlownRows:
         return int(soonest[first]), left
 
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
-        """Return the number of flights at other equilibria, and the first of these equilibria.
+        """Return the number of flights that have settled at other equilibria, and one such
+        equilibrium.
 
-        The equilibrium is given as linear state -> value, {} if none is found. At most `_OTHERS`
-        equilibria are searched.
+        The equilibrium is the first that is found, as linear state -> value, or {} if none is
+        found. At most `_OTHERS` equilibria are searched.
 
         settled: indices of the flights that are almost steady
         """
@@ -502,7 +505,7 @@ class FlownRows:
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Return whether an equilibrium coincides with the equilibrium of a place.
+    """Return whether an equilibrium lies in the ball about the equilibrium of a place.
 
     linear: indices of the linear states
     """

@@ -118,8 +118,8 @@ def left_alone(
 ) -> OwnMode | None:
     """Return the slow mode of the aircraft that the policy hardly changes, or None.
 
-    The eigenvalue of this mode is the closest to the slowest eigenvalue of the sampled loop. The
-    difference is at most 10 %.
+    The eigenvalue of this mode differs by at most 10 % from the slowest eigenvalue of the sampled
+    loop, converted to continuous time.
 
     slowest: eigenvalue of the sampled loop with the largest absolute value
     dt: sample time, s
@@ -152,7 +152,7 @@ def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.nda
 
 
 def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return a real basis of the chosen modes, one column for each mode.
+    """Return a real basis of the space of the chosen modes, (k, r), one column for each mode.
 
     values: eigenvalues, (k,)
     vectors: eigenvectors, (k, k)

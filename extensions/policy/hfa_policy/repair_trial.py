@@ -119,7 +119,7 @@ def _brings_most_back(flown: Flown) -> bool:
 def _harms(flown: Flown) -> bool:
     """Return whether many flights leave the envelope.
 
-    At most the fraction `_KEEPS` of the flights stays within the envelope.
+    At most the fraction `_KEEPS` of the flights then stays inside.
     """
     return flown.kept <= _KEEPS * len(flown.costs)
 
@@ -142,7 +142,7 @@ def _is_better(flown: Flown, card: Flown) -> bool:
 
 
 def _weakens(repair: Repair) -> bool:
-    """Return whether a change reduces an observation or an action."""
+    """Return whether a change reduces the magnitude of an observation or of an action."""
     largest = np.abs(repair.P).max(axis=1)
     return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
@@ -253,11 +253,11 @@ class _Trial:
         return [repair for of_kind in left.values() for repair in of_kind]
 
     def _is_clear(self, repair: Repair, flown: Flown, card: Flown) -> bool:
-        """Return whether a change is to be reported.
+        """Return whether a change is to be reported. All these conditions must be fulfilled:
 
         - Most flights converge with the change, and it is clearly better than the file as written.
-        - The training's record does not contradict the change.
-        - Unless this record supports the change, neither a change of gain nor the absence of
+        - The observations in the training do not contradict the change.
+        - Unless these observations support the change, neither a change of gain nor the absence of
           control is about as good.
         - A change of order reduces the cost to a third. Its flights converge if they end in the box
           (`Flown.into_box`).

@@ -128,7 +128,7 @@ def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the change of actions on angles from degrees to radians.
+    """Yield the change that assumes that actions on angles are in degrees, not in radians.
 
     Nothing is yielded without such actions.
     """
@@ -194,7 +194,7 @@ def _divided(card: Deployment, scales: np.ndarray) -> dict[str, Any]:
 
 
 def _angles(deployed: Deployed) -> list[bool]:
-    """Return whether each observation depends on angles or angular rates."""
+    """Return, for each observation, whether it depends on angles or angular rates."""
     found = []
     for formula in deployed.observed:
         units = {deployed.model.unit(name) for name in formula.names}
@@ -203,7 +203,7 @@ def _angles(deployed: Deployed) -> list[bool]:
 
 
 def _sizes(deployed: Deployed) -> np.ndarray:
-    """Return the size of each observation, (k,).
+    """Return the typical size of each observation, (k,).
 
     - With a positive weight q in the deployment's Q: 1 / sqrt(q), the deviation with cost 1.
     - Other signals: the nominal value.

@@ -53,7 +53,9 @@ class RoughFlights(Result):
 
 
 def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
-    """Return the scenario for a model.
+    """Return the scenario of flights with noise or in moving air, completed for a model.
+
+    samples: number of flights
 
     Raises BadInputError if the scenario does not fit the model or contains no disturbance, or if
     `samples` is below 1.
@@ -101,7 +103,12 @@ def rough_flights(
 
 
 def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
-    """Simulate the flights from one trim, and a reference flight without noise in still air."""
+    """Return the results of the flights from one trim.
+
+    They include a reference flight without noise in still air.
+
+    plan: the flights
+    """
     flights = [fly_member(plan, member) for member in range(plan.members)]
     rms = _rms(plan, flights)
     still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
@@ -147,7 +154,10 @@ def _disturbed_by(scenario: Scenario) -> str:
 
 
 def _turbulence_text(turbulence: Turbulence | None) -> str:
-    """Return the level and "turbulence", or "turbulence" alone if an intensity is given."""
+    """Return turbulence as text, such as "light turbulence".
+
+    The text is "turbulence" if an intensity is given in place of a level.
+    """
     if turbulence is None or not isinstance(turbulence.level, str):
         return "turbulence"
     return f"{turbulence.level} turbulence"

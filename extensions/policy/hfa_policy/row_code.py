@@ -130,7 +130,7 @@ class RowCode:
         return results
 
     def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
-        """Return a function without arguments that evaluates `table` and writes into `results`.
+        """Return a function without arguments that evaluates all rows of `table` into `results`.
 
         A result may be the table itself. Raises ValueError unless all arrays are contiguous, of
         doubles and of matching shapes.
@@ -147,7 +147,7 @@ class RowCode:
 def bound_rows(
     code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
 ) -> Callable[[], Any]:
-    """Return a function without arguments that evaluates `table` and writes into `results`.
+    """Return a function without arguments that evaluates all rows of `table` into `results`.
 
     A result may be the table itself.
     """
@@ -162,11 +162,12 @@ def bound_rows(
 
 
 def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
-    """Compile a dense function for many rows.
+    """Return a CasADi Function compiled for many rows.
 
     Operations that cannot be written in C are compiled by CasADi if possible. If no compiler is
     available or compilation fails, CasADi evaluates the function.
 
+    function: the Function, with dense arguments and results
     one_row: whether one row is evaluated at a time
     """
     with MAKING:

@@ -87,7 +87,10 @@ def slowest_swing(chain: Chain) -> float:
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Φ = exp(A dt) and Γ = ∫ exp(A t) dt B over [0, dt]."""
+    """Return the matrices of a plant with held inputs, x⁺ = Φ x + Γ u.
+
+    Φ = exp(A dt), and Γ = ∫ exp(A t) dt B over [0, dt].
+    """
     from scipy.linalg import expm
 
     n, m = B.shape

@@ -234,7 +234,10 @@ def _is_weight(name: str, part: str) -> bool:
 
 
 def _stored(data: Mapping[str, Any], name: str) -> Any:
-    """Return an entry of the data. A pickled entry is read without executing its code."""
+    """Return an entry of the zip's file `data` by name, or None if it is missing.
+
+    A pickled entry is read without executing its code.
+    """
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:
         with said_of(name):
@@ -249,7 +252,9 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
 
 
 def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
-    """Return a nonnegative number of the data, or `usual` if it is missing.
+    """Return a nonnegative number among the entries, or `usual` if it is missing.
+
+    name: name of the entry
 
     Raises BadInputError for another value.
     """

@@ -57,7 +57,7 @@ class Variation(Result):
 def changes_of(
     deployed: Deployed, vary: Mapping[str, tuple[float, float]]
 ) -> list[tuple[str, float]]:
-    """Return the changes of the aircraft as (name, value).
+    """Return the changes of the aircraft, each as (name of a parameter or input, value).
 
     vary: parameter, or input that no action moves -> (lowest, highest)
 
@@ -122,11 +122,12 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Return the limits of a variation.
-
-    Raises BadInputError unless `limits` are two finite numbers in ascending order.
+    """Return the lowest and highest value of a variation.
 
     name: varied parameter or input, for the message
+    limits: the two values as given by the user
+
+    Raises BadInputError unless `limits` are two finite numbers in ascending order.
     """
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)

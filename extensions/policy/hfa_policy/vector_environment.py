@@ -84,7 +84,7 @@ class AircraftVectorEnvironment(VecEnv):
         """Do nothing, because no file or process is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return a list with the value of an attribute once for each index."""
+        """Return a list with the value of an attribute, once for each requested episode."""
         return [getattr(self, attr_name) for _ in self._of(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
@@ -94,11 +94,11 @@ class AircraftVectorEnvironment(VecEnv):
     def env_method(
         self, method_name: str, *arguments: Any, indices: Any = None, **options: Any
     ) -> list[Any]:
-        """Call a method once for each index and return the results."""
+        """Call a method once for each requested episode, and return the list of results."""
         return [getattr(self, method_name)(*arguments, **options) for _ in self._of(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return a list with False for each index."""
+        """Return a list with False for each requested episode: no episode is wrapped."""
         return [False for _ in self._of(indices)]
 
     def _of(self, indices: Any) -> Iterable[int]:

@@ -271,7 +271,7 @@ def _no_chain(
 
 
 def _kind(layer: Layer) -> str:
-    """Return the name of a layer with each number replaced by #."""
+    """Return the kind of a layer: its name with each number replaced by #."""
     return re.sub(r"\d+", "#", layer.name)
 
 

@@ -97,7 +97,9 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """Functions that the critic has: "policy", and optionally "value" and "gradient"."""
+        """Functions of the critic that are compared: "policy", and optionally "value" and
+        "gradient".
+        """
         functions = {"policy": self.critic.policy}
         if self.critic.gradient is not None:
             functions = {"gradient": self.critic.gradient} | functions
