@@ -187,7 +187,10 @@ def _of_states(
 
 
 def _squashed(function: ca.Function, squash: Squash) -> ca.Function:
-    """Return a network's function followed by its output map: x -> tanh(function(x)) scale + bias."""
+    """Return a network's function followed by its output map: x -> tanh(function(x)) s + b.
+
+    s and b are the scale and the bias of the output map.
+    """
     x = symbols_for([function], function.numel_in(0))
     action = ca.tanh(ca.vec(function(x))) * ca.DM(squash.scale) + ca.DM(squash.bias)
     return ca.Function("squashed", [x], [ca.densify(action)])
