@@ -38,7 +38,8 @@ as printed: all 20 entries
 `python -m studies.published` checks all [files with published
 solutions](../studies/published/sources) and writes a [verdict for each
 file](../studies/published/results.csv). The table shows the number of files with each
-[verdict](critics.md#a-printed-answer).
+[verdict](critics.md#a-printed-answer). `no exact answer` means that the published plant has no
+certified solution.
 """
 
 
