@@ -60,8 +60,8 @@ class ActuatorBank:
     (`hfa_aircraft.model.record`), in its units.
 
     lag: 1/ω, s, > 0
-    lowest, highest: absolute positions; may be infinite
-    rate: largest |U'|, per s; may be infinite
+    lowest, highest: absolute positions, possibly infinite
+    rate: largest |U'|, per s, possibly infinite
     order: 1 or 2, for all inputs
     damping: ζ, for all inputs
     faults: changes of ω, ζ and the effectiveness λ, which is 1 without a fault

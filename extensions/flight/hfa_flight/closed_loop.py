@@ -75,8 +75,8 @@ class LinearPlant(Plant):
 
     A: (n, n)
     B: (n, m)
-    E: disturbance -> column (n,); by default none
-    point: operating point of the linearization; None for a plant given by its matrices, with trim 0
+    E: disturbance -> column (n,), by default empty
+    point: operating point of the linearization, or None for a plant given by A and B with trim 0
     """
 
     A: np.ndarray
@@ -97,7 +97,7 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """Matrix that selects the states of the linear model; the identity if `point` is None."""
+        """Matrix that selects the states of the linear model, or the identity without `point`."""
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property

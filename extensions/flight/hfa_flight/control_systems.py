@@ -57,7 +57,7 @@ def from_control(
 ) -> Model:
     """Return the model of a python-control system whose functions accept CasADi symbols.
 
-    units: name -> unit or `Signal`; the unit is 1 for names that are not given
+    units: name -> unit or `Signal`. The unit is 1 for names that are not given
     declared: further fields of `Model`
 
     Raises BadInputError if the system has no update function, is in discrete time, depends on time,

@@ -90,7 +90,7 @@ def flight_envelope(
     - `min` and `max` of the state.
 
     point: the trim
-    changes: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is an alias of alpha
+    changes: state -> (lowest, highest), absolute. `ANGLE_OF_ATTACK` is an alias of alpha
 
     Raises BadInputError if a name is not a state, a lowest limit is not below the highest, or the
     trim is outside the envelope.
@@ -128,7 +128,7 @@ def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
 def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
     """Return a mask (N,), True at each time at which a state exceeds a limit of the envelope.
 
-    limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
+    limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
     """
     return np.asarray(~envelope.within(limited).all(axis=-1))
 
@@ -141,7 +141,7 @@ def departure(
     If several states exceed their limits at that time, the state with the largest excess relative
     to its range is returned. A value that is not finite has the largest excess.
 
-    limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
+    limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
     moving_air: whether the air moves, for the name of the variable
     """
     if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
@@ -162,7 +162,7 @@ def departure(
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
     """Raise BadInputError if a flight begins outside its envelope.
 
-    limited: (n,), absolute initial states; in moving air with the angle of attack in place of alpha
+    limited: (n,), absolute initial states. In moving air, the angle of attack replaces alpha
     """
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:

@@ -20,7 +20,7 @@ def cost_of_flight(
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
-    is_held: True if v is constant between consecutive times; v'Rv is then integrated exactly
+    is_held: True if v is constant between consecutive times. v'Rv is then integrated exactly
     """
     of_states = np.einsum("ij,jk,ik->i", z, Q, z)
     of_inputs = np.einsum("ij,jk,ik->i", v, R, v)

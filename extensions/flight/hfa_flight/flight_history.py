@@ -19,7 +19,7 @@ class Deviations(Reported):
     errors: (N, k), z = x - x_d of the states of the linear model, without noise
     inputs: (N, m)
     memory: (N, l), memory of the policy
-    limited: (N, n), the states; in moving air with the angle of attack in place of alpha
+    limited: (N, n), the states. In moving air, the angle of attack replaces alpha
     winds: disturbance of the model that the scenario sets -> (N,)
     """
 

@@ -133,7 +133,7 @@ class PythonPolicy(Policy):
 
     The function is called at the beginning of each tick, and U is constant during the tick.
 
-    function: (t in s, X by name) -> U, (m,), or U by name; inputs without a value remain at trim
+    function: (t in s, X by name) -> U, (m,), or U by name. Inputs without a value remain at trim
     point: the trim
     tick: s
     """

@@ -31,7 +31,7 @@ class GainSchedule(Reported):
 
     K is constant beyond the breakpoints.
 
-    breakpoints: (G,), increasing values of η, radians for angles; any value for a single gain
+    breakpoints: (G,), increasing values of η, radians for angles. A single gain has any one value
     gains: (G, m, n) in the units of the model, for the n states of the linear model, or
       (G, m, n + m) with columns for the actuator positions
     model: model with the scheduling variable, states and inputs

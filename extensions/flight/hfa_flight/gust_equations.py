@@ -171,7 +171,7 @@ class _InGusts:
 def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
     """Return the time derivatives of the body-axis velocity components, (3,).
 
-    states, rates: speed, alpha and beta, and their rates; a missing beta is 0
+    states, rates: speed, alpha and beta, and their rates. A missing beta is 0
     """
     speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
     in_wind_axes = ca.vertcat(

@@ -125,7 +125,8 @@ class _Swings(NamedTuple):
 
     amplitude: mean of the peaks
     frequency: rad/s, from the first and the last zero crossing
-    rate: decay rate of the amplitude, 1/s, by least squares of log amplitude; negative for growth
+    rate: decay rate of the amplitude, 1/s, by least squares of log amplitude. The rate of a growing
+        oscillation is negative
     """
 
     amplitude: float

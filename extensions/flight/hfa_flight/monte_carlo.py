@@ -68,7 +68,7 @@ class MonteCarlo(StatesAndInputs, Reported):
     point: trim in which each member begins
     policy: policy of all members
     scenario: scenario with the random quantities to be drawn
-    envelope: limits of the states; a flight ends at the first tick outside
+    envelope: limits of the states. A flight ends at the first tick outside
     spread: distribution of the members' parameters, or None for the parameters of the model
 
     Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a

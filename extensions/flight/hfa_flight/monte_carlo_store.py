@@ -37,7 +37,7 @@ def run_monte_carlo(
 
     The names are those in `KEPT`. The results are kept in memory.
 
-    workers: as for `open_workers`; no effect on the results
+    workers: as for `open_workers`. The number has no effect on the results
     progress: called with (chunks done, number of chunks), first at the start
     """
     starts = range(0, plan.members, chunk_of(plan))

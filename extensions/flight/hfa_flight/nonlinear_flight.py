@@ -100,9 +100,9 @@ def fly(
       one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
       {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
       None, the inputs remain at trim.
-    seconds: duration; default: that of the scenario, or 20 s
+    seconds: duration, s. Default: that of the scenario, or 20 s without a scenario
     initial: deviations from trim at the start, by the names of states, or (n,)
-    scenario: disturbances, noise and faults; its random quantities must be drawn already
+    scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
     predict: whether the linear model is simulated too
     method: "runge-kutta", or for a JSBSim aircraft "jsbsim": JSBSim's integration steps and Earth
@@ -174,8 +174,8 @@ def fly_within(
 
     compiled: the loop
     envelope: limits of the states, absolute
-    scenario: used in place of the loop's scenario; `CompiledLoop.fly` lists the values that may
-      differ
+    scenario: used in place of the loop's scenario. `CompiledLoop.fly` lists the values that may
+        differ
     parameters: parameters of the simulated aircraft, or None for those of the loop
     progress: called during the flight
     """

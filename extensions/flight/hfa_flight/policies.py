@@ -119,7 +119,7 @@ class Policy(Reported):
 class GainPolicy(Policy):
     """Policy u = -K z.
 
-    gains: K (m, k), or (N, m, k) with a gain for each tick; stored as (N, m, k)
+    gains: K (m, k), or (N, m, k) with a gain for each tick. Both are stored as (N, m, k)
 
     Raises BadInputError for another shape or a number that is not finite.
     """

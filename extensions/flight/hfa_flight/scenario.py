@@ -105,16 +105,16 @@ class Scenario(Reported):
 
     duration: s
     step: integration step, s
-    tick: interval at which the held inputs change, s; a whole number of steps
+    tick: interval at which the held inputs change, s, a whole number of steps
     initial: (n,), deviation from trim; () for none
-    reference, disturbance, noise: signals (k,) for the states of the linear model; None is 0
+    reference, disturbance, noise: signals (k,) for the states of the linear model, or None for 0
     errors: parameter -> factor on the parameter of the simulated aircraft only
     actuators: dynamics of the actuators, or None
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
     samples: drawn noise, (ticks, k), constant during each tick
     air: disturbance of the model -> waveform, (1,)
-    delay: delay of every command, s; a whole number of ticks
+    delay: delay of every command, s, a whole number of ticks
 
     Raises BadInputError if times are not multiples of each other or are too long, the step is too
     long for the actuators, a factor is not positive, the delay is not a whole number of ticks, or

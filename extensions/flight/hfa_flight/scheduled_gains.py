@@ -123,8 +123,8 @@ def scheduled_gains(
 
     name: name of the policy
     base: initial trim of the flight
-    commands: steps of the scheduling variable, as deviations from `base`; if empty, the variable
-      remains constant
+    commands: steps of the scheduling variable, as deviations from `base`. If empty, the variable
+        remains constant
     condition: function from the scheduling variable to its trim condition
 
     Raises BadInputError if the model is not scheduled over a state of its linear model, K has more

@@ -50,7 +50,7 @@ class CompiledLoop:
     according to the policy's fastest mode. Source: Hairer, Norsett, Wanner, Solving Ordinary
     Differential Equations I, Table II.1.2.
 
-    flights: expected number of flights; with enough of them, machine code is compiled.
+    flights: expected number of flights. With enough of them, machine code is compiled.
     tick: function from this loop to the `Tick` that advances it, in place of Runge-Kutta.
 
     Raises BadInputError if the fastest mode requires too many substeps.
@@ -119,9 +119,9 @@ class CompiledLoop:
         scenario: used in place of the loop's scenario, from which it may differ only in numbers
         parameters: parameters of the plant, for an uncertain plant
         policy: used in place of the loop's policy, from which it may differ only in its held inputs
-        ticks: number of ticks; by default that of the scenario
-        stop: function from the time history of some steps to a mask of these steps; the flight ends
-          with the tick of the first step that is True
+        ticks: number of ticks, or None for that of the scenario
+        stop: function from the time history of some steps to a mask of these steps. The flight ends
+            with the tick of the first step that is True
         progress: called during the flight
 
         Raises NoSolutionError with the time if a state is not finite and there is no `stop`.

@@ -83,7 +83,7 @@ class Turbulence:
       (intensity, scale) of u, v and w, in the model's units.
     altitude: altitude at which a level is evaluated, in the model's unit of length; default: that
       of the trim.
-    span: wing span, in the model's unit of length; without a span p, q and r are 0.
+    span: wing span, in the model's unit of length. Without a span, p, q and r are 0.
     spectrum: dryden or karman.
 
     Raises BadInputError if level or spectrum is unknown, a number is not positive, or both altitude

@@ -120,7 +120,7 @@ class Aerodynamics:
     def _to_body(self, frame: str) -> ca.SX:
         """Return the rotation matrix (3, 3) from a frame to body axes.
 
-        frame: "WIND" or "STABILITY"; any other frame is BODY
+        frame: "WIND" or "STABILITY". Any other frame is BODY
         """
         if frame == "WIND":
             return self._motion.wind_to_body

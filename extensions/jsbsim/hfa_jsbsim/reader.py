@@ -414,7 +414,7 @@ class _Declaration:
         Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
         down at this limit, the limit is returned.
 
-        values: name -> value; other variables have their declared initial values
+        values: name -> value. Other variables have their declared initial values
         """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())

@@ -29,8 +29,8 @@ class Actor:
 
     function: observations (k,) -> actions (m,).
     chain: description of the layers.
-    squash: True if the output passes through tanh and is mapped to the box; False if it is clipped
-        to the box.
+    squash: True if the output passes through tanh and is mapped to the box, False if the output is
+        clipped to the box.
     clip_mean: largest absolute value before tanh.
     stored: settings in a Stable-Baselines3 zip, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None.
@@ -51,7 +51,7 @@ def read_actor(
 ) -> Actor:
     """Read the network of a policy that the table [policy] of a deployment file names.
 
-    entries: table [policy]; its entries "activation", "layout", "squash" and "network" are needed
+    entries: table [policy]. Its entries "activation", "layout", "squash" and "network" are needed
         only if the policy's file does not store them
     folder: folder to which file names are relative
     observations, actions: number of observations and of actions in the deployment file

@@ -42,11 +42,11 @@ def assess(
     deployment: observations, actions and timing of the policy, or the path of a deployment file
     points: operating points, or values of the scheduling variable in the units of the model;
         default: the model's default trim
-    samples: number of initial conditions at each trim; each is flown with and without the
+    samples: number of initial conditions at each trim. Each is flown with and without the
         disturbance pulse
     seed: seed of the initial conditions
     progress: callback for the progress of the flights
-    vary: parameter, or input that no action moves -> lowest and highest value; the policy is also
+    vary: parameter, or input that no action moves -> lowest and highest value. The policy is also
         assessed on the changed aircraft, with the trim values of the original
     scenario: sensor noise, gust or turbulence for at most 20 further flights from each trim, as in
         `hfa.fly`

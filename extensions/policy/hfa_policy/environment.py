@@ -39,17 +39,17 @@ def environment(
     """Return a gymnasium environment: an aircraft about its trims.
 
     model: the aircraft
-    deployment: observations, actions, timing and cost, or the path of a deployment file; a policy
-        is not required; default: `Deployment.usual(model, dt)`
+    deployment: observations, actions, timing and cost, or the path of a deployment file. A policy
+        is not required. Default: `Deployment.usual(model, dt)`
     points: operating points, one operating point, or values of the scheduling variable in the units
-        of the model; one is drawn at each reset; default: the model's default trim
-    seconds: duration after which an episode is truncated; an episode is terminated earlier if the
-        aircraft leaves its limits
+        of the model. One is drawn at each reset. Default: the model's default trim
+    seconds: duration after which an episode is truncated, s. An episode is terminated earlier if
+        the aircraft leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
-    turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
+    turbulence: turbulence of MIL-F-8785C, drawn for each episode. Unsupported components cause a
         warning
     dt: sample time of the default deployment, s, 0.02 if not given
-    Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`; default: 1/nominal²
+    Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: 1/nominal²
 
     The reward is the negative cost.
 

@@ -14,7 +14,7 @@ def episode_picture(
 ) -> np.ndarray:
     """Return the picture of an episode as an array of pixels (height, width, 3).
 
-    owner: index of the episode's trim; its values are drawn as horizontal lines
+    owner: index of the episode's trim. Its values are drawn as horizontal lines
     flown: X and U at each sample of the episode
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -54,7 +54,7 @@ class Equilibrium:
     At a kink, a slope is the mean of the slopes on both sides. u are the commanded inputs, x the
     linear states.
 
-    states: X, (n,); states outside the linear model have their trim values.
+    states: X, (n,). States outside the linear model have their trim values.
     inputs: U, (m,).
     K: (m', k), -∂u/∂x, summed over all samples of the history.
     K_inputs: (m', m'), ∂u/∂u_before, with respect to the previous inputs.

@@ -32,7 +32,7 @@ class AircraftEnvironment(gymnasium.Env):
         """Prepare the environment.
 
         episodes: simulation of a single episode
-        render_mode: None or "rgb_array"; another mode raises BadInputError
+        render_mode: None or "rgb_array". Another mode raises BadInputError
         """
         self.episodes = episodes
         if render_mode not in (None, *self.metadata["render_modes"]):

@@ -34,7 +34,7 @@ class _Slope(NamedTuple):
     """Linear policy u = -K z with which the deployed policy is compared.
 
     K: (m', k).
-    P: (k, k), 0; the search requires P but does not use it for policies.
+    P: zeros, (k, k). The search requires P but does not use it for policies.
     """
 
     K: np.ndarray

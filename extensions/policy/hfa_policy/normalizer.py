@@ -25,7 +25,7 @@ class Normalizer:
 
     mean: (k,).
     variance: (k,).
-    epsilon: added to the variance; each sum is positive.
+    epsilon: number added to the variance. Each sum is positive.
     clip: largest absolute value.
     count: number of observations in the statistics, or nan if unknown.
     last: (E, k), last unnormalized observations of E environments, or None if unknown.

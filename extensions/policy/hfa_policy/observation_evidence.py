@@ -60,7 +60,7 @@ class _Observed(NamedTuple):
     def given(self, is_absolute: bool) -> np.ndarray:
         """Return what the policy receives for this observation at the trims, (N,).
 
-        is_absolute: True for absolute values; False for deviations, which are 0
+        is_absolute: True for absolute values, False for deviations, which are 0
         """
         if not is_absolute:
             return np.zeros(len(self.values))

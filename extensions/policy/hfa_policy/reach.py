@@ -48,8 +48,9 @@ class Reach(NamedTuple):
     A mode is out of reach if the actions do not move the mode or the observations do not show the
     mode.
 
-    judged: (k,), mask of the linear states that count; all, unless a slow mode is out of reach.
-    loop: the equilibrium in coordinates of the r modes that count; the equilibrium itself if all
+    judged: (k,), mask of the linear states that count. All count unless a slow mode is out of
+        reach.
+    loop: the equilibrium in coordinates of the r modes that count, or the equilibrium itself if all
         modes count.
     own: slow modes of the aircraft that are out of reach.
     states: names of the states that count.

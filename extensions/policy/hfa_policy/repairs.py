@@ -122,7 +122,7 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entry of an action in the deployment file with the box of another action.
 
-    place: entry of the other action; if it has no box, the result has none
+    place: entry of the other action. If it has no box, the result has none
     """
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 

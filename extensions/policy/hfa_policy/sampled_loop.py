@@ -186,7 +186,7 @@ def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samp
 
     The resolution is 1/`_PARTS` of a sample. Delays below the deployed delay are omitted.
 
-    samples: end of this sample, in samples; unstable as a delay
+    samples: end of this sample, in samples. A delay of this length is unstable
     """
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt

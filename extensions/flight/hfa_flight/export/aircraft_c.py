@@ -45,7 +45,7 @@ def c_model_texts(
     The files are a header, a source file and, if a policy is given, an example 100 Hz loop.
 
     linear: linear model at a trim
-    policy: policy about that trim, or None; a time-varying gain is replaced by its first value
+    policy: policy about that trim, or None. A time-varying gain is replaced by its first value
     origin: provenance, for a comment
 
     Raises BadInputError if the equations cannot be expressed in C.

@@ -20,7 +20,7 @@ def filled(package: str, file: str, **values: object) -> str:
     """Return the template of a file with its fields filled in.
 
     package: package that contains the template
-    file: name of the file; the template's name ends with .in
+    file: name of the file. The template has the same name with the suffix .in
     values: values of the fields
     """
     return files(package).joinpath(f"{file}.in").read_text("utf-8").format(**values)

@@ -79,7 +79,7 @@ class GivenInputs(Policy):
 class Steering(NamedTuple):
     """Policy and input signals v of an exported loop.
 
-    policy: the policy; each state of its memory has a channel in `states`
+    policy: the policy. Each state of its memory has a channel in `states`
     arguments: channels of v
     v: (k,), symbols of the inputs of the loop
     reference: x_d, as part of v, or None
@@ -123,7 +123,7 @@ def following_a_reference(model: Model, policy: Policy) -> Steering:
 class ExportedLoop:
     """Loop y' = f(y, v) in absolute values, with the inputs u = g(y, v) of the aircraft.
 
-    function: (y, v) -> (f, g); g is empty if u is part of v
+    function: (y, v) -> (f, g). g is empty if u is part of v
     states, outputs, inputs: channels of y, u and v
     flown: number of aircraft states, which are the first states
     longest_step: largest Runge-Kutta step, s

@@ -180,7 +180,7 @@ class DrawnAircraft:
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
         """Return the stability and the largest excess cost of u = -K z on the drawn aircraft.
 
-        game: game of the given aircraft; the drawn aircraft have the same weights
+        game: game of the given aircraft. The drawn aircraft have the same weights
         K: gain, (m, n)
         """
         linear_models = [linearize(each.model, each) for each in self.points(progress)]

@@ -49,11 +49,11 @@ def from_network(
     source: a file that `network_in` reads, a CasADi Function of the state, or a torch.nn.Sequential
         of linear layers and activations
     network: the parts of a file and their kinds, such as "value", "V=value" or
-        "V=value,policy=actor"; without a kind, the number of outputs decides
+        "V=value,policy=actor". Without a kind, the number of outputs decides
     activation: activation between the layers of a state dict
     scale: (n,), factors on the states at the inputs of the network, none of them 0
-    features: functions on which a single layer acts, so that the critic is a polynomial; default:
-        the quadratic basis
+    features: functions on which a single layer acts. The critic is then a polynomial. Default: the
+        quadratic basis
 
     Raises a BadInputError of one line for a wrong argument or file.
 

@@ -79,7 +79,7 @@ class NetworkFile(NamedTuple):
     functions: requested part, or name of an output -> function from x (n,) to the output (k,).
     chain: the operations in their order, such as "6 -> tanh 64 -> 1".
     precision: precision of the weights in the file, such as "float32".
-    on_basis: single layer whose inputs are the functions of the basis, or None; with such a layer,
+    on_basis: single layer whose inputs are the functions of the basis, or None. With such a layer,
         `functions` is empty.
     rows: versions of `functions` that are faster for many rows.
     squashes: operations after some of the functions, not included in these functions.

@@ -342,7 +342,7 @@ def graph_functions(
 ) -> GraphFunctions:
     """Convert the ONNX graph in a file to functions.
 
-    path: path of the file; external weights are read from files in its folder
+    path: path of the file. External weights are read from files in its folder
     states: number of states of the plant
     inputs: number of inputs of the plant
     outputs: requested kind -> name of an output of the graph, or "" for all
@@ -485,7 +485,7 @@ def check_width(width: int, states: int, inputs: int) -> None:
     A Q must have one input for each state and input of the plant.
 
     width: number of inputs of the network
-    states, inputs: number of states and of inputs of the plant; inputs = 0 excludes a Q
+    states, inputs: number of states and of inputs of the plant. inputs = 0 excludes a Q
     """
     if width == states:
         return

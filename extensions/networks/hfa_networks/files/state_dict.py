@@ -120,7 +120,7 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
     """Sort the tensors of a state dict by function.
 
-    part: words that select layers by their names, joined by +; "" selects all layers
+    part: words that select layers by their names, joined by +. "" selects all layers
     is_policy: whether "" selects the policy alone, without a critic in the same file
 
     Raises BadInputError if no layer is selected, or if several normalizers or squashes may belong

@@ -413,7 +413,7 @@ def fly(
 
     Nothing is simulated if the network has non-finite values or its linear loop is unstable.
 
-    flights: number of initial conditions; at most `_WIDE_FLIGHTS` are used for a wide network
+    flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
     if not critic.finite or not axis.is_stable(critic.K):

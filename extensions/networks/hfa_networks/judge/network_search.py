@@ -113,7 +113,7 @@ class Comparison(NamedTuple):
         Each error is relative to the largest exact V, dV/dz_i or u_i in the box. The constant of V
         is subtracted, because no policy depends on it.
 
-        kinds: the functions to compare; () for all that the critic has
+        kinds: the functions to compare, or () for all that the critic has
         """
         P = ca.DM(self.exact.P)
         names = []

@@ -190,7 +190,7 @@ class _Affine(NamedTuple):
 
     slopes: l, (boxes, rows, n).
     constant, radius: l0 and r, (boxes, rows).
-    spreads: group -> (boxes, rows, nodes), contribution of each node to the radius; groups that
+    spreads: group -> (boxes, rows, nodes), contribution of each node to the radius. Groups that
         occur in no row are missing.
     """
 
