@@ -29,8 +29,9 @@ DEGREES = np.pi / 180
 
 
 def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return random states (with lag states), inputs and winds, in ranges wider than those of
-    any trim.
+    """Return random states (with lag states), inputs and winds for `count` points.
+
+    The ranges are wider than those of any trim.
     """
     rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
     lags = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES)))
@@ -83,10 +84,10 @@ def by_name(*vectors: Any) -> tuple[Any, ...]:
 
 @cache
 def by_energies() -> ca.Function:
-    """Return the function (x, u, p, w, x' without wind) -> (x', [dE/dt, power]) derived from
-    energies.
+    """Return the function (x, u, p, w, x₀') -> (x', [dE/dt, power]) from the second derivation.
 
-    x' is for the wind w. dE/dt and the power of the loads are without wind, for the given x'.
+    x' are the rates with the wind w. dE/dt and the power of the loads are those without wind for
+    the given rates x₀'.
     """
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
     x, u, p, w = by_name(*vectors)
@@ -137,10 +138,11 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
 
 
 def test_energies_give_same_rates_and_power_of_loads() -> None:
-    """The rates equal those from the Euler-Lagrange equations with the carried air, and dE/dt
-    equals the power.
+    """The rates equal those of the Euler-Lagrange equations, and dE/dt equals the power of the
+    loads.
 
-    This is tested with all effects, with each effect alone and with random fractions of all.
+    The equations include the carried air. The test uses all effects, each effect alone, and random
+    fractions of all effects.
     """
     assert max(worst()) < 1e-11
     some = np.vstack([np.eye(6), np.random.default_rng(1).uniform(0, 1, (6, 6))])
@@ -181,9 +183,12 @@ def half_chords() -> tuple[np.ndarray, float]:
 
 
 def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
-    """Return the complex lift of the center wing per unit angle, relative to the steady lift.
+    """Return the complex lift of the center wing per unit angle, divided by the steady lift.
 
-    The lift at the reduced frequencies k follows from the rows of the lag states in A and E.
+    The lift follows from the rows of the lag states in A and E.
+
+    kind: "lag" for a change of alpha, else for a gust
+    k: reduced frequencies
     """
     table, flow = half_chords()
     rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
@@ -211,7 +216,7 @@ def sears(k: np.ndarray) -> np.ndarray:
 
 
 def test_theodorsen() -> None:
-    """From k = 0.05 to 2, Jones's two lags differ from C(k) by at most 0.015 and by at most 2.4 %.
+    """Jones's two lags approximate Theodorsen's C(k) within 0.015 and 2.4 % from k = 0.05 to 2.
 
     A planted error in the shares is detected.
     """

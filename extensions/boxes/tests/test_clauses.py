@@ -50,7 +50,7 @@ TANK = Model(
 
 
 def tank() -> Content:
-    """Return a true certificate, of the region level² + heat² <= 0.81."""
+    """Return a true certificate. It claims the region level² + heat² <= 0.81."""
     limits = {
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),
@@ -102,9 +102,10 @@ def test_other_policies_have_other_digests() -> None:
 
 
 def test_the_hole_ends_where_the_jacobian_decides() -> None:
-    """The hole has the half-width 0.25, and a box outside the hole is not proved.
+    """The hole around the equilibrium, where the Jacobian proves the decrease of V, ends at 0.25.
 
-    The command contains the sixth power of the level, so that the level increases above 0.4.
+    The command contains the sixth power of the level, and the level increases above 0.4. A box
+    outside the hole is not proved.
     """
     content = tank()
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
@@ -117,9 +118,10 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
 
 
 def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
-    """In coordinates turned by 45 deg, the half-width of the hole stays 0.25.
+    """In coordinates turned by 45 deg, the hole around the equilibrium still has the half-width
+    0.25.
 
-    The valve saturates at a level of 0.5, which the corners of the next larger hole exceed.
+    The valve saturates at a level of 0.5. The corners of the next larger hole exceed this level.
     """
     statement, witness = read_content(tank(), TANK, None)
     side = 0.5**0.5
@@ -144,7 +146,10 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """A box from 0.25 to 0.5 is proved only if the equilibrium is known exactly."""
+    """V decreases on the box from 0.25 to 0.5 of the level only for an exactly known equilibrium.
+
+    For an equilibrium known within 0.3, the decrease is not proved.
+    """
     statement, witness = read_content(tank(), TANK, None)
     equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
     found = _decrease(statement, witness, equilibrium)
@@ -166,9 +171,9 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
 def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
-    """Limits at a distance of 0.91 hold only if the equilibrium is known exactly.
+    """Limits 0.9105 from the trim are proved to hold for an exactly known equilibrium.
 
-    An error of 0.001 is refused.
+    For an equilibrium known within 0.001, they are refused.
     """
     content = tank()
     content["statement"]["limits"]["level"] = list(ends)
@@ -196,7 +201,7 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _through_the_faces(content: Content) -> None:
-    """Change the certificate so that its set extends beyond the cube.
+    """Change the certificate so that its set extends beyond the cube in which V is defined.
 
     V decreases in all of the cube.
     """
@@ -206,7 +211,7 @@ def _through_the_faces(content: Content) -> None:
 
 
 def _about(level: float) -> Callable[[Content], None]:
-    """Return a change to a trim at another level with more inflow.
+    """Return a function that moves the trim of a certificate to another level, with more inflow.
 
     The valve then saturates on one side.
     """

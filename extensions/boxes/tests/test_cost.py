@@ -55,8 +55,8 @@ def cart_bound(coefficient: float) -> CostStatement:
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
     """A bound below the least cost by 1e-13 is proved, and a bound above by 1e-13 is refused.
 
-    The cart is in equilibrium at every position, so that the input is the unknown of the
-    equilibrium.
+    The cart is in equilibrium at every position. The unknown of its equilibrium equations is
+    therefore the input.
     """
     witness = CostWitness(("speed",), (1000,))
     assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
@@ -87,9 +87,10 @@ def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
 
 
 def test_no_flight_costs_less(proved: CostBound) -> None:
-    """No simulated flight that returns to the trim costs less than the proved bound, within 1 %.
+    """No simulated flight that returns to the trim costs less than the proved bound.
 
-    The flights have random gains. The median of bound / cost exceeds 0.8.
+    1 % is allowed for the integration. The flights have random gains. The median of bound / cost
+    exceeds 0.8.
     """
     rng = np.random.default_rng(0)
     z = np.array([0.4, 0.8]) * rng.uniform(-1.0, 1.0, (400, 2))
@@ -140,7 +141,7 @@ def constant(s: Any, w: Any) -> None:
 
 
 def inexact(s: Any, w: Any) -> None:
-    """Set the coefficient of a cubic term to 0.1, whose product with 3 is not exact in doubles."""
+    """Set the coefficient of a cubic term to 0.1. Its product with 3 is not exact in doubles."""
     cubic = next(term for term in s["pieces"][0]["W"] if 3 in term[1])
     cubic[0] = 0.1
 
@@ -241,9 +242,9 @@ WAGON = Model(
 
 
 def test_no_inputs_lose_more_than_the_bound() -> None:
-    """At five guesses, g minus `_loss` is at most the least g.
+    """At five guesses of the best inputs, `_loss` bounds the excess of g over its minimum.
 
-    g = 2 k y (a + b + 0.9 a b) + y² + a² + b²
+    g = 2 k y (a + b + 0.9 a b) + y² + a² + b² is the cost inequality for the inputs a and b.
     """
     limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
     plant = Plant(WAGON, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
@@ -283,7 +284,7 @@ SLED = Model(
 
 @pytest.mark.parametrize("ends", [(-10.0, 0.1), (-0.1, 10.0)])
 def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -> None:
-    """A false bound is refused if its inequality fails only at inputs far from the equilibrium.
+    """A false bound is refused if its inequality g >= 0 fails only far from the equilibrium input.
 
     g = y (u + u³) + y² + u² is convex for small u. It is not convex for u = -10 and y > 0, nor for
     u = 10 and y < 0.
@@ -339,7 +340,7 @@ def test_boxes_across_a_limit_are_in_the_envelope() -> None:
 
 
 def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
-    """A bound is refused if its inequality fails on one side of the equilibrium only.
+    """A bound is refused if its inequality g >= 0 fails on one side of the equilibrium only.
 
     g = y (u + 2 y²) + y² + u² is convex for y > 0 and negative at y = -0.4, u = 0.2.
     """
@@ -383,9 +384,9 @@ def test_the_loss_covers_guesses_that_vary_over_box() -> None:
 
 
 def test_an_input_without_slope_may_be_used() -> None:
-    """The bounds of the best inputs include an input in which g has no slope at 0.
+    """The bounds of the best inputs contain an input in which the inequality g has no slope at 0.
 
-    x' = pull + 0.9 pull push, and the best push is 0.14.
+    For x' = pull + 0.9 pull push, the best push is 0.14.
     """
     twisted = replace(
         WAGON, equations=lambda x, u, p, w: ({"position": u.pull + 0.9 * u.pull * u.push}, {})
@@ -430,7 +431,7 @@ def test_curvature_of_three_inputs_bounds_all_directions() -> None:
 def _on_a_line(
     model: Model, k: float, radius: float = 0.0, ends: tuple[float, float] = (-1.0, 1.0)
 ) -> CostInequality:
-    """Return the inequality of W = k y² for a model with one state and one input.
+    """Return the cost inequality of W = k y² for a model with one state and one input.
 
     radius: error of the input at the equilibrium
     ends: limits of the input
@@ -442,7 +443,10 @@ def _on_a_line(
 
 
 def test_inputs_reach_their_limits_from_all_equilibria() -> None:
-    """With limits of ±0.1 and an equilibrium known within 1e-3, input deviations reach ±0.101."""
+    """With input limits of ±0.1, the deviations from the equilibrium input reach ±0.101.
+
+    The equilibrium is known within 1e-3.
+    """
     low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
     assert low <= -0.101
     assert high >= 0.101
@@ -456,7 +460,8 @@ def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """A box is proved only if the equilibrium is known exactly, not within 0.3.
+    """The inequality g >= 0 is proved on a box for an exact equilibrium, but not for one within
+    0.3.
 
     g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, but not for all |e| <= 0.3.
     """
@@ -465,9 +470,10 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
 
 
 def test_the_envelope_is_met_from_all_equilibria() -> None:
-    """A box outside the envelope for an exact equilibrium meets it for some equilibrium within 0.2.
+    """A box outside the envelope for an exact equilibrium is inside for some equilibrium within
+    0.2.
 
-    The box is 0.1875 <= y <= 0.3125, the envelope |position| <= 0.1.
+    The box is 0.1875 <= y <= 0.3125. The envelope is |position| <= 0.1.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 1.0)
@@ -479,7 +485,7 @@ def test_the_envelope_is_met_from_all_equilibria() -> None:
 
 
 def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> CostInequality:
-    """Return the inequality on {W <= c} for y_1' = u, y_2' = -y_2, |u| <= 1."""
+    """Return the cost inequality on {W <= c} for y_1' = u, y_2' = -y_2, |u| <= 1."""
     model = Model(
         "two",
         {"position": Signal(), "other": Signal()},
@@ -496,8 +502,8 @@ def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> Cos
 def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
     """`_loss` bounds the suboptimality of an input guess that varies from -0.2 to 0.2 over a box.
 
-    The box has two states. g is linear in the input with the slope 0.75, and the optimal input is
-    the limit -1.
+    The box has two states. The inequality is linear in the input with the slope 0.75, and the
+    optimal input is the limit -1.
     """
     W = Polynomial(2, ((0.75, (2, 0)),))
     inequality = _of_two_states(W, 1.0, np.eye(2), np.zeros((1, 1)))
@@ -528,7 +534,7 @@ def test_the_envelope_is_met_in_turned_coordinates() -> None:
 
 
 def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
-    """The bounds of the best inputs cover slopes of both signs.
+    """The bounds of the best inputs are valid for slopes of W of both signs.
 
     For g = 2 k y u (1 - y) + y² + u² the best u is 0.75 k at y = -0.5 and -0.25 k at y = 0.5.
     """
@@ -541,7 +547,7 @@ def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
 
 
 def test_the_hessian_covers_all_inputs_within_radii() -> None:
-    """Convexity is proved within a small radius of the input and not within 1.
+    """The inequality is proved convex for inputs within 1e-3 of the guess, but not within 1.
 
     g = y (u + u³) + y² + u² is convex near u = 0 and not at u = 1.
     """
@@ -552,7 +558,7 @@ def test_the_hessian_covers_all_inputs_within_radii() -> None:
 
 
 def test_the_hessian_covers_both_ends_of_entries() -> None:
-    """Convexity is refused if the Hessian is indefinite at one end of the range of its entries.
+    """Convexity is refused if the Hessian is indefinite for one end of its enclosed entries.
 
     The mixed derivative of g = 0.6 y u (1 + 3 y) + y² + u² is 0.6 (1 + 6 y), from -1.2 to 2.4.
     """
@@ -564,9 +570,10 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
 
 
 def test_the_edge_with_largest_variation_is_halved() -> None:
-    """The edge along which g varies most is halved. At a face, W decides instead of g.
+    """A box is halved along the edge on which the inequality g varies most.
 
-    Here g = 1.5 y_1 u + y_1² + a y_2² + u², and W = 0.75 y_1² + 0.0625 y_2².
+    For a box at a face of the cube, the edge on which W varies most is halved. Here
+    g = 1.5 y_1 u + y_1² + a y_2² + u², and W = 0.75 y_1² + 0.0625 y_2².
     """
     W = Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2))))
     boxes = Boxes(np.array([[0.375, 0.375], [0.5, 0.5]]), np.array([[3, 3], [1, 1]]))
@@ -580,7 +587,9 @@ def test_the_edge_with_largest_variation_is_halved() -> None:
 
 
 def _still(inequality: CostInequality, boxes: Boxes) -> Any:
-    """Return Taylor models of the symbols on boxes, with inputs that approximately minimize g."""
+    """Return the Taylor models of states and inputs on boxes. The inputs approximately minimize
+    g.
+    """
     v, slopes = inequality.best_inputs(boxes.centres)
     return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
 

@@ -23,7 +23,7 @@ def pair(x: Any, u: Any, p: Any, w: Any) -> Any:
 def inequality_of(
     W: Polynomial, M: np.ndarray, c: float, weights: tuple[float, float]
 ) -> CostInequality:
-    """Return the inequality on {W <= c} for two states with different rates, with R = 1.
+    """Return the cost inequality on {W <= c} for two states with different rates, with R = 1.
 
     M: (2, 2), y = M z
     weights: diagonal of Q
@@ -36,9 +36,9 @@ def inequality_of(
 
 
 def test_a_set_at_a_face_is_refuted_there() -> None:
-    """A set that meets a face of the cube is refuted at a point of this face.
+    """A set {W <= c} that meets a face of the cube is refuted at a point of this face.
 
-    W = 0.5 at the centers of the faces y_1 = ±1, and the level is 0.6.
+    W = 0.5 at the centers of the faces y_1 = ±1, and c = 0.6.
     """
     W = Polynomial(2, ((0.5, (2, 0)), (0.75, (0, 2))))
     inequality = inequality_of(W, np.eye(2), 0.6, (1.0, 1.0))
@@ -50,7 +50,10 @@ def test_a_set_at_a_face_is_refuted_there() -> None:
 
 
 def test_skewed_coordinates_leave_the_hole_large() -> None:
-    """The hole stays large for an M with large entries, which cancel in the scaled Hessian."""
+    """The hole around the equilibrium stays large for coordinates y = M z with large entries of M.
+
+    The entries cancel in the scaled Hessian.
+    """
     M = np.array([[1.0, 32.0], [0.0, 1.0]])
     # W = 0.25 fast² + 2 slow², with fast = y_1 - 32 y_2
     W = Polynomial(2, ((0.25, (2, 0)), (-16.0, (1, 1)), (258.0, (0, 2))))

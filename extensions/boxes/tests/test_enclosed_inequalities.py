@@ -1,4 +1,7 @@
-"""Enclosed functions of both checkers, compared with formulas in doubles at random points."""
+"""Enclosed functions of the checkers of regions and of cost bounds, compared with formulas.
+
+The formulas are evaluated in doubles at random points.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +51,9 @@ K = np.array([[0.5, 0.25], [-0.25, 0.5]])
 
 
 class Places(NamedTuple):
-    """Random points of boxes.
+    """Random points in boxes.
 
+    boxes: the boxes
     s: (N, 2), position in the box, from -1 to 1
     y, z: (N, 2), coordinates and deviations at these points
     e: (N, 4), errors of the equilibrium
@@ -102,7 +106,10 @@ def _rates(x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
 
 
 def _inequality(radius: float, share: float = 1.0) -> CostInequality:
-    """Return the cost inequality of share * W, for an equilibrium known within a radius."""
+    """Return the cost inequality of the function share W.
+
+    radius: largest error of the equilibrium
+    """
     plant = Plant(MODEL, {}, AT, INPUTS, {}, dict(ENDS))
     W = Polynomial(2, tuple((share * value, powers) for value, powers in TERMS))
     return CostInequality(plant, _equilibrium(radius, 4), PIECE._replace(W=W), Q, R)
@@ -116,7 +123,7 @@ def _g(places: Places, inputs: np.ndarray, share: float = 1.0) -> np.ndarray:
 
 
 def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
-    """Return a guess of the best inputs, with random errors of size `off`."""
+    """Return a guess of the best inputs on boxes, with random errors of size `off`."""
     rng = np.random.default_rng(3)
     v, _ = inequality.best_inputs(boxes.centres @ np.linalg.inv(M).T)
     return Guess(v + off * rng.normal(size=v.shape), off * rng.normal(size=(*v.shape, 2)))
@@ -125,7 +132,10 @@ def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 @pytest.mark.parametrize("off", [0.0, 0.1])
 def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> None:
-    """g at a guess is at least its bound, and g at any input at least this bound minus the loss."""
+    """The cost inequality g at a guess of the inputs is at least its proved lower bound.
+
+    At any other input, g is at least this bound minus the loss.
+    """
     places = _places(radius, 5)
     inequality = _inequality(radius)
     guess = _guess(inequality, places.boxes, off)
@@ -209,7 +219,7 @@ def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
 
 @pytest.mark.parametrize("share", [-1e-9, 1e-9])
 def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
-    """A very small box is outside the set exactly if W exceeds the level there."""
+    """A very small box is outside the set {W <= c} exactly if W exceeds c in the box."""
     place = np.array([0.5, 0.25])
     piece = PIECE._replace(c=float(PIECE.W.at(place[None])[0]) * (1.0 - share))
     small = Boxes(place[None], np.array([[40, 40]]))
@@ -218,7 +228,7 @@ def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
 
 
 def test_a_vaguer_equilibrium_has_a_smaller_hole() -> None:
-    """The hole is smaller for an equilibrium with a larger error.
+    """The hole around the equilibrium is smaller if the equilibrium has a larger error.
 
     The policy saturates at a certain distance from the trim.
     """

@@ -140,9 +140,9 @@ def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
 
 
 def test_an_edge_across_a_kink_lowers_bounds() -> None:
-    """The reduction of the bound is attributed to the edge y_0, across which |y_0| has its kink.
+    """The looseness of a lower bound is attributed to the edge y_0, along which |y_0| has its kink.
 
-    The slope along y_1 does not matter.
+    The function is |y_0| + |0.01 y_0 + y_1 - 9|, which has no kink along y_1.
     """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [ca.fabs(y[0]) + ca.fabs(0.01 * y[0] + y[1] - 9.0)])
@@ -242,7 +242,10 @@ def test_elementary_functions_are_as_near_as_stated() -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """The sign of a value of ±1e-13 is proved: (1 + y)² - 4 y + margin is the margin at y = 1."""
+    """The sign of a function value of ±1e-13 is proved.
+
+    The function (1 + y)² - 4 y + margin has the value `margin` at y = 1.
+    """
     y = ca.SX.sym("y")
     function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
     models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))

@@ -52,7 +52,7 @@ K = np.array([[1.25, 1.5]])
 
 @pytest.fixture(scope="module")
 def aircraft(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Return the argument of --aircraft, FILE:NAME."""
+    """Return the aircraft as the option --aircraft accepts it, FILE:NAME."""
     file = tmp_path_factory.mktemp("fields") / "cart.py"
     file.write_text(CART)
     return f"{file}:CART"
@@ -64,7 +64,7 @@ def cart(aircraft: str) -> Model:
 
 
 def _first(change: Change) -> Change:
-    """Return a change that applies `change` to the first number of nested lists or objects."""
+    """Return a function that applies `change` to the first number in nested lists or objects."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Stored certificates of the GTM without state limits, whose proofs are repeated."""
+"""Stored certificates of the GTM without state limits. The tests repeat their proofs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def gtm_without_limits() -> Model:
 
 
 def size_of(degree: int) -> float:
-    """Prove the stored certificate of this degree and return the size of its set."""
+    """Verify the stored certificate with a V of this degree, and return the size of its set."""
     model = gtm_without_limits()
     content = json.loads((CERTIFICATES / f"gtm_degree_{degree}.json").read_text())
     content["statement"].update(dynamics=model.name, source=model.extras.source[1])

@@ -48,9 +48,10 @@ def content() -> dict[str, Any]:
 
 
 def is_true(statement: CostStatement) -> bool:
-    """Return whether the bound is at most the least cost sqrt(Q R) z² on a fine grid.
+    """Return whether the bound of a statement is at most the least cost sqrt(Q R) z² on a fine
+    grid.
 
-    z are deviations from the stated equilibrium, which may differ from the trim by 1e-6.
+    z is the deviation from the stated equilibrium, which may differ from the trim by 1e-6.
     """
     z = np.linspace(-3.0, 3.0, 20_001)[:, None]
     least = np.sqrt(statement.Q[0, 0] * statement.R[0, 0]) * z[:, 0] ** 2
@@ -60,7 +61,7 @@ def is_true(statement: CostStatement) -> bool:
 
 @pytest.mark.slow
 def test_no_false_bound_of_1000_is_accepted() -> None:
-    """Every changed certificate that is accepted states a bound below the least cost.
+    """Every changed certificate that is accepted states a bound of at most the least cost.
 
     Less than a third of the changed certificates are accepted.
     """

@@ -39,7 +39,10 @@ def deployed(z: Any, level: Any, clip: Callable[[Any], Any]) -> Any:
 
 
 def policy_of(kind: str) -> ca.Function | None:
-    """Return the user's policy of this kind, or None for a gain, which the certificate contains."""
+    """Return the user's policy as a function, or None for a gain, which the certificate contains.
+
+    kind: "network", "deployment" or a kind of gain
+    """
     z = ca.SX.sym("z")
     trim = ca.SX.sym("trim", 4)
     if kind == "network":
@@ -51,7 +54,10 @@ def policy_of(kind: str) -> ca.Function | None:
 
 
 def content(kind: str) -> dict[str, Any]:
-    """Return a true certificate of this kind, of the region |level| <= 0.9."""
+    """Return a true certificate of the region |level| <= 0.9.
+
+    kind: kind of policy
+    """
     W, c = (QUARTIC, 0.81 + 0.25 * 0.6561) if kind == "quartic" else (SQUARE, 0.81)
     policy = policy_of(kind)
     gain = Gain(np.array([[2.0]]), {"valve": ((-0.25, (3,)),)})
@@ -69,7 +75,9 @@ def content(kind: str) -> dict[str, Any]:
 
 
 def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
-    """Return the policy's command at deviations from the trim (N,), computed with NumPy."""
+    """Return the command of the statement's policy at deviations z from the trim, (N,), by
+    NumPy.
+    """
     if kind == "network":
         return np.asarray(network(z, np.tanh))
     if kind == "deployment":
@@ -81,7 +89,10 @@ def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
 
 
 def is_true(statement: BoxStatement, kind: str) -> bool:
-    """Return whether the claim is true on a fine grid of the cube, except within 1e-4 of 0."""
+    """Return whether the claim of a statement holds on a fine grid of the cube.
+
+    Points within 1e-4 of the equilibrium are not compared.
+    """
     loop = statement.loop
     y = np.linspace(-1.0, 1.0, 20_001)
     values = statement.piece.W.at(y[:, None])
@@ -104,7 +115,7 @@ def is_true(statement: BoxStatement, kind: str) -> bool:
 @pytest.mark.parametrize("count", [25, pytest.param(250, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["quadratic", "quartic", "network", "deployment"])
 def test_no_false_region_is_accepted(kind: str, count: int) -> None:
-    """Every changed certificate that is accepted is true.
+    """The claim of every changed certificate that is accepted is true.
 
     At least one and less than half of the changed certificates are accepted.
     """

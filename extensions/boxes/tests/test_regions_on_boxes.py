@@ -48,9 +48,9 @@ K = np.array([[1.97725, 0.97624]])
 
 @dataclass(frozen=True, eq=False)
 class Positive(Question):
-    """Property that functions of y are positive in the cube.
+    """The property that functions of y are positive in the cube, to be proved by branch and bound.
 
-    The first function need not be positive for |y_i| <= 2^-hole.
+    hole: the first function need not be positive for |y_i| <= 2^-hole; None for no exception
     """
 
     taylor: TaylorProgram
@@ -104,9 +104,9 @@ def test_what_may_be_zero_is_not_positive() -> None:
 
 
 def test_no_edge_is_halved_below_the_doubles() -> None:
-    """No edge is halved more than 53 times.
+    """No edge of a box is halved more than 53 times.
 
-    The function is 0 at y_0 = 0.3, so that the first edge is halved repeatedly.
+    The function is 0 at y_0 = 0.3, near which the first edge is halved again and again.
     """
     depths = []
 
@@ -126,7 +126,9 @@ def test_no_edge_is_halved_below_the_doubles() -> None:
 def proved(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[dict[str, Any], ca.Function, list[str]]:
-    """Return the content of a proved certificate, and the arguments of the command to check it."""
+    """Return the content of a proved certificate, and the arguments of the command that checks
+    it.
+    """
     folder = tmp_path_factory.mktemp("boxes")
     network = imitation(folder / "network.npz", K, np.array([1.0, 4.0]), hidden=(8,))
     words = ["--aircraft", PENDULUM, "--Q", "1,1", "--R", "1", "--weights", str(network)]
@@ -217,9 +219,9 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
 
 
 def _same_policy(proved: Any) -> ca.Function:
-    """Return the policy as the command reads it from the network's file.
+    """Return the network as the command reads it from its file.
 
-    The digest of the certificate covers its instructions.
+    The certificate contains a digest of the instructions of this function.
     """
     from controller.critic.critic_file import Reading, critic_in
     from controller.game.zero_sum import Game
@@ -245,7 +247,7 @@ def test_rest_at_no_decrease_is_refused() -> None:
 
 
 def test_the_hole_is_one_of_first_function_alone() -> None:
-    """The hole applies to the first function only.
+    """In the hole around the equilibrium, only the first function need not be positive.
 
     A second function that is negative in the hole is refused.
     """
@@ -261,7 +263,9 @@ SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}
 
 @pytest.mark.parametrize("limit", [0.65, 0.55])
 def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
-    """A set that reaches 0.6 is proved for a higher limit and refused for a lower one."""
+    """A set that reaches x = 0.6 is proved for the limit 0.65 of x, and refused for the limit
+    0.55.
+    """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.25)
     at = Equilibrium(np.zeros(1), np.zeros(1))
@@ -277,9 +281,9 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
-    """For x' = -x, the set {y² + a y⁴ <= 1} is proved for a = 0.5.
+    """For x' = -x, the set {y² + a y⁴ <= 1} is proved for a = 0.5 and refused for a = -0.6.
 
-    For a = -0.6 the set meets a face of the cube and is refused.
+    For a = -0.6, the set meets a face of the cube.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
@@ -340,7 +344,9 @@ def test_an_interruption_keeps_what_is_proved() -> None:
 
 
 def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
-    """The zero of x² - 1 is enclosed. x² + 1, which has no zero, is refused."""
+    """The equilibrium of x' = x² - 1 is enclosed. x' = x² + 1, which has no equilibrium, is
+    refused.
+    """
     x = ca.SX.sym("x")
     for constant in (1.0, -1.0):
         program = Program(ca.Function("f", [x], [x**2 + constant]), "f")
@@ -353,7 +359,7 @@ def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
 
 
 def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
-    """(x - 1, y² + 1) has no zero and is refused, although its first entry has one."""
+    """The equations (x - 1, y² + 1), whose second entry has no zero, are refused."""
     x = ca.SX.sym("x", 2)
     program = Program(ca.Function("f", [x], [ca.vertcat(x[0] - 1, x[1] ** 2 + 1)]), "f")
     with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
@@ -414,9 +420,9 @@ def test_a_set_beyond_a_limit_is_made_smaller() -> None:
 
 
 def test_an_obstacle_in_a_slow_direction_is_found() -> None:
-    """An increase of V = |x|² at |a| > 0.5 is found where it needs small fast states.
+    """The search finds that V = |x|² increases at |a| > 0.5.
 
-    The fast states b, c and d must be below 0.01.
+    The increase occurs only where the fast states b, c and d are below 0.01.
     """
     rates = {"a": -0.05, "b": -300.0, "c": -1000.0, "d": -3000.0}
 
@@ -491,9 +497,9 @@ def test_an_indefinite_v_keeps_the_coordinates() -> None:
 
 
 def test_a_maximum_of_v_bounds_the_level() -> None:
-    """The crest of V between the origin and an obstacle bounds the level.
+    """The local maximum of V between the origin and an obstacle bounds the level of the set.
 
-    V = x² - 0.3 x⁴ has the crest 0.83 and is negative at the obstacle, the limit 2 of x.
+    V = x² - 0.3 x⁴ has the maximum 0.83. V is negative at the obstacle, which is the limit 2 of x.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)

@@ -31,9 +31,10 @@ _ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></varia
 
 
 def changed(folder: Path, old: str, new: str) -> str:
-    """Return the path of a copy of the example in which `old` is replaced once by `new`.
+    """Return the path of a copy of the example file with one replacement.
 
-    `old` must occur in the example.
+    old: text in the example, which must occur
+    new: text that replaces its first occurrence
     """
     assert old in TEXT
     path = folder / "changed.dml"
@@ -42,7 +43,7 @@ def changed(folder: Path, old: str, new: str) -> str:
 
 
 def formula(text: str, x: float, folder: Path) -> float:
-    """Return the value at x of a MathML formula, read from a file."""
+    """Return the value at x of a MathML formula in a DAVE-ML file."""
     path = folder / "one.dml"
     path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
     values = Expressions(read_document(str(path)), {"x": ca.SX(x)}, Interpolator())
@@ -85,9 +86,7 @@ def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
 
 
 def test_the_aircraft_is_that_of_its_derivatives() -> None:
-    """Trim, A and B of examples/uav.dml (ft and lbf) equal those of examples/uav.toml (SI
-    units).
-    """
+    """Trim, A and B of examples/uav.dml equal those of examples/uav.toml, which is in SI units."""
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))
     held = {"speed": 35.0, "altitude": 100.0}
@@ -108,7 +107,7 @@ def test_the_aircraft_is_that_of_its_derivatives() -> None:
 
 
 def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
-    """Moving the mass to a separate file gives the same aircraft.
+    """An aircraft in two files, with the mass in the second, equals the aircraft in one file.
 
     A missing file for the mass, and a mass defined in two files, are refused.
     """

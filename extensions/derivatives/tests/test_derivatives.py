@@ -1,5 +1,7 @@
-"""Aircraft from tables of derivatives: comparison with published modes and with independent
-equations, and refusal of faulty tables.
+"""Aircraft from tables of derivatives.
+
+Their modes are compared with published modes and with independent equations. Faulty tables are
+refused.
 """
 
 import math
@@ -249,7 +251,7 @@ def test_the_747_has_its_published_modes(mode):
 def test_the_nt33a_has_its_published_modes(mode):
     """The NT-33A's modes are within 0.5 % of the printed ones.
 
-    With the derivatives in body axes, exactly the lateral modes change by more than 1 %.
+    If the derivatives are taken as in body axes, only the lateral modes change by more than 1 %.
     """
     printed = PRINTED_NT33A[mode]
     (root,) = roots_of([printed])
@@ -263,11 +265,10 @@ def test_the_nt33a_has_its_published_modes(mode):
 
 @pytest.mark.parametrize("mode", PRINTED_JETSTAR)
 def test_the_thrust_line_acts_on_the_phugoid(mode):
-    """With the height of the thrust line, damping and frequency of each mode are within 0.5 % of
-    the printed ones.
+    """Damping and frequency of each mode are within 0.5 % of the printed ones.
 
-    With the thrust through the center of gravity, only the frequency of the phugoid deviates by
-    more than 2 %.
+    The table contains the height of the thrust line. With the thrust through the center of gravity,
+    only the frequency of the phugoid deviates by more than 2 %.
     """
     damping, frequency = PRINTED_JETSTAR[mode]
     (root,) = roots_of([(damping, frequency)])
@@ -290,8 +291,9 @@ def half_a_digit(value):
 
 
 def rounded_otherwise(table):
-    """Yield copies of the table, each with one derivative, size or inertia increased by half a unit
-    of its last digit.
+    """Yield copies of a table in which one number is increased by half a unit of its last digit.
+
+    The number is a derivative, a size or a moment of inertia.
     """
     for name, value in table.items():
         if isinstance(value, float):
@@ -302,9 +304,9 @@ def rounded_otherwise(table):
 
 
 def roots_of(printed):
-    """Yield an eigenvalue for each printed mode.
+    """Yield one eigenvalue for each printed mode.
 
-    A mode is printed as an eigenvalue, as (decay rate,), or as (damping, natural frequency).
+    printed: each mode as an eigenvalue, as (decay rate,), or as (damping, natural frequency)
     """
     for mode in printed:
         if not isinstance(mode, tuple):
@@ -323,10 +325,10 @@ def roots_of(printed):
     ids=["navion", "747", "nt33a"],
 )
 def test_modes_lie_within_the_digits_of_tables(table, printed, held):
-    """Each mode differs from the printed one by less than rounding of the table explains.
+    """The difference of each mode from the printed one is explained by rounding of the table.
 
     The limit is the sum of the changes of the mode when each derivative, size and moment of inertia
-    grows by half a digit.
+    is increased by half a unit of its last digit.
     """
     base = linear_model(table, **held)
     roots = list(roots_of(printed.values()))
@@ -368,9 +370,7 @@ def test_the_f104_has_its_published_modes(mode):
 
 
 def test_inertias_turned_by_hand_give_the_same_modes():
-    """Moments of inertia in body axes, rotated by the test into stability axes, give the same
-    modes.
-    """
+    """Moments of inertia that the test rotates from body to stability axes give the same modes."""
     body = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
     turn = rotation(0.0, math.radians(2.2), 0.0).full()
     turned = turn @ body @ turn.T
@@ -385,8 +385,9 @@ def test_inertias_turned_by_hand_give_the_same_modes():
 
 
 def test_equations_written_apart_agree():
-    """The fast modes of the Navion agree within 0.2 % with the small-angle equations of
-    examples/navion.py.
+    """The Navion's fast modes agree within 0.2 % with the equations of examples/navion.py.
+
+    These equations are independent and assume small angles.
     """
     other = hfa.load_model("examples/navion.py:NAVION")
     theirs = linearize(other, find_operating_point(other))
@@ -397,7 +398,7 @@ def test_equations_written_apart_agree():
 
 
 def evaluated(model, x, u):
-    """Return the rates and the outputs of a model as two dictionaries of numbers, at x and u."""
+    """Return the rates and the outputs of a model at x and u, as two dictionaries of numbers."""
     vectors = [dict(zip(model.states, x, strict=True)), dict(zip(model.inputs, u, strict=True))]
     vectors.append({name: signal.start for name, signal in model.parameters.items()})
     rates, outputs = model.equations(*(SimpleNamespace(**each) for each in vectors), None)
@@ -424,7 +425,7 @@ def load_factor(rates, x):
 
 
 def test_lift_by_rate_of_alpha_is_solved_for():
-    """The rate of alpha and the lift that CL_alphadot causes satisfy both equations.
+    """The rate α' and the lift that α' causes through CL_alphadot satisfy both equations.
 
     The added lift coefficient is CL_alphadot α' c/2V. The load factor computed from the rates
     equals the output.
@@ -456,7 +457,7 @@ def test_units_do_not_change_the_aircraft():
 
 
 def test_a_spreadsheet_is_the_same_aircraft(folder):
-    """A CSV file with derivatives per degree gives the same A as the dictionary with values per
+    """A CSV file with derivatives per degree gives the same A as a dictionary with values per
     radian.
     """
     flat = {name: value for name, value in NAVION.items() if not isinstance(value, dict)}

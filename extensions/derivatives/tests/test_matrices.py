@@ -16,7 +16,7 @@ B = np.array([[0.0], [1.0]])
 def test_matrices_alone_are_a_linear_model() -> None:
     """A linear model from A and B has default names, modes, an operating point and a report.
 
-    Linearizing the model of the linear model gives the same A and B.
+    Linearizing its nonlinear model gives the same A and B.
     """
     linear = hfa.LinearModel(A, B)
     assert (linear.states, linear.inputs, linear.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
@@ -33,7 +33,7 @@ def test_matrices_alone_are_a_linear_model() -> None:
 def test_matrices_of_outputs_keep_their_place() -> None:
     """LinearModel(A, B, C, D) has the order of arguments and the response of `control.ss`.
 
-    Linearizing the model of the linear model gives the same C and D.
+    Linearizing its nonlinear model gives the same C and D.
     """
     C = [[1.0, 2.0]]
     D = [[3.0]]

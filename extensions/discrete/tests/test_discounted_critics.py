@@ -45,10 +45,10 @@ def test_exact_discounted_critic_passes_and_planted_mistakes_named(game: Game) -
 
 
 def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
-    """The largest simulated excess cost from 1000 initial states is 70 to 100 % of the reported
-    one.
+    """The largest simulated excess cost of a policy is 70 to 100 % of the reported excess cost.
 
-    The cost under w = L x is summed over 3000 steps.
+    The largest value is that of 1000 initial states. The cost under the worst disturbance w = L x
+    is summed over 3000 steps.
     """
     exact = solve_discounted(game, DISCOUNT, DT)
     step = exact.game
@@ -71,7 +71,7 @@ def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
 
 
 def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> None:
-    """The command compares a critic only with the problem that the options give.
+    """`hfa verify` compares a critic only with the problem that the options specify.
 
     The discounted critic passes with --discount and --dt and fails without them. --discount without
     --dt is refused.

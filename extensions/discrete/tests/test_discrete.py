@@ -1,5 +1,6 @@
-"""Solutions of discounted discrete-time games compared with value iteration, closed forms and
-continuous time, and refusal of bad input.
+"""Solutions of discounted discrete-time games.
+
+They are compared with value iteration, closed forms and continuous time. Bad input is refused.
 """
 
 import numpy as np
@@ -34,7 +35,7 @@ def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
     ("seed", "discount", "delta"), [(0, 0.9, 20.0), (1, 0.99, 40.0), (2, 1.0, np.inf)]
 )
 def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
-    """P equals the result of 3000 value iterations within 1e-12 of the largest entry."""
+    """P equals the result of 3000 steps of value iteration within 1e-12 of the largest entry."""
     game = _game(seed, delta=delta)
     solution = solve_discounted(game, discount)
     G = np.hstack([game.B, game.E / delta])
@@ -185,8 +186,9 @@ def test_a_discounted_solution_says_whether_it_stabilizes():
 @pytest.mark.parametrize("delta", [np.inf, 30.0])
 @pytest.mark.parametrize("discount", [1.0, 0.95])
 def test_cross_weights_and_the_q_function(delta, discount):
-    """With cross weights, the solution satisfies Bellman's equation, and P, K and L follow from
-    H.
+    """With cross weights, the solution satisfies Bellman's equation.
+
+    P, K and L also follow from the matrix H of the Q-function.
     """
     rng = np.random.default_rng(3)
     step = _game(1, delta=delta)
@@ -252,8 +254,9 @@ def test_the_commands_take_a_plant_in_discrete_time():
 
 @pytest.mark.usefixtures("folder")
 def test_h_and_l_judged_and_other_problems_named():
-    """Wrong H and L fail. A K that solves a variant of the problem fails, and the diagnosis names
-    the variant.
+    """A wrong matrix H of the Q-function and a wrong L fail.
+
+    A K that solves a variant of the problem fails too, and the diagnosis names the variant.
     """
     step = _game(3, delta=20.0)
     N = 0.2 * np.random.default_rng(0).standard_normal((4, 2))
@@ -386,8 +389,8 @@ def _hard_step(kind: str, seed: int) -> DiscreteGame:
 def test_hard_games_those_value_iteration_with_90_digits(kind, seed):
     """P of ill-conditioned games agrees with value iteration in 90 digits within 1e-12.
 
-    The limit is 1e-10 if an input reaches a mode only by 1e-6, because there a change of √α B in
-    its last bit moves P by 1e-10.
+    The limit is 1e-10 if an input affects a mode only by 1e-6. A change of the last bit of √α B
+    then changes P by 1e-10.
     """
     problem = _hard_step(kind, seed)
     error = relative_error(solve_discrete(problem).P, reference_step_value(problem))
@@ -395,7 +398,7 @@ def test_hard_games_those_value_iteration_with_90_digits(kind, seed):
 
 
 def test_sampling_keeps_the_digits_of_a_short_step():
-    """P - P(dt = 0) at 2e-7 s is twice that at 1e-7 s.
+    """The difference of P from P(dt = 0) at dt = 2e-7 s is twice that at dt = 1e-7 s.
 
     At 1e-6 s, the smallest delta is √dt times that in continuous time, and is not marked as
     uncertain.
@@ -411,8 +414,9 @@ def test_sampling_keeps_the_digits_of_a_short_step():
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
 def test_cross_weights_reach_no_mode_by_rounding(turn: float) -> None:
-    """An eigenvalue of 5.3 that no input reaches is refused, although rounding of A - B R⁻¹ N'
-    couples it to the input.
+    """A game with an eigenvalue of 5.3 that no input affects is refused.
+
+    Rounding errors of A - B R⁻¹ N' couple this eigenvalue to the input.
     """
     cosine = np.cos(turn)
     sine = np.sin(turn)

@@ -1,5 +1,6 @@
-"""Whether a discrete-time game has a solution does not depend on last bits, or on the order, units
-or axes of the states.
+"""Changes that must not affect whether a discrete-time game has a solution.
+
+These are changes of last bits, and of the order, units or axes of the states.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def _verdict(problem: DiscreteGame) -> bool:
 
 
 def _changed(kind: str, seed: int, count: int) -> list[str]:
-    """Return a sentence for each copy whose verdict or delta_min differs from that of the game.
+    """Return a sentence for each equivalent copy of a game with another verdict or delta_min.
 
     The verdict is compared at four values of δ. The brackets of δ_min must overlap.
 

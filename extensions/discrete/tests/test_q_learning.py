@@ -22,7 +22,7 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Discre
 )
 @pytest.mark.parametrize("margin", [np.inf, 1.1])
 def test_exact_q_function_is_learned_from_any_start(seed, margin):
-    """Q-learning finds the exact P and H within 1e-9 of their largest entries, for random plants.
+    """Q-learning finds the exact P and H of random plants within 1e-9 of their largest entries.
 
     No initial policy is given.
     """

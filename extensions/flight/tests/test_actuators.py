@@ -33,7 +33,9 @@ LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M),
 
 
 def flown(actuators: ActuatorBank, *command: float) -> Deviations:
-    """Return two seconds of the first published linear model under a constant command."""
+    """Return a flight of two seconds of the first published linear model under a constant
+    command.
+    """
     model = published_models()[0]
     law = OpenLoop("none", held=np.array([command]))
     scenario = Scenario(2.0, tick=0.1, initial=np.zeros(N), actuators=actuators)
@@ -80,9 +82,7 @@ def test_of_order_2_it_is_second_order_response() -> None:
 
 
 def test_fault_changes_actuators_it_names_from_time_on() -> None:
-    """A fault changes only the named actuator, from its start on, by effectiveness and
-    bandwidth.
-    """
+    """A fault changes effectiveness and bandwidth of the named actuator only, from its start on."""
     fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
     flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
     whole = 1.0 - np.exp(-flight.times / 0.1)
@@ -115,7 +115,9 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 def lost(weights: str, lag: float) -> bool:
     """Return whether a flight of 200 s with a dihedral command of one degree leaves the envelope.
 
-    lag: lag of all actuators, s, whose surfaces move at most 60 deg/s
+    lag: lag of all actuators, s
+
+    The surfaces move at most 60 deg/s.
     """
     aircraft = hfa.aircraft("newton")
     point = model_at(15.0, "newton").point

@@ -1,6 +1,4 @@
-"""Linear models along a flight, compared with the difference of two flights and with
-python-control.
-"""
+"""Linear models along a flight, compared with the difference of two flights and python-control."""
 
 from __future__ import annotations
 
@@ -19,10 +17,10 @@ from hfa_flight.along import models_along
 
 
 def test_along_a_flight_small_deviations_follow_linear_model() -> None:
-    """The difference of two Navion flights after a step input follows δx' = A(t) δx to second
-    order.
+    """The difference of two Navion flights follows δx' = A(t) δx to second order.
 
-    With A constant at the initial value, the error is more than twice as large.
+    Both flights have the same step input and differ in the initial state. With A constant at its
+    initial value, the error is more than twice as large.
     """
     point = trimmed(NAVION)
     u = np.array(point.inputs) + np.array([0.0, -0.05, 0.0, 0.05])
@@ -41,7 +39,10 @@ def test_along_a_flight_small_deviations_follow_linear_model() -> None:
     np.testing.assert_allclose(along.rates, [rates(0.0, x) for x in states], rtol=1e-12, atol=1e-12)
 
     def predicted(A: np.ndarray) -> np.ndarray:
-        """Return δx(3 s) by steps of the matrix exponential at the middle of each step."""
+        """Return δx(3 s) by matrix exponentials, with A at the middle of each time step.
+
+        A: state matrices along the flight, (N, n, n)
+        """
         deviation = start
         for before, after in pairwise(A):
             deviation = expm((before + after) / 2 * 3.0 / (len(A) - 1)) @ deviation

@@ -1,4 +1,4 @@
-"""The figure of the flights of drawn aircraft."""
+"""The figure that shows flights of aircraft with random parameters."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hfa_identify.parameter_spread import ParameterSpread
 
 
 def test_the_figure_shows_differences_of_drawn_flights() -> None:
-    """Each line is the difference of a drawn aircraft from the nominal one, up to its departure.
+    """Each line is the difference of a random aircraft's flight from the nominal aircraft's flight.
 
-    States that do not move have no row.
+    The line ends where the flight leaves the envelope. States that do not move have no panel.
     """
     model = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     point = hfa.find_operating_point(model)

@@ -154,8 +154,9 @@ def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
 def test_fmu_of_first_day_of_all_clocks_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a clock before 1980, the FMU's archive is dated 1980, the first year of the ZIP
-    format.
+    """If the clock shows a date before 1980, the FMU's archive is dated 1980.
+
+    This is the first year that the ZIP format can store.
     """
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert hfa("export", "--dihedral", "15", "-o", "a.fmu").code == 0

@@ -14,7 +14,9 @@ __all__ = ["small_disk"]
 @pytest.mark.slow
 @pytest.mark.parametrize("home", ["unset", "missing", "read-only", "a file"])
 def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
-    """Without a usable home folder, the result is written, and machine code is not cached."""
+    """Without a usable home folder, the result is written although machine code cannot be
+    cached.
+    """
     words = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
     works_without_a_home(tmp_path, words, home)
 

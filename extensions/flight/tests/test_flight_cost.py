@@ -1,4 +1,4 @@
-"""The cost of a flight with held and with interpolated inputs."""
+"""The cost of a flight with inputs that are constant in a tick or interpolated."""
 
 from __future__ import annotations
 

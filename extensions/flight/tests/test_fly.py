@@ -100,10 +100,9 @@ def test_a_flight_without_a_law_has_a_cost() -> None:
 
 
 def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
-    """Exact K, P and W from files give the flight of --law exact. Wrong files and options are
-    refused.
+    """An exact K, P or W in a file gives the same flight as --law exact.
 
-    Another R changes the policy of P.
+    Another R changes the policy that follows from P. Wrong files and options are refused.
     """
     exact = solve_game(game)
     stored("K.json", K=exact.K)
@@ -231,7 +230,10 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
 
 
 def network_of(K: np.ndarray) -> str:
-    """Write a network that computes u = -K z by relu(z) - relu(-z) = z, and return the file."""
+    """Write a file with a network that computes u = -K z, and return its path.
+
+    The network uses relu(z) - relu(-z) = z.
+    """
     twice = np.vstack([np.eye(6), -np.eye(6)])
     layers = {
         "0.weight": twice,
@@ -243,9 +245,10 @@ def network_of(K: np.ndarray) -> str:
 
 
 def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
-    """A network that computes -K z gives the flight of the gain K.
+    """A network that computes -K z gives the same flight as the gain K.
 
-    From a larger initial deviation, the gain exceeds a control limit, and the network does not.
+    From a larger initial deviation, only the inputs of the network are saturated at the control
+    limits.
     """
     path = network_of(solve_game(game).K)
     network = ("--weights", path, "--set", "activation=relu")
@@ -268,9 +271,9 @@ def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
 
 @needs_gcc
 def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
-    """The C code of a network computes inputs that are saturated at the control limits.
+    """The exported C code of a network computes inputs that are saturated at the control limits.
 
-    An FMU is written.
+    The network can also be exported as an FMU.
     """
     K = solve_game(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")

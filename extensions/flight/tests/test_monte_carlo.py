@@ -1,4 +1,4 @@
-"""Monte Carlo simulations: members equal single flights, independent of their order and of workers."""
+"""Monte Carlo simulations. The flights equal single flights, in any order and number of workers."""
 
 from __future__ import annotations
 
@@ -38,9 +38,10 @@ SEEN = [STATES.index(name) for name in LINEAR_STATES]
 
 
 def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
-    """Return the results of a member under u = -K z, computed by a Runge-Kutta loop in NumPy.
+    """Return the results of one flight of a Monte Carlo plan, by a Runge-Kutta loop in NumPy.
 
-    The equations of motion are evaluated with numbers, without compiled functions.
+    The policy is u = -K z. The equations of motion are evaluated with numbers, without compiled
+    functions.
     """
     assert member.samples is not None
     h = member.step
@@ -71,9 +72,10 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         return rate
 
     def limited(t: float, x: np.ndarray, tick: int) -> np.ndarray:
-        """Return the absolute state with the angle of attack through the air in place of alpha.
+        """Return the absolute state, with alpha replaced by the angle of attack relative to the
+        air.
 
-        The angle follows from the aircraft's velocity and the wind, north and down.
+        This angle follows from the velocities of aircraft and wind, north and down.
         """
         X = State(*(x + X0))
         wind = winds(t, tick)
@@ -158,10 +160,10 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
 
 
 def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
-    """The envelope limits the angle of attack through the air, not alpha over ground.
+    """The envelope limits the angle of attack relative to the air, not alpha over ground.
 
-    A sharp gust exceeds the limit before alpha does. A member may begin beyond the limit because of
-    turbulence. A single flight that begins beyond the limit is refused.
+    A sharp gust exceeds the limit before alpha does. A flight of a Monte Carlo plan may begin
+    beyond the limit because of turbulence. A single flight that begins beyond the limit is refused.
     """
     alpha = plan.point.states.alpha
     near = np.radians(0.5)

@@ -138,8 +138,9 @@ def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, A
 
 
 def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Return the velocity relative to the air, in panel axes, of the point `place`, given in
-    panel axes.
+    """Return the velocity of a point of a panel relative to the air, in panel axes.
+
+    place: the point, in panel axes
     """
     return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
 
@@ -161,11 +162,10 @@ def _along_the_span(
     side: int,
     lag_rates: dict[str, Any],
 ) -> ca.SX:
-    """Return the generalized force (4,) of a lift that is 0 at the middle of an outer panel and
-    grows linearly to its tip.
+    """Return the generalized force (4,) of a lift that increases linearly along an outer panel.
 
-    The integral over the span uses Gauss-Legendre quadrature. The rates of the lag states of the
-    tip are added to `lag_rates`.
+    The lift is 0 at the middle of the panel. The integral over the span uses Gauss-Legendre
+    quadrature. The rates of the lag states of the tip are added to `lag_rates`.
     """
     flow = _flow(panel, 0, air, r, v)
     angle = -p.local_motion * v[3] * p.panel_span / 2 / flow.speed
@@ -187,10 +187,9 @@ def _along_the_span(
 def _carried(
     panel: Panel, air: ca.SX, density: Quantity, r: ca.SX, v: ca.SX, p: Any
 ) -> tuple[ca.SX, ca.SX]:
-    """Return the kinetic energy of the air carried by wing and tail, and a correcting moment (3,)
-    in panel axes.
+    """Return the kinetic energy of the air carried by a panel's wing and tail, and a moment.
 
-    The moment cancels Kirchhoff's moment and adds Theodorsen's -m u (b/2) ω_y.
+    The moment (3,), in panel axes, cancels Kirchhoff's moment and adds Theodorsen's -m u (b/2) ω_y.
     """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     energy = ca.SX(0)

@@ -10,7 +10,9 @@ import numpy as np
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yield the paths of all entries, including those that are lists or objects."""
+    """Yield the path of every entry of a certificate, including entries that are lists or
+    objects.
+    """
     if path:
         yield path
     if isinstance(value, dict):
@@ -22,7 +24,9 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
-    """Change, remove or repeat one random entry of the statement or the witness."""
+    """Change, remove or repeat one random entry in the statement or the witness of a
+    certificate.
+    """
     claims = {name: certificate[name] for name in ("statement", "witness")}
     paths = list(leaves(claims))
     *parents, last = paths[rng.integers(len(paths))]

@@ -127,8 +127,9 @@ def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
     "name", ["navion.py:NAVION", pytest.param("f16.py:F16", marks=pytest.mark.slow)]
 )
 def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
-    """C code of other aircraft, with tables and with or without parameters, gives the model's rates
-    at 50 random states. The Navion's example loop runs.
+    """The exported C code of other aircraft gives the model's rates at 50 random states.
+
+    The aircraft have or lack tables and parameters. The Navion's example loop runs.
     """
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))
@@ -218,10 +219,9 @@ def answered(
 
 
 def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoint) -> ca.Function:
-    """Return the function (t, x, a, memory) -> y, commands, u and memory' of the simulated
-    controller.
+    """Return the product's controller as a function (t, x, a, memory) -> y, commands, u, memory'.
 
-    Both commands are steps.
+    Both commands are steps. u is saturated at ±`HIGHEST`.
     """
     commands = CommandSteps(
         commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])
@@ -318,7 +318,9 @@ SLOW = ActuatorBank(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)),
 def flown_states(
     controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> np.ndarray:
-    """Return the absolute states after `SECONDS` of a simulation with the continuous controller."""
+    """Return the absolute states after `SECONDS` of the product's simulation with the
+    controller.
+    """
     commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     if controller.commands:
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
@@ -341,7 +343,7 @@ def with_memory(aircraft: Model) -> ScheduledController:
 
 
 def without_memory_and_commands(aircraft: Model) -> ScheduledController:
-    """Return a controller without memory and commands, for which C would need empty arrays."""
+    """Return a controller without memory and commands. Its arrays in C would be empty."""
     shapes = {"A": (3, 0, 0), "B": (3, 0, 1), "C": (3, 1, 0), "W": (3, 0, 1)}
     stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {
         "D": np.full((3, 1, 1), -0.1)
@@ -360,8 +362,9 @@ def test_it_flies_what_we_fly_and_says_time(
 ) -> None:
     """The exported example loop reaches the states of the product's simulation and prints its time.
 
-    Holding the inputs during a tick causes an error proportional to the tick. Extrapolated to a
-    tick of 0, the states agree within 3e-5. A planted error in the C code is detected.
+    The loop holds the inputs during a tick, which causes an error proportional to the tick.
+    Extrapolated to a tick of 0, the states agree within 3e-5. A planted error in the C code is
+    detected.
     """
     controller = made(published_aircraft)
     states = []

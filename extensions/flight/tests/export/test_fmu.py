@@ -182,7 +182,7 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
 
 
 def test_a_model_interpolated_over_two_variables_is_fmu(tmp_path: Path) -> None:
-    """The FMU of a sweep over two variables agrees, between grid points, with SciPy's integration.
+    """The FMU of a sweep over two variables agrees with SciPy's integration between grid points.
 
     The integration uses A and B interpolated by the product.
     """

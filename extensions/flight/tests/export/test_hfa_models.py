@@ -1,5 +1,6 @@
-"""GNU Octave reads the project's .mat files with the exported function, and the project reads files
-that Octave wrote.
+"""Exchange of .mat files with GNU Octave, in both directions.
+
+Octave reads the project's files with the exported function.
 """
 
 from __future__ import annotations

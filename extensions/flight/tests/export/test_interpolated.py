@@ -44,7 +44,7 @@ def test_it_is_exact_at_points_and_bilinear_between(model: InterpolatedModel) ->
 def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
     """The generated C code gives the product's interpolated model at random and grid points.
 
-    Beyond the grid, A is that at the nearest end.
+    Beyond the grid, A equals A at the nearest end of the grid.
     """
     model.to_casadi().generate("models.c")
     subprocess.run(

@@ -1,6 +1,4 @@
-"""Flight cases shared by several test files: a trim with its game, gain and envelope, built
-once.
-"""
+"""Flights shared by several test files: a trim with its game, gain and envelope, built once."""
 
 from __future__ import annotations
 
@@ -48,7 +46,9 @@ def flown(on: FlownCase, scenario: Scenario) -> Flight:
 
 
 def seen(z: ca.SX) -> Measurements:
-    """Return the measurements for an error z about a constant reference, without actuators."""
+    """Return what a policy measures for an error z about a constant reference, without
+    actuators.
+    """
     return Measurements(z, z, ca.SX(0, 1), ca.SX(0, 1))
 
 
@@ -58,7 +58,9 @@ def signal(**values: float) -> Waveform:
 
 @pytest.fixture(scope="session", params=["published", "newton"])
 def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    """Return the case at 15 degrees with the exact gain, for each variant of the equations."""
+    """Return the trim at 15 degrees with the exact gain, for the published and the Newton
+    equations.
+    """
     return case_at(parameters, request.param, 15.0)
 
 
