@@ -110,14 +110,21 @@ _NO_CAUSE = Cause(math.inf, math.inf, "")
 
 
 def error_of(view: View, matrix: np.ndarray) -> float:
-    """Return |matrix - exact| / |exact| with the view's weights, in Frobenius norms."""
+    """Return the relative error of a matrix, |matrix - exact| / |exact| in weighted Frobenius
+    norms.
+
+    view: the exact matrix and the weights
+    """
     return relative_error(matrix * view.weights, view.exact * view.weights)
 
 
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
-    """Return the first of the hypotheses that explain about as much of the error as the best.
+    """Return the first hypothesis that explains nearly as much of the error as the best hypothesis.
 
-    The text is "" if no hypothesis explains enough, or if the error is a rounding error.
+    If no hypothesis explains enough, or if the error is a rounding error, the text of the result is
+    "".
+
+    hypotheses: hypotheses in the order of preference
     """
     before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:
@@ -140,16 +147,16 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
 
 
 def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
-    """Return whether enough entries are close to their values under a hypothesis."""
+    """Return whether enough entries of the critic agree with their values under a hypothesis."""
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
     return bool(right >= demands.share * len(errors))
 
 
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
-    """Return the text of the hypothesis that explains most of the error, or "".
+    """Return the text of the hypothesis that explains most of the error of noisy data, or "".
 
-    The text includes the remaining error. The error is measured relative to each entry first, then
+    The text includes the remaining error. The error is first measured relative to each entry, then
     with the weights of the view.
     """
     for weighted in (view.relative(), view):
@@ -172,9 +179,9 @@ def diagnose(
     game: the game to be solved
     exact: exact solution of the game
     critic: P and K, K alone, or a network
-    limit: largest relative error that passes
-    nearby: other games that the critic may solve
-    box: (n,), half-widths of the box of states, for a network
+    limit: largest relative error of a correct P
+    nearby: other games that the critic may solve, or None
+    box: half-widths of the box of states, (n,). Required for a network, otherwise None.
     """
     others = _Others(game, nearby or Nearby())
     if critic.network and box is not None:
@@ -206,15 +213,17 @@ def diagnose_discrete(
     others: Mapping[str, DiscreteGame],
     box: np.ndarray,
 ) -> str:
-    """Return the mistake in a critic in discrete time, or the other problem that it solves, or "".
+    """Return a sentence that names the mistake in a critic of a discrete-time problem, or "".
 
-    game: the game in continuous time; for a plant that is declared discrete, the game with the same
-        matrices
+    The mistake may be that the critic solves another problem.
+
+    game: the game in continuous time. For a plant that is declared discrete, the game with the same
+        matrices.
     exact: exact solution of the problem in discrete time
     critic: P and K, K alone, or a network
     continuous: end of the sentence if the critic solves `game`
     others: end of the sentence -> other problem in discrete time
-    box: (n,), half-widths of the box of states, for a network
+    box: half-widths of the box of states, (n,), used for a network
     """
 
     def problems(view: View) -> Iterator[Hypothesis]:
@@ -235,7 +244,11 @@ def diagnose_discrete(
 
 
 class _Others:
-    """Other games that a critic may solve, constructed when needed."""
+    """Hypotheses that a critic solves another game.
+
+    game: the game to be solved
+    nearby: other games that the critic may solve
+    """
 
     def __init__(self, game: Game, nearby: Nearby) -> None:
         self.game = game
@@ -244,8 +257,8 @@ class _Others:
     def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
         """Yield hypotheses that a critic given by P or K solves another game.
 
-        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game must
-        explain the difference from the LQR.
+        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game is
+        yielded only if it explains the critic's difference from the LQR.
         """
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
@@ -267,18 +280,23 @@ class _Others:
                 yield is_answer(view, answer, says)
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that a network solves another game."""
+        """Yield hypotheses that a network solves another game.
+
+        view: the matrix that represents the network
+        """
         yield from answers(view, self._families(), _OF_NETWORKS.left[""])
 
 
 def _of_view(
     view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
 ) -> str:
-    """Return the best explanation of the error in a matrix, or "".
+    """Return the text of the best explanation of the error in a matrix, or "".
 
-    Exact common mistakes precede other games, and other games precede common mistakes with noise.
+    Exact common mistakes are preferred to other games, and other games to common mistakes with
+    noise.
 
     usual: common mistakes
+    other_games: hypotheses that the critic solves another game
     """
     cause = named(view, usual, _EXACT)
     if not cause.says:
@@ -287,7 +305,10 @@ def _of_view(
 
 
 def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
-    """Return the common mistakes of a matrix, including mistakes of the weights for P."""
+    """Return hypotheses of common mistakes in a matrix of a critic.
+
+    For P, mistakes in the critic's weights are included.
+    """
     hypotheses = list(of_matrix(game, view))
     if view.kind == "P" and critic.weights is not None and critic.basis is not None:
         hypotheses += of_weights(critic.weights, view.exact, critic.basis)
@@ -295,12 +316,12 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return two pairs of the critic's and the exact matrix: for P and for K.
+    """Return the critic's and the exact matrix P, and the critic's and the exact gain K.
 
-    The pair for P is None if the critic has no P.
+    The first result is None if the critic has no P.
 
-    P: (n, n), exact
-    K: (m, n), exact
+    P: exact matrix, (n, n)
+    K: exact gain, (m, n)
     """
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
@@ -311,11 +332,12 @@ def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[Vi
 
 
 def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Return units in which the states contribute equally to the value, 1 / √P_ii, (n,).
+    """Return units of the states in which each state contributes equally to the value, 1 / √P_ii,
+    (n,).
 
     For a state with almost no cost, the given unit is returned.
 
-    P: exact P
+    P: exact matrix of the value, (n, n)
     units: units of the states, (n,)
     """
     diagonal = np.diag(P)
@@ -325,7 +347,10 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """Return the sentence for a P within the limit whose gain R⁻¹B'P is not."""
+    """Return the sentence for a critic whose P is within the limit, but whose gain R⁻¹B'P is not.
+
+    gain: the critic's and the exact gain
+    """
     return (
         f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
@@ -333,9 +358,9 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """Return a sentence on the largest weight of a function that is not quadratic.
+    """Return a sentence on the largest weight of a basis function of degree above 2, or "".
 
-    The result is "" if all these weights are 0.
+    The result is "" if all these weights are 0 or the critic has no weights.
     """
     if critic.weights is None or critic.basis is None:
         return ""
@@ -350,9 +375,9 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """Return a sentence that P is another root of the Riccati equation, or "".
+    """Return a sentence that P is another root of the Riccati equation, or "" if P is not.
 
-    The result is "" if the relative residual exceeds `_ROOT`, or A - S P is Hurwitz.
+    The result is "" if the relative residual exceeds `_ROOT`, or if A - S P is Hurwitz.
     """
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
@@ -375,11 +400,12 @@ def _of_network(
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
-    """Return the mistake that explains most of a network's error, or "".
+    """Return a sentence on the mistake that explains most of a network's error, or "".
 
-    The error is at the origin or over the box.
+    The error is that at the origin or over the box.
 
-    others: view -> hypotheses that the critic solves another game
+    box: half-widths of the box of states, (n,)
+    others: function from a view to hypotheses that the critic solves another game
     """
     own_policy = "policy" in critic.network and not critic.implies_policy
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
@@ -418,7 +444,12 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Yield the explanation that a network was read wrongly, for each variant of the critic."""
+    """Yield, for each other way to read a network's file, how well this way explains the error.
+
+    The two results for each way are those at the origin and over the box.
+
+    box: half-widths of the box of states, (n,)
+    """
     views = [
         _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
@@ -434,14 +465,14 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
-    """Return pairs of a network's and the exact matrix: P, if the network has a P, and K.
+    """Return views of a network's matrix P, if there is one, and of the network's gain K.
 
-    P of a network of V has the weights of a quadratic form, the products of two half-widths of the
-    box. Each row of another matrix has the half-widths as weights, divided by the weighted norm of
-    the exact row.
+    For a network of V, the weights of an entry of P are products of two half-widths of the box. The
+    weights of a row of another matrix are the half-widths, divided by the weighted norm of the
+    exact row.
 
-    answer: P or None, and K, that represent the network
-    box: (n,), half-widths
+    answer: matrices P and K that represent the network. P may be None.
+    box: half-widths of the box of states, (n,)
     """
 
     def by_row(matrix: np.ndarray) -> np.ndarray:
@@ -458,10 +489,12 @@ def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray
 
 
 def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
-    """Return the quadratic V and the linear u closest to a network over the box.
+    """Return the quadratic V and the linear u closest to a network over a box.
 
     Both are fitted by least squares at random states of the box. Constant terms, and linear terms
-    of V, are fitted too and then omitted. P is None if the network is a policy.
+    of V, are fitted too and then omitted. P of the result is None if the network is a policy.
+
+    box: half-widths of the box of states, (n,)
     """
     n = len(box)
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))

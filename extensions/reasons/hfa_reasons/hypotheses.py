@@ -37,7 +37,7 @@ class Hypothesis(NamedTuple):
     """Mistake that a critic may have.
 
     says: sentence that names the mistake.
-    undo: P (n, n) or K (m, n) with the mistake reversed.
+    undo: P (n, n) or K (m, n) of the critic with the mistake reversed.
     fitted: numbers fitted to the critic: "" for none, "factor" for one number, "scales" for one
         number for each state or input.
     answer: exact P or K of another game, or None if the mistake is not another game.
@@ -50,13 +50,13 @@ class Hypothesis(NamedTuple):
 
 
 class View(NamedTuple):
-    """Matrix of a critic and the exact matrix.
+    """Matrix of a critic, the exact matrix, and the measure of the error.
 
     kind: "P" or "K".
-    judged: (k, n), matrix of the critic.
-    exact: (k, n), exact matrix.
-    weights: (k, n), weights of the entries in an error.
-    units: (n,), units in which the states contribute about equally to the value, 1 / √P_ii.
+    judged: matrix of the critic, (k, n).
+    exact: exact matrix, (k, n).
+    weights: weights of the entries in the norm of an error, (k, n).
+    units: units in which the states contribute about equally to the value, 1 / √P_ii, (n,).
     """
 
     kind: str
@@ -67,23 +67,25 @@ class View(NamedTuple):
 
     @property
     def noun(self) -> str:
-        """Noun for the matrix: "solution" or "gain"."""
+        """Noun for the matrix in sentences: "solution" for P, "gain" for K."""
         return "solution" if self.kind == "P" else "gain"
 
     @property
     def known(self) -> int:
-        """Number of independent nonzero entries of the exact matrix; P counts as symmetric."""
+        """Number of independent nonzero entries of the exact matrix.
+
+        Mirrored entries of P count once.
+        """
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
         """Return the error of each informative entry under a hypothesis, (entries,).
 
-        The errors are in comparable units.
+        - Another game: the critic's matrix is compared with the matrix of this game.
+        - Other mistakes: the matrix with the mistake reversed is compared with the exact matrix.
 
-        - Another game: the critic's matrix is compared with the matrix of the game.
-        - Other mistakes: the matrix with the mistake reversed is compared with the exact one.
-
-        Entries that are small in both matrices are omitted.
+        The errors are in units in which the entries are comparable. Entries that are small in both
+        matrices are omitted.
         """
         tested = hypothesis.undo
         right = self.exact
@@ -104,26 +106,28 @@ class View(NamedTuple):
         return np.asarray(np.where(np.isnan(errors), np.inf, errors)[told])
 
     def relative(self) -> View:
-        """Return the view with errors relative to each exact entry.
+        """Return the view with weights such that errors are relative to each exact entry.
 
-        Entries below `_SMALL` times the largest count as `_SMALL` times the largest.
+        Entries smaller than `_SMALL` times the largest entry are measured relative to this size.
         """
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0
         return self._replace(weights=self.weights / np.maximum(sizes, least))
 
     def transposed(self) -> View:
-        """Return the view with judged, exact and weights transposed."""
+        """Return the view with the matrices `judged`, `exact` and `weights` transposed."""
         return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:
-    """Yield mistakes of weights: order, missing factor 2, half the cost, two exchanged weights.
+    """Yield hypotheses of mistakes in the weights of a critic.
 
-    Half the cost alone is omitted.
+    - Weights in another order, without the factor 2 of products, or of half the cost, or several of
+      these mistakes. Half the cost alone is omitted.
+    - The two weights with the largest errors interchanged.
 
-    weights: (M,)
-    exact: exact P, (n, n)
+    weights: weights of the critic, (M,)
+    exact: exact matrix P, (n, n)
     psi: basis of the weights
     """
     row, column = np.triu_indices(psi.states)
@@ -160,10 +164,11 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 
 
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
-    """Yield mistakes of a matrix: sign, factor, order, units of states and inputs, a wrong entry.
+    """Yield hypotheses of mistakes in a matrix P or K.
 
-    For P, also a missing triangle, and off-diagonal entries that are twice too large. For K, also a
-    missing R⁻¹ and entries stored column by column.
+    - Both: sign, factor, order, units of states or inputs, one wrong entry.
+    - P: a missing triangle, off-diagonal entries that are twice too large.
+    - K: transposed, a missing R⁻¹, entries stored column by column.
     """
     if view.kind == "P":
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
@@ -190,10 +195,10 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
 
 
 def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
-    """Yield hypotheses that all entries are multiplied by one factor.
+    """Yield hypotheses that all entries of a matrix are multiplied by one factor.
 
-    noun: "value" or "gain"
-    meant: definition of the correct matrix, for the sentence
+    noun: noun for the matrix in the sentence, "value" or "gain"
+    meant: definition of the correct matrix in the sentence
     """
     for mistake, factor in _FACTORS.items():
         yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.judged)
@@ -210,7 +215,7 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
-    """Return k for a ratio of about 10^k, or 0 for a ratio that is not positive and finite."""
+    """Return k for a ratio of about 10^k, or 0 for another ratio."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
     return round(math.log10(ratio))
@@ -219,8 +224,8 @@ def _nearest_power_of_ten(ratio: float) -> int:
 def _one_entry(view: View) -> Iterator[Hypothesis]:
     """Yield the hypothesis of a wrong sign or decimal point in the entry with the largest error.
 
-    In P, the mirrored entry is corrected too. Nothing is yielded if the ratio of the entry to the
-    exact one is not about ± a power of ten.
+    In P, the mirrored entry is corrected too. Nothing is yielded unless the critic's entry is about
+    ± a power of ten times the exact entry.
     """
     if view.known < 1 + REDUNDANT:
         return
@@ -247,9 +252,9 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
 
 
 def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Yield mistakes of rows: order, signs, degrees and scales.
+    """Yield hypotheses of mistakes in the rows of a matrix: order, signs, degrees and scales.
 
-    noun: noun for a row: "input", "slope" or "state"
+    noun: noun for the quantity of a row: "input" or "slope"
     degree: factor of a row whose quantity is in degrees
     """
     size = len(view.judged)
@@ -265,9 +270,9 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Yield mistakes of columns: order, signs, degrees and scales.
+    """Yield hypotheses of mistakes in the columns of a matrix: order, signs, degrees and scales.
 
-    noun: noun for a column
+    noun: noun for the quantity of a column
     degree: factor of a column whose quantity is in degrees
     """
     for mistake in of_rows(view.transposed(), noun, degree):
@@ -275,9 +280,10 @@ def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
-    """Yield mistakes of the states in a symmetric matrix: order, signs, degrees and scales.
+    """Yield hypotheses of mistakes of the states in a symmetric matrix: order, signs, degrees and
+    scales.
 
-    noun: noun for a row and its column, "state"
+    noun: noun for the quantity of a row and its column, "state"
     """
     size = len(view.judged)
     with np.errstate(all="ignore"):
@@ -293,7 +299,9 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
 
 
 def _symmetric_factors(view: View) -> np.ndarray:
-    """Return factors t (n,) of the states, with judged_ij ≈ t_i t_j exact_ij."""
+    """Return the factors t (n,) of the states for which t_i t_j exact_ij is closest to
+    judged_ij.
+    """
     P = view.exact
     signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
     factors = np.sqrt(np.abs(np.diag(view.judged) / np.diag(P)))
@@ -311,12 +319,12 @@ def _symmetric_factors(view: View) -> np.ndarray:
 def _scales(
     view: View, noun: str, factors: np.ndarray, degree: float
 ) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Yield signs, degrees and scales that the factors of states or inputs imply.
+    """Yield mistakes that the factors of states or inputs suggest: signs, degrees and scales.
 
     Each item is (sentence, divisors of the states or inputs, `Hypothesis.fitted`).
 
-    noun: noun for a factor's quantity, such as "state"
-    factors: factor of each state or input
+    noun: noun for the quantity of a factor, such as "state"
+    factors: fitted factor of each state or input
     degree: factor of a quantity in degrees
     """
     flipped = factors < 0.0
@@ -335,7 +343,9 @@ def _scales(
 
 
 def _listed(noun: str, where: np.ndarray) -> str:
-    """Return the numbers of a mask as text, such as "state 2" or "states 2, 3 and 5"."""
+    """Return the indices in a mask as text, counted from 1, such as "state 2" or "states 2, 3 and
+    5".
+    """
     *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
     return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
 
@@ -345,7 +355,10 @@ def _order_says(noun: str, order: Sequence[int] | np.ndarray) -> str:
 
 
 def _best_order(away: np.ndarray) -> np.ndarray:
-    """Return the order (n,) for which the sum of away[i, order[i]] is smallest."""
+    """Return the permutation (n,) for which the sum of away[i, order[i]] is smallest.
+
+    away: distance of each row from each exact row, (n, n)
+    """
     from scipy.optimize import linear_sum_assignment
 
     return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])

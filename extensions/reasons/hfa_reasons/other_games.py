@@ -50,8 +50,8 @@ _SAME_WEIGHT = 1e-3
 class Answer(NamedTuple):
     """Solution of a game.
 
-    P: (n, n), or None if only the gain is known.
-    K: (m, n).
+    P: matrix of the value, (n, n), or None if only the gain is known.
+    K: gain, (m, n).
     """
 
     P: np.ndarray | None
@@ -59,13 +59,13 @@ class Answer(NamedTuple):
 
 
 class Family(NamedTuple):
-    """Games with one parameter x.
+    """Games with one parameter x, or a single game.
 
-    says: (noun, x) -> description of the game.
+    says: (noun of the critic's matrix, x) -> sentence that names the game.
     answer: x -> solution of the game. Raises NoSolutionError if no solution exists.
-    starts: initial values of a search for x; empty for a single game.
+    starts: initial values of a search for x, () for a single game.
     is_lqr: whether the game is the one without disturbance.
-    plausible: least and largest x that are plausible for the plant, or None for the interval of
+    plausible: lowest and highest x that are plausible for the plant, or None for the interval of
         `starts`, extended by its length on both sides.
     """
 
@@ -77,19 +77,19 @@ class Family(NamedTuple):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Least and largest x in a search."""
+        """Lowest and highest x in a search."""
         lowest = min(self.starts)
         highest = max(self.starts)
         return self.plausible or (2.0 * lowest - highest, 2.0 * highest - lowest)
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:
-    """Return the families of other games.
+    """Return the games that a critic of a given game may solve instead.
 
     - The LQR, if `game` has a finite delta.
     - The games named in `nearby`.
     - Games with another delta, scheduling value, scale of Q or R, or discount.
-    - Games in discrete time, with A and B of a step, or sampled.
+    - Games in discrete time, with A and B as matrices of a step, or sampled.
     """
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
@@ -146,9 +146,9 @@ def _another(
 ) -> Family:
     """Return a family of games in continuous time.
 
-    says: x -> description of the difference
+    says: x -> description of the difference from the given game
     game_at: x -> game
-    starts: initial values of a search for x; empty for a single game
+    starts: initial values of a search for x, () for a single game
     """
     return Family(
         lambda noun, x: f"this is the {noun} of another game, {says(x)}",
@@ -158,15 +158,18 @@ def _another(
 
 
 def _named(description: str, game: Game) -> Family:
-    """Return the family of a single game."""
+    """Return the family of a single game.
+
+    description: difference from the given game, for the sentence
+    """
     return _another(lambda _: description, lambda _: game)
 
 
 def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family:
-    """Return the family of games with the positive parameter exp(x).
+    """Return the family of games with a positive parameter, exp(x).
 
     what, unit: text before and after the value of the parameter
-    game_at: exp(x) -> game
+    game_at: value of the parameter -> game
     """
     return _another(
         lambda x: f"{what} {math.exp(x):.4g} {unit}",
@@ -187,7 +190,7 @@ def fastest_rate(game: Game) -> float:
 
 
 def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
-    """Yield families of games in discrete time, with a step of exp(x) s:
+    """Yield families of games in discrete time, with a time step of exp(x) s:
 
     - inputs held over a step,
     - inputs held over a step, with a cost that is not multiplied by the step,
@@ -216,7 +219,10 @@ def _stepped(whose: str, how: str, answer: Callable[[float], Answer]) -> Family:
 
 
 def solved(game: Game) -> Answer:
-    """Return the solution of a game, without refinement or certificate."""
+    """Return the solution of a game without refinement and without a certificate.
+
+    Raises NoSolutionError if no solution exists.
+    """
     form = NormalForm.of(game)
     P = form.value(unrefined(form))
     return Answer(P, game.gain(P))
@@ -231,29 +237,30 @@ def discounted(game: Game, rate: float) -> Game:
 
 
 def held(game: Game, step: float) -> Answer:
-    """Return the solution with u and d held over each step.
+    """Return the solution of a game with u and d held over each time step.
 
-    step: s
+    step: time step, s
     """
     return Answer(*quick_discrete(sampled(game, step)))
 
 
 def of_whole_cost(answer: Answer, step: float) -> Answer:
-    """Return the solution for a cost that is not multiplied by the step.
+    """Return the solution of a sampled game whose cost is not multiplied by the time step.
 
-    answer: solution for a cost that is multiplied by the step
-    step: s
+    answer: solution for a cost that is multiplied by the time step
+    step: time step, s
     """
     assert answer.P is not None
     return Answer(answer.P / step, answer.K)
 
 
 def euler(game: Game, step: float) -> Answer:
-    """Return the solution for x⁺ = x + (A x + B u + E d) step.
+    """Return the solution of a game in discrete time by Euler's rule, x⁺ = x + (A x + B u + E d)
+    step.
 
-    The cost of a step is multiplied by the step.
+    The cost of a step is multiplied by the time step.
 
-    step: s
+    step: time step, s
     """
     A = np.eye(len(game.A)) + step * game.A
     of_step = Game(
@@ -263,18 +270,24 @@ def euler(game: Game, step: float) -> Answer:
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
-    """Return the hypothesis that the critic solves the problem with the solution `answer`."""
+    """Return the hypothesis that the critic solves another game.
+
+    answer: solution of the other game
+    says: sentence that names the game
+    """
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
     return Hypothesis(says, view.judged - matrix + view.exact, answer=matrix)
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
-    """Yield, for each family, the hypothesis of the game whose solution is closest to the critic.
+    """Yield, for each family of games, the hypothesis of the game whose solution is closest to the
+    critic.
 
     A family with a parameter is omitted if the critic has too few entries, or if the search does
     not succeed.
 
+    candidates: families of games
     explained: part of the difference that a search may leave
     """
     few = view.known <= REDUNDANT  # a few numbers agree with many games
@@ -293,8 +306,8 @@ def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
     The Riccati equation A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is
     linear in q and 1/r, and is solved for q or for 1/r by least squares.
 
-    game: game whose weights are varied; a Q or R that is not diagonal is not varied
-    P: (n, n)
+    game: game whose weights are varied. A Q or R that is not diagonal is not varied.
+    P: matrix of the critic's value, (n, n)
     """
     if not P.any():
         return
@@ -321,9 +334,12 @@ def _is_diagonal(matrix: np.ndarray) -> bool:
 
 
 def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
-    """Return the least-squares solution x of Σ x_i terms_i + constant = 0.
+    """Return the least-squares solution x of Σ x_i terms_i + constant = 0, or None.
 
     The result is None if there are too few equations.
+
+    terms: symmetric matrices, (n, n) each
+    constant: symmetric matrix, (n, n)
     """
     upper = np.triu_indices(len(constant))
     matrix = np.array([term[upper] for term in terms]).T
@@ -335,11 +351,13 @@ def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
 def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
-    """Yield the sentence and the solution for a game with this diagonal of "Q" or "R".
+    """Yield the sentence and the solution for a game with another diagonal Q or R.
 
     Nothing is yielded if no solution exists.
 
+    name: "Q" or "R"
     noun: "state" or "input"
+    diagonal: diagonal of Q or R
     """
     weights = np.diag(getattr(game, name))
     changed = np.flatnonzero(np.abs(diagonal - weights) > _SAME_WEIGHT * np.abs(weights))
@@ -354,11 +372,14 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """Return the parameter of a family whose game is closest to the critic, or None.
+    """Return the parameter x of the game in a family whose solution is closest to the critic, or
+    None.
 
-    The search is by least squares, within the limits of the family. The result is None if no game
-    exists at the initial values. The result is also None if the relative difference is above
-    `explained`, and above `_REACHED` times that at the best initial value.
+    The search is by least squares, within the limits of the family. The result is None in these
+    cases:
+    - No solution exists at the initial values.
+    - The remaining relative difference is above `explained`, and above `_REACHED` times the
+      difference at the best initial value.
 
     explained: part of the difference that the search may leave
     """

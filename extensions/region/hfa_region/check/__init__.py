@@ -1,1 +1,4 @@
-"""Checker of regions, which repeats the proof and trusts no result of the search."""
+"""Checker of regions of attraction.
+
+The checker repeats the proof and trusts no result of the search.
+"""

@@ -22,12 +22,12 @@ KIND = "region"
 
 @dataclass(frozen=True, eq=False)
 class VerifiedRegion:
-    """A region that the checker has proved.
+    """A region of attraction that the checker has proved.
 
     statement: the proved statement
     parts: number of parts of the set on which V' < 0 is proved
     extents: state -> lowest and highest deviation in the set, computed by the checker
-    written: version, command and date in the file, not verified
+    written: version, command and date stored in the certificate, not verified
     """
 
     statement: RegionStatement
@@ -39,8 +39,10 @@ class VerifiedRegion:
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> VerifiedRegion:
-    """Return the region that a certificate proves.
+    """Return the region of attraction that a certificate proves.
 
+    path: file of the certificate
+    progress: called with the progress of the proof, or None
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
@@ -59,10 +61,10 @@ def read_content(
     """Return the statement and the witness of a certificate.
 
     content: the entries of the file
-    model: the user's aircraft, if the certificate concerns one
+    model: the user's aircraft, or None if the certificate concerns a built-in model
 
-    Raises Malformed for the first invalid entry, and BadInputError if the certificate concerns
-    another model.
+    Raises Malformed for the first invalid entry.
+    Raises BadInputError if the certificate concerns another model.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)
@@ -75,9 +77,11 @@ def read_content(
 def write_certificate(
     path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
 ) -> None:
-    """Write a certificate.
+    """Write a certificate of a region of attraction.
 
-    witness: evidence, as `RegionWitness.read` accepts it
+    path: file of the certificate
+    statement: the claim
+    witness: data for the proof, in the form that `RegionWitness.read` accepts
     origin: version, command and date, which the digest of the file does not cover
     """
     write_sealed(path, KIND, statement.content(), witness, origin)

@@ -9,12 +9,12 @@ Sums of squares prove V' < 0 for y != 0. At y = 0, V = 0 and every deviation is 
 inputs are free and V' = 0, or the part is empty.
 
 With disturbances, V' < 0 is proved where V = rho, with each disturbance at its lowest and at its
-highest value. V' is affine in the disturbances and therefore negative for all values between, so
-that no trajectory leaves S.
+highest value. V' is affine in the disturbances and therefore negative for all values between. No
+trajectory leaves S.
 
 The checker shares only the model and the arithmetic with the search.
 
-    statement.py  the claim               witness.py      its evidence
+    statement.py  the claim               witness.py      data for the proof
     loop.py       loop, equilibrium       positivity.py   sums of squares
     taylor.py     Taylor polynomials      polynomial.py   polynomials of balls
 """
@@ -48,7 +48,7 @@ _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.
 def check_region(
     statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
 ) -> int:
-    """Prove the statement and return the number of parts on which V' < 0 is proved.
+    """Prove a statement and return the number of parts of the set on which V' < 0 is proved.
 
     Raises Rejected unless the statement is proved.
     """
@@ -78,9 +78,12 @@ def check_region(
 
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Raise Rejected unless the parts include every combination of inputs and disturbances.
+    """Raise Rejected unless the parts of the set include every combination of inputs and
+    disturbances.
 
-    An input is free or at a limit, a disturbance at its lowest or highest value.
+    An input is free or at a limit, and a disturbance is at its lowest or highest value.
+
+    parts: name of an input or disturbance -> its state in the part
     """
     stated = [_ENDS[FREE]]  # a coordinate of all parts, so that a loop without inputs has one
     for name in loop.statement.loop.inputs:
@@ -99,9 +102,11 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 
 
 def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
-    """Return the constraints of a part: name -> polynomial in y.
+    """Return the constraints that define a part of the set, name -> polynomial in y.
 
-    All polynomials are >= 0 exactly where the inputs of the part are free or at limits as stated.
+    All polynomials are >= 0 exactly where the inputs are free or at limits as stated.
+
+    inputs: input -> free, or at its lowest or highest value
     """
     constraints = {}
     for name in loop.statement.loop.inputs:
@@ -121,10 +126,10 @@ def _check_extents(
     extents: Mapping[str, tuple[Evidence, Evidence]],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Raise Rejected unless every state stays within its stated extent and within its limits.
+    """Raise Rejected unless every state is proved to stay within its stated extent and its limits.
 
-    extents: state -> evidence for its lowest and highest deviation
-    inside: constraints of the set
+    extents: state -> proofs of its lowest and highest deviation
+    inside: constraints that define the set
     """
     statement = loop.statement
     for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
@@ -148,12 +153,12 @@ def _check_deviation(
     evidence: tuple[Evidence, Evidence],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Raise Rejected unless a state's deviation in the set is proved to be between the ends.
+    """Raise Rejected unless a state's deviation in the set is proved to be between stated ends.
 
     index: index of the state
     ends: lowest and highest deviation
-    evidence: for the lowest and the highest deviation
-    inside: constraints of the set
+    evidence: proofs of the lowest and of the highest deviation
+    inside: constraints that define the set
     """
     name = loop.statement.loop.states[index]
     deviation = loop.deviation(index)

@@ -1,4 +1,4 @@
-"""Extents of a proved set, computed from V, rho and the unit ball."""
+"""Lowest and highest deviations in a proved set, computed from V, rho and the unit ball."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
     - V of degree 2: the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii)
     - V of higher degree: the stated extents, limited to the unit ball
 
-    T: (n, n), z = T y, with the set in the unit ball of y
+    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
     """
     states = statement.loop.states
     n = len(states)

@@ -43,11 +43,11 @@ class Equilibrium:
     """Enclosed equilibrium without disturbances, F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
 
     loop: the saturated loop
-    x: (n,), balls
-    u: (m,), balls, strictly within the limits
+    x: states, (n,), balls
+    u: inputs, (m,), balls strictly within the limits
 
-    Raises Rejected if no equilibrium is proved near the trim, and ZeroDivisionError if the Jacobian
-    is singular.
+    Raises Rejected if no equilibrium is proved near the trim. Raises ZeroDivisionError if the
+    Jacobian is singular.
     """
 
     def __init__(self, loop: SaturatedLoop) -> None:
@@ -64,9 +64,12 @@ class Equilibrium:
         self._check_near()
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
-        """Return the distances of an input from its lowest and its highest value.
+        """Return the distances of an input at the equilibrium from its lowest and its highest
+        value.
 
         A distance is None if there is no such limit.
+
+        name: name of the input
         """
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]
@@ -75,11 +78,11 @@ class Equilibrium:
         return below, above
 
     def deviations(self, x: Sequence[arb]) -> list[arb]:
-        """Return the deviations x - x0 from the trim."""
+        """Return the deviations x - x0 of states x from the trim."""
         return [value - at for value, at in zip(x, self._x0, strict=True)]
 
     def _inputs(self, x: Sequence[arb]) -> list[arb]:
-        """Return the inputs u0 - K (x - x0) + q(x - x0)."""
+        """Return the inputs u0 - K (x - x0) + q(x - x0) that the policy commands at states x."""
         away = self.deviations(x)
         linear = (self._K * arb_mat([[value] for value in away])).entries()
         inputs = []
@@ -88,7 +91,7 @@ class Equilibrium:
         return inputs
 
     def _gains(self, x: Sequence[arb]) -> arb_mat:
-        """Return the local gain -∂u/∂x = K - ∂q/∂x, (m, n)."""
+        """Return the local gain -∂u/∂x = K - ∂q/∂x (m, n) of the policy at states x."""
         away = self.deviations(x)
         slopes = []
         for terms in self._policy:
@@ -96,7 +99,7 @@ class Equilibrium:
         return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
-        """Return an enclosure of the unique equilibrium near x0.
+        """Return an enclosure of the states at the only equilibrium near x0.
 
         Raises Rejected if no equilibrium is proved.
         """
@@ -112,7 +115,7 @@ class Equilibrium:
         return [value + offset for value, offset in zip(x, offsets, strict=True)]
 
     def _residual(self, x: Sequence[arb]) -> arb_mat:
-        """Return F(x) as a column."""
+        """Return the residual F(x) as a column."""
         (rates,) = self._rates(x, self._inputs(x), [])
         return arb_mat([[rate] for rate in rates])
 
@@ -128,8 +131,8 @@ class Equilibrium:
     def _check_near(self) -> None:
         """Raise Rejected unless the equilibrium is near the trim, with inputs within their limits.
 
-        The states are within `SAME_TRIM` nominal values of the trim. The inputs are strictly within
-        their limits.
+        The states must be within `SAME_TRIM` nominal values of the trim, and the inputs strictly
+        within their limits.
         """
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
@@ -147,6 +150,8 @@ class Equilibrium:
 
 class RegionLoop:
     """The closed loop of a statement in coordinates y, z = T y.
+
+    z are the deviations of the states from the equilibrium.
 
     statement: V, rho and the loop
     T: (n, n)
@@ -171,7 +176,7 @@ class RegionLoop:
 
     @cached_property
     def _V(self) -> list[_Term]:
-        """Terms of V / rho in z."""
+        """Terms of the polynomial V / rho in z."""
         terms = _exact_terms(self.statement.terms)
         return [(factor / exact(self.statement.rho), exponents) for factor, exponents in terms]
 
@@ -186,13 +191,13 @@ class RegionLoop:
 
     @cached_property
     def gradient(self) -> list[Taylor]:
-        """Taylor polynomials in y of ∂V/∂z_i / rho at z = T y, for each i."""
+        """Taylor polynomials in y of the components of ∂V/∂z / rho at z = T y."""
         slopes = [self._substitution.sum(_derivative(self._V, i)) for i in range(self.n)]
         return [self._taylor(slope) for slope in slopes]
 
     @cached_property
     def _commands(self) -> list[Polynomial]:
-        """Polynomials in y of u_i - u_e,i without saturation, for each input.
+        """Polynomials in y of u_i - u_e,i before saturation, for each input.
 
         u = u0 - K (x - x0) + q(x - x0), and u_e is the value of u at the equilibrium.
         """
@@ -208,11 +213,17 @@ class RegionLoop:
         return commands
 
     def deviation(self, index: int) -> Polynomial:
-        """Return the polynomial z_i = Σ T_ij y_j in y."""
+        """Return the state deviation z_i = Σ T_ij y_j as a polynomial in y.
+
+        index: index i of the state
+        """
         return Polynomial.linear(self.T.table()[index])
 
     def reach(self, index: int) -> arb:
-        """Return an upper bound of |z_i| on the unit ball of y."""
+        """Return an upper bound of the state deviation |z_i| on the unit ball of y.
+
+        index: index i of the state
+        """
         return norm(self.T.table()[index]).upper()
 
     def command(self, index: int) -> Polynomial:
