@@ -151,7 +151,10 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
     """
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
-            if not _same(stated.get(key), own.value.get(key)):
+            changed = {other: value for other, value in own.value.items() if other != key}
+            if key in stated:
+                changed[key] = stated[key]
+            if not own.same(changed, own.value):
                 return f"limit of {key}" if name == "limits" else str(key)
     return name
 

@@ -20,7 +20,7 @@ from hfa_proof.commands.check import CheckRequest
 from hfa_proof.commands.given import given_for
 from hfa_proof.fields import FIELDS
 from hfa_proof.search.checked_report import checked_report
-from hfa_proof.subject import Field, Given, compare, entries_of
+from hfa_proof.subject import Field, Given, compare, entries_of, within
 from hfa_support.errors import NoSolutionError
 
 WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
@@ -130,6 +130,20 @@ def test_what_is_not_given_is_named() -> None:
         compare(content, table, {"P": Given([[2.0]], "--weights")})
     with pytest.raises(LookupError):
         compare(content | {"note": 1.0}, table, {})
+
+
+def test_tolerated_differences_are_not_named() -> None:
+    """The error names the state whose trim differs by more than the tolerance, not the first."""
+    stated = {"trim": {"alpha": 0.1, "speed": 50.0, "altitude": 3.0}}
+    own = Given(
+        {"alpha": 0.1 + 1e-9, "speed": 60.0}, "--at", within({"alpha": 1e-6, "speed": 1e-3})
+    )
+    table = {"trim": Field("trim")}
+    with pytest.raises(NoSolutionError, match="speed in the certificate differs from the value"):
+        compare(stated, table, {"trim": own})
+    missing = own._replace(value={"alpha": 0.1, "speed": 50.0})
+    with pytest.raises(NoSolutionError, match="altitude in the certificate differs"):
+        compare(stated, table, {"trim": missing})
 
 
 def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
