@@ -1,4 +1,7 @@
-"""Fields of a statement about a region, and how each is compared and reported."""
+"""Entries of a statement about a region.
+
+Each entry is a claim, or is compared with the user's data.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of sections of a proved region."""
+"""Figures of sections through a proved region."""
 
 from __future__ import annotations
 
@@ -36,13 +36,14 @@ _FLOWN = 40
 
 
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
-    """Return a figure of sections through a region, for the first pairs of states.
+    """Return a figure of sections through a region, one for each of the first pairs of states.
 
     Each section shows the proved set, the lowest level with V' >= 0, and initial conditions that do
     not converge, with the level of the nearest one. In each section all other deviations are 0.
     Angles are in degrees.
 
-    box: (n,), half-widths of the box in which critics are compared, in the units of the states
+    box: half-widths of the box in which critics are compared, (n,), in the units of the states, or
+        None
     """
     from matplotlib.figure import Figure
 
@@ -79,7 +80,10 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
 
 
 def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
-    """Draw the section of states i and j: levels of V, and conditions that do not converge."""
+    """Draw the section in the plane of states i and j.
+
+    The section shows levels of V and initial conditions that do not converge.
+    """
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
@@ -111,7 +115,7 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 
 
 def _draw_box(axes: Axes, x: float, y: float) -> None:
-    """Draw the box of half-widths x and y.
+    """Draw the box in which critics are compared, with half-widths x and y.
 
     The axes are extended to the sides of the box if these are near. Otherwise the axis label shows
     the half-width.
@@ -131,9 +135,9 @@ def _cut(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return points (x, y) on the boundary of {V <= level} in the plane of deviations i and j.
 
-    A coordinate is nan if V does not reach the level on its ray.
+    A coordinate is nan if V does not reach the level in its direction.
 
-    T: z = T y, with the set in the unit ball of y
+    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
     """
     rays = _rays(T, i, j, _RAYS)
     shares = V.edge(rays, level)
@@ -142,11 +146,11 @@ def _cut(
 
 
 def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
-    """Return rays (count, n) in the plane of deviations i and j.
+    """Return rays (count, n) from the origin in the plane of deviations i and j.
 
     The rays are twice as long as the extents of the unit ball of y.
 
-    T: z = T y
+    T: matrix of the coordinates z = T y, (n, n)
     """
     angles = np.linspace(0.0, 2.0 * np.pi, count)
     rays = np.zeros((count, len(T)))

@@ -27,11 +27,13 @@ def prove_region(
 ) -> Region:
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
+    model: the aircraft
     point: trim x0, u0 of this aircraft
-    K: (m, n), gain from states to inputs of the linear model, or an object with the attribute K
-    seconds: processor time of the search
+    K: gain from states to inputs of the linear model, (m, n), or an object with the attribute K
+    seconds: limit of the processor time of the search, s
     degree: highest degree of V
-    progress: called with the current step; a KeyboardInterrupt from the callback ends the search
+    progress: called with the current step, or None. A KeyboardInterrupt from the callback ends the
+        search.
 
     Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot be
     enclosed, K has another shape, or the point belongs to another model.

@@ -227,11 +227,17 @@ class RegionLoop:
         return norm(self.T.table()[index]).upper()
 
     def command(self, index: int) -> Polynomial:
-        """Return the polynomial in y of u_j - u_e,j, where input j is free."""
+        """Return u_j - u_e,j of an input j that is free, as a polynomial in y.
+
+        index: index j of the input
+        """
         return self._commands[index]
 
     def reaches(self, name: str) -> tuple[bool, bool]:
-        """Return whether an input may reach its lowest and its highest value on the unit ball."""
+        """Return whether an input may reach its lowest and its highest value on the unit ball of y.
+
+        name: name of the input
+        """
         index = list(self.statement.loop.inputs).index(name)
         most = sum(self.command(index).norms(), arb(0))
         low, high = self.equilibrium.room(name)
@@ -241,15 +247,16 @@ class RegionLoop:
         )
 
     def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
-        """Return polynomials in y for the lower and the upper limit of an input, None without the
-        limit.
+        """Return polynomials in y for the lower and the upper limit of an input.
 
         - lower limit: 1 + command / room
         - upper limit: 1 - command / room
 
-        A polynomial is positive where the command does not reach the limit. The command is the
-        deviation of the input from the equilibrium, without saturation. The room is the distance of
-        the limit from the equilibrium.
+        A polynomial is positive where the command does not reach the limit, and None if there is no
+        such limit. The command is the deviation of the input from the equilibrium before
+        saturation. The room is the distance of the limit from the equilibrium.
+
+        name: name of the input
         """
         index = list(self.statement.loop.inputs).index(name)
         low, high = self.equilibrium.room(name)
@@ -259,11 +266,11 @@ class RegionLoop:
         return below, above
 
     def decrease(self, part: Mapping[str, str]) -> Taylor:
-        """Return the Taylor polynomial of -V' / rho on a part.
+        """Return the Taylor polynomial of -V' / rho on a part of the set.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
 
-        Raises Rejected if an output may leave its limits.
+        Raises Rejected if an output is not proved to stay within its limits.
         """
         total = self._taylor(Polynomial([{}]))
         for slope, rate in zip(self.gradient, self.rates(part), strict=True):
@@ -271,11 +278,11 @@ class RegionLoop:
         return total
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
-        """Return the Taylor polynomials of z' on a part.
+        """Return the Taylor polynomials of z' on a part of the set.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
 
-        Raises Rejected if an output may leave its limits for some value of the disturbances.
+        Raises Rejected if an output is not proved to stay within its limits for all disturbances.
         """
         key = tuple(part.values())
         if key not in self._rates:
@@ -294,7 +301,8 @@ class RegionLoop:
     def _run(
         self, part: Mapping[str, str], disturbances: Sequence[arb]
     ) -> tuple[list[Taylor], list[Taylor]]:
-        """Return Taylor polynomials of the rates and of the limited outputs on the unit ball.
+        """Return Taylor polynomials of the rates, and of the outputs with limits, on the unit ball
+        of y.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`
         disturbances: ball of each disturbance
@@ -318,7 +326,11 @@ class RegionLoop:
         return rates, outputs
 
     def _check_outputs(self, values: Sequence[Taylor]) -> None:
-        """Raise Rejected unless each output is proved to be within its limits on the unit ball."""
+        """Raise Rejected unless each limited output is proved within its limits on the unit ball of
+        y.
+
+        values: Taylor polynomials of the outputs with limits
+        """
         for name, value in zip(self.statement.loop.limited_outputs, values, strict=True):
             low, high = self.statement.loop.limits[name]
             ball = value.range()
@@ -330,7 +342,7 @@ class RegionLoop:
 
 
 class _Substitution:
-    """Substitution of polynomials in y for z.
+    """Substitution of polynomials in y for the variables z of a polynomial.
 
     variables: each z_i as a polynomial in y
     """
@@ -340,14 +352,17 @@ class _Substitution:
         self._known: dict[Key, Polynomial] = {0: Polynomial.constant(arb(1))}
 
     def sum(self, terms: Sequence[_Term]) -> Polynomial:
-        """Return Σ coefficient z^exponents as a polynomial in y."""
+        """Return the polynomial Σ coefficient z^exponents in z as a polynomial in y.
+
+        terms: pairs of a coefficient and exponents
+        """
         total = Polynomial([{}])
         for coefficient, exponents in terms:
             total += self(exponents).scaled(coefficient)
         return total
 
     def __call__(self, exponents: Sequence[int]) -> Polynomial:
-        """Return z^exponents as a polynomial in y."""
+        """Return the monomial z^exponents as a polynomial in y."""
         key = key_of(exponents)
         if key not in self._known:
             last = max(i for i, power in enumerate(exponents) if power)
@@ -357,12 +372,12 @@ class _Substitution:
 
 
 def _exact_terms(terms: Terms) -> list[_Term]:
-    """Return the terms of a statement with coefficients as exact balls."""
+    """Return the terms of a statement with their coefficients as balls of radius 0."""
     return [(exact(coefficient), exponents) for coefficient, exponents in terms]
 
 
 def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
-    """Return the terms of the derivative with respect to z_index."""
+    """Return the terms of the derivative of a polynomial with respect to z_index."""
     slopes = []
     for coefficient, exponents in terms:
         power = exponents[index]
@@ -373,7 +388,10 @@ def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
 
 
 def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
-    """Return Σ coefficient z^exponents."""
+    """Return the value Σ coefficient z^exponents of a polynomial at z.
+
+    terms: pairs of a coefficient and exponents
+    """
     total = arb(0)
     for coefficient, exponents in terms:
         product = coefficient
@@ -385,7 +403,9 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return the Taylor polynomial of a rate without its constant term, 0 at the equilibrium."""
+    """Return the Taylor polynomial of a rate that is 0 at the equilibrium, without its constant
+    term.
+    """
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 
@@ -413,10 +433,11 @@ def refuse_curved(loop: SaturatedLoop) -> None:
 
 
 def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
-    """Return the function (x, u, w) -> rates and limited outputs.
+    """Return the function (x, u, w) -> rates of the moving states, and outputs with limits.
 
-    w: the stated disturbances
-    outputs: whether to return the outputs too
+    w are the disturbances of the loop.
+
+    outputs: whether the function returns the outputs
     """
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))

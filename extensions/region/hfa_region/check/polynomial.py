@@ -17,12 +17,12 @@ Key = int
 
 
 def key_of(exponents: Sequence[int]) -> Key:
-    """Return the integer key of the monomial y_1^α_1 .. y_n^α_n."""
+    """Return the integer key of the monomial y_1^α_1 .. y_n^α_n with the given exponents."""
     return sum(exponent << (_BITS * i) for i, exponent in enumerate(exponents))
 
 
 def exponents_of(key: Key) -> list[int]:
-    """Return the exponents of a key, without trailing zeros."""
+    """Return the exponents of the monomial with an integer key, without trailing zeros."""
     exponents = []
     while key:
         exponents.append(key & (2**_BITS - 1))
@@ -32,7 +32,7 @@ def exponents_of(key: Key) -> list[int]:
 
 @lru_cache(maxsize=64)
 def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
-    """Return the keys of all monomials of degree low to high, sorted by degree."""
+    """Return the keys of all monomials of the degrees low to high, in ascending order of degree."""
     keys = []
     for degree in range(low, high + 1):
         for chosen in combinations_with_replacement(range(variables), degree):
@@ -42,7 +42,10 @@ def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
 
 @cache
 def _weight(key: Key) -> fmpq:
-    """Return α! / |α|!, the weight of a squared coefficient in the Bombieri norm."""
+    """Return α! / |α|!, the weight of the squared coefficient of y^α in the Bombieri norm.
+
+    key: key of the monomial y^α
+    """
     exponents = exponents_of(key)
     product = 1
     for exponent in exponents:
@@ -53,8 +56,8 @@ def _weight(key: Key) -> fmpq:
 class Polynomial:
     """Polynomial Σ c_α y^α with balls as coefficients.
 
-    parts: parts[k] maps keys to the coefficients of degree k, where zero coefficients may be
-        omitted
+    parts: parts[k] maps the keys of monomials of degree k to coefficients. Zero coefficients may be
+        omitted.
     """
 
     def __init__(self, parts: list[dict[Key, arb]]) -> None:
@@ -62,17 +65,17 @@ class Polynomial:
 
     @classmethod
     def constant(cls, value: arb) -> Polynomial:
-        """Return the constant polynomial with this value."""
+        """Return the constant polynomial with the given value."""
         return cls([{0: value}])
 
     @classmethod
     def linear(cls, slopes: Sequence[arb]) -> Polynomial:
-        """Return Σ slopes_i y_i."""
+        """Return the linear polynomial Σ slopes_i y_i."""
         return cls([{}, {1 << (_BITS * i): slope for i, slope in enumerate(slopes)}])
 
     @classmethod
     def of_terms(cls, terms: Iterator[tuple[Key, int, arb]]) -> Polynomial:
-        """Return the sum of terms (key, degree, coefficient)."""
+        """Return the sum of terms (key of a monomial, its degree, coefficient)."""
         parts: list[dict[Key, arb]] = []
         for key, degree, coefficient in terms:
             while len(parts) <= degree:
@@ -83,11 +86,11 @@ class Polynomial:
 
     @property
     def degree(self) -> int:
-        """Degree of the highest part."""
+        """Highest degree of the polynomial."""
         return len(self.parts) - 1
 
     def terms(self) -> Iterator[tuple[Key, int, arb]]:
-        """Yield key, degree and coefficient of every term."""
+        """Yield key of the monomial, degree and coefficient of every term."""
         for degree, part in enumerate(self.parts):
             for key, coefficient in part.items():
                 yield key, degree, coefficient
@@ -115,7 +118,10 @@ class Polynomial:
         )
 
     def times(self, other: Polynomial, highest: int | None = None) -> Polynomial:
-        """Return the product with another polynomial, up to the degree `highest`."""
+        """Return the product with another polynomial, without terms of degree above `highest`.
+
+        highest: highest degree that is kept, or None to keep all terms
+        """
         degree = self.degree + other.degree
         if highest is not None:
             degree = min(degree, highest)
@@ -134,8 +140,8 @@ class Polynomial:
     def norms(self) -> list[arb]:
         """Return, for the part h of each degree k, a number N with |h(y)| <= N |y|^k for every y.
 
-        N is the Bombieri norm, sqrt(Σ c_α² α!/k!). h(y) is the product of y ⊗ .. ⊗ y and a
-        symmetric tensor with this Frobenius norm. The norm of a product is at most the product of
+        N is the Bombieri norm of h, sqrt(Σ c_α² α!/k!). h(y) is the product of y ⊗ .. ⊗ y and a
+        symmetric tensor whose Frobenius norm is N. The norm of a product is at most the product of
         the norms.
         """
         results = []

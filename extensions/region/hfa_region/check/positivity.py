@@ -5,7 +5,7 @@ The set is defined by polynomials g_k >= 0. The proof is the identity
     target = Σ_k σ_k g_k + m'Q m,  σ_k = m_k'Q_k m_k,
 
 with Q, Q_k positive definite and m, m_k vectors of monomials. Then target > 0 wherever every
-g_k >= 0 and some monomial of m is not 0. Q comes from a numerical solver, so that the identity
+g_k >= 0 and some monomial of m is not 0. Q comes from a numerical solver. The identity therefore
 holds only approximately. The residual is added to entries of Q as balls, and the corrected Q is
 proved positive definite.
 """
@@ -28,8 +28,11 @@ _HIGHEST = 12
 
 @dataclass(frozen=True, eq=False)
 class Square:
-    """Square form m'Q m, with m all monomials of degree low to high in the order of `monomials`.
+    """Quadratic form m'Q m in a vector m of monomials.
 
+    m contains all monomials of the degrees `low` to `high`, in the order of `monomials`.
+
+    low, high: lowest and highest degree
     Q: (k, k), symmetric
     """
 
@@ -39,7 +42,9 @@ class Square:
 
     @classmethod
     def read(cls, entries: Fields, variables: int) -> Square:
-        """Return the square form stored in the entries `degrees` and `gram`.
+        """Return the quadratic form stored in the entries `degrees` and `gram` of a certificate.
+
+        variables: number of variables of the monomials
 
         Raises Malformed if one of these entries is invalid.
         """
@@ -57,7 +62,10 @@ class Square:
             raise Rejected(f"{what}: a Gram matrix is not proved positive definite")
 
     def polynomial(self, variables: int) -> Polynomial:
-        """Return m'Q m as a polynomial."""
+        """Return m'Q m as a polynomial.
+
+        variables: number of variables of the monomials
+        """
         keys = monomials(variables, self.low, self.high)
         degrees = _degrees(variables, self.low, self.high)
         rows = self.Q.tolist()
@@ -74,9 +82,9 @@ class Square:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Evidence that a polynomial is positive.
+    """Sum of squares that proves a polynomial positive.
 
-    main: m'Q m
+    main: the quadratic form m'Q m
     multipliers: name of g_k -> σ_k
     """
 
@@ -85,8 +93,9 @@ class Evidence:
 
     @classmethod
     def read(cls, entries: Fields, variables: int, constraints: tuple[str, ...]) -> Evidence:
-        """Return the evidence stored in a certificate.
+        """Return the sum of squares stored in a certificate.
 
+        variables: number of variables
         constraints: names of the g_k that may have a multiplier
 
         Raises Malformed for the first wrong entry.
@@ -116,9 +125,10 @@ def check_positive(
     The proof includes y = 0 if the monomials of `main` begin at degree 0.
 
     what: name of the claim, for messages
-    constraints: name -> g_k, used only with a multiplier
-    evidence: Gram matrices
-    variables: n
+    target: the polynomial
+    constraints: name -> g_k. A constraint without a multiplier is not used.
+    evidence: the sum of squares
+    variables: number of variables n
     """
     residual = target
     for name, square in evidence.multipliers.items():
@@ -128,12 +138,14 @@ def check_positive(
 
 
 def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
-    """Raise Rejected unless residual = m'Q̃ m for a positive definite Q̃ near Q.
+    """Raise Rejected unless a polynomial equals m'Q̃ m for a positive definite Q̃ near Q.
 
-    A term of the residual that is no product of two monomials of m must be exactly 0.
+    A term of the polynomial that is not a product of two monomials of m must be exactly 0.
 
     what: name of the claim, for messages
+    residual: the polynomial
     main: m and Q
+    variables: number of variables
     """
     keys = monomials(variables, main.low, main.high)
     size = len(keys)
@@ -160,7 +172,7 @@ def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -
 
 
 def _degrees(variables: int, low: int, high: int) -> list[int]:
-    """Return the degree of each monomial of `monomials`."""
+    """Return the degree of each monomial of `monomials`, for the same arguments."""
     degrees: list[int] = []
     for degree in range(low, high + 1):
         degrees += [degree] * len(monomials(variables, degree, degree))

@@ -30,17 +30,17 @@ HIGHEST_POLICY = 5
 
 @dataclass(frozen=True, eq=False)
 class SaturatedLoop(Plant):
-    """Closed loop of a model and a policy about a trim.
+    """Closed loop of a model and a polynomial policy about a trim.
 
         x' = f(x, u, w),  u = sat(u0 - K (x - x0) + q(x - x0))
 
-    Inputs are saturated at the model's limits. The limits of states and outputs are the model's or
-    narrower. The rates are affine in the disturbances.
+    Inputs are saturated at the model's limits. The limits of states and outputs are the model's
+    limits or narrower. The rates are affine in the disturbances.
 
     K: (m, n), in the order of the inputs and the moving states
     policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`, omitted if q = 0
-    disturbances: disturbance of the model -> bound d > 0 of any measurable w(t), |w(t)| <= d,
-        omitted if w = 0
+    disturbances: disturbance w -> bound d > 0 with |w(t)| <= d for any measurable w(t), omitted if
+        w = 0
     """
 
     K: np.ndarray
@@ -49,22 +49,25 @@ class SaturatedLoop(Plant):
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Names of the inputs and disturbances whose combinations define the parts."""
+        """Names of the inputs and disturbances. The parts of the set are defined by their
+        combinations.
+        """
         return (*self.inputs, *self.disturbances)
 
 
 @dataclass(frozen=True, eq=False)
 class RegionStatement:
-    """Claim: trajectories from {V(z) <= rho} converge to the equilibrium.
+    """Claim that the trajectories from {V(z) <= rho} converge to the equilibrium of a closed loop.
 
-    Every trajectory of the loop that begins in the set exists for all time and stays in the set and
-    within all limits. With disturbances, convergence is not claimed. z are deviations from the
-    equilibrium, which differs from the trim x0 by at most `SAME_TRIM` nominal values.
+    Every trajectory of the loop that begins in the set exists for all time, stays in the set and
+    within all limits, and converges to the equilibrium. With disturbances, convergence is not
+    claimed. z are deviations from the equilibrium, which differs from the trim x0 by at most
+    `SAME_TRIM` nominal values.
 
     loop: the model with its policy and saturated inputs
-    terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
+    terms: terms of V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V
-    extents: moving state -> bounds of the deviation in the set
+    extents: moving state -> lowest and highest deviation in the set
     """
 
     loop: SaturatedLoop
@@ -118,14 +121,14 @@ def _disturbance_units(model: Model) -> list[str]:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return the entries of `facts` and the units of the disturbances."""
+    """Return entries that identify a model: those of `facts`, and the units of the disturbances."""
     return facts(model) | {"disturbance_units": _disturbance_units(model)}
 
 
 def _read_disturbances(entries: Fields, model: Model) -> dict[str, float]:
-    """Return disturbance -> its largest absolute value, in the order of the model.
+    """Return disturbance -> largest absolute value from a certificate, in the order of the model.
 
-    Raises Malformed unless the value is positive.
+    Raises Malformed unless each value is positive.
     """
     sizes = entries.numbers("disturbances", tuple(model.disturbances))
     for name, size in sizes.items():

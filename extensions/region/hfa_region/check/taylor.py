@@ -1,7 +1,7 @@
 """Taylor polynomials of several variables on the unit ball, with a bound of their remainder.
 
-The remainder is scaled by |y|^(D+1), so that it is 0 at y = 0 to this order. Every operation
-returns an enclosure: if the operands enclose some functions, the result encloses the operation on
+The remainder is scaled by |y|^(D+1) and is therefore 0 at y = 0 to this order. Every operation
+returns an enclosure. If the operands enclose some functions, the result encloses the operation on
 these functions, at every |y| <= 1.
 
 Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
@@ -20,13 +20,14 @@ from hfa_region.check.polynomial import Polynomial, power_of_length
 
 
 class Taylor:
-    """Enclosure of functions g: |g(y) - polynomial(y)| <= remainder |y|^(order + 1) for |y| <= 1.
+    """Enclosure of functions g on the unit ball.
 
-    order: D, the highest degree of the polynomial
+    |g(y) - polynomial(y)| <= remainder |y|^(order + 1) for |y| <= 1. In sums and products, numbers
+    and balls are constants. `BallFunction` accepts these objects.
+
+    order: highest degree D of the polynomial
     polynomial: polynomial with balls as coefficients
     remainder: a nonnegative number
-
-    In sums and products, numbers and balls are constants. `BallFunction` accepts these objects.
     """
 
     def __init__(self, order: int, polynomial: Polynomial, remainder: arb) -> None:
@@ -84,7 +85,7 @@ class Taylor:
 
     @property
     def center(self) -> arb:
-        """Value at y = 0."""
+        """Value at y = 0, a ball."""
         parts = self.polynomial.parts
         return parts[0].get(0, arb(0)) if parts else arb(0)
 

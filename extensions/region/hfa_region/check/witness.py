@@ -1,4 +1,4 @@
-"""Evidence for a region, which is not part of the claim."""
+"""Data for the proof of a region, which are not part of the claim."""
 
 from __future__ import annotations
 
@@ -29,11 +29,14 @@ _HIGHEST_ORDER = 12
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Part of the set: each input is free or at a limit, each disturbance at an end of its range.
+    """Part of the set with its proof.
 
-    inputs: input -> `FREE`, `LOWEST` or `HIGHEST`, then disturbance -> `LOWEST` or `HIGHEST`, and
-        in an empty part also `ANY`
-    evidence: proof that V' < 0 on the part, or that the set has no point in it
+    In a part, each input is free or at a limit, and each disturbance is at an end of its range.
+
+    inputs: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`. In an
+        empty
+        part also `ANY`.
+    evidence: proof that V' < 0 on the part, or that the part is empty
     """
 
     inputs: Mapping[str, str]
@@ -42,15 +45,15 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class RegionWitness:
-    """Gram matrices of all proofs, in coordinates y, z = T y.
+    """Proofs of a region, in coordinates y, z = T y.
 
     T: (n, n)
-    order: order of the Taylor polynomials
-    inside: evidence that {V <= rho} lies in the open unit ball
-    parts: evidence that V' < 0 on each part, with disturbances only where V = rho
-    empty: evidence that the set has no point in the other parts
-    extents: state -> evidence for the lowest and highest deviation, omitted if the stated extent
-        contains the unit ball
+    order: highest degree of the Taylor polynomials
+    inside: proof that {V <= rho} lies in the open unit ball of y
+    parts: proofs that V' < 0 on each part of the set, with disturbances only where V = rho
+    empty: proofs that the set has no point in the other parts
+    extents: state -> proofs of its lowest and highest deviation, omitted if the stated deviations
+        contain the unit ball
     """
 
     T: np.ndarray
@@ -94,16 +97,18 @@ class RegionWitness:
 
 
 def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the constraints for the limits of inputs."""
+    """Return the names of the constraints for the lowest and highest values of inputs."""
     return tuple(f"{name} {side}" for name in inputs for side in (LOWEST, HIGHEST))
 
 
 def _read_parts(
     entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
 ) -> tuple[Part, ...]:
-    """Return the parts in the entry `name`.
+    """Return the parts of the set in the entry `name`, with their proofs.
 
-    allowed: values that inputs and disturbances may have
+    entries: reader of the witness
+    statement: the statement, which determines the sizes of the matrices
+    allowed: values that describe an input or a disturbance
 
     Raises Malformed for the first wrong entry.
     """

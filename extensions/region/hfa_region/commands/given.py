@@ -28,7 +28,8 @@ _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 def given_for(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return entry path -> value from the user's options, for a region proved by sums of squares.
+    """Return path of an entry -> value that the user's options give, for a region by sums of
+    squares.
 
     statement: the proved statement
     request: options of the command
@@ -57,7 +58,7 @@ def given_for(
 def given_on_boxes(
     statement: BoxStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return entry path -> value from the user's options, for a region proved on boxes.
+    """Return path of an entry -> value that the user's options give, for a region proved on boxes.
 
     statement: the proved statement, with the coefficients of its policy
     request: options of the command
@@ -93,7 +94,10 @@ def _same_coefficients(stated: Mapping[str, Any], own: Mapping[str, Any]) -> boo
 def _given_aircraft(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return the entries of the user's model, its parameters, and its limits at the stated trim."""
+    """Return the entries on the user's model, its parameters, and its limits at the stated trim.
+
+    The limits are omitted if the model has other moving states than the statement.
+    """
     model = request.flown_aircraft()
     option = aircraft_option(request)
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -109,7 +113,13 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """Return the comparison of stated and own limits by `limits_hold`."""
+    """Return a comparison of limits, (limits in the certificate, user's limits) -> whether they
+    agree.
+
+    The limits agree if `limits_hold` finds no signal whose limits are not admissible.
+
+    inputs: names of the inputs
+    """
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {name: _ends(pair) for name, pair in stated.items()}
@@ -124,7 +134,7 @@ def _ends(pair: Any) -> tuple[float, float]:
 
 
 def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entries of the trim that the options define, compared within `SAME_TRIM`."""
+    """Return the entries on the trim that the options define, to be compared within `SAME_TRIM`."""
     model: Model = request.flown_aircraft()
     point = request.operating_point(model)
     option = aircraft_option(request)
@@ -139,7 +149,7 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entries `K` and `policy` (nonlinear part), computed from the options."""
+    """Return the entry `K` of the policy that the options define, and its nonlinear terms."""
     from hfa_region.commands.policy import loop_of
 
     _, K, _, policy = loop_of(request)
@@ -154,7 +164,10 @@ def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
     """Return whether two polynomial policies agree.
 
-    For each input, the monomials must be equal and the coefficients agree within `SAME_GAIN`.
+    For each input, the monomials must be equal and the coefficients must agree within `SAME_GAIN`.
+
+    stated: policy in the certificate, input -> terms
+    own: the user's policy, input -> terms
     """
     if set(stated) != set(own):
         return False

@@ -34,7 +34,10 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Return the reason to prove the region of a policy on boxes, or "" for sums of squares."""
+    """Return the reason to prove the region of a policy on boxes instead of by sums of squares.
+
+    Return "" if sums of squares are to be used.
+    """
     from hfa_region.check.loop import Equilibrium
 
     if request.disturbance or request.picture is not None:
@@ -56,8 +59,12 @@ def prove_gain_on_boxes(
 ) -> int:
     """Prove the region of a polynomial policy on boxes and return the exit code.
 
-    P: (n, n), matrix of the game or critic, or None
-    reason: result of `better_on_boxes`
+    linear: linear model at the trim
+    gain: coefficients of the policy
+    P: matrix of the value of the game or critic, (n, n), or None
+    reason: reason to use boxes, as returned by `better_on_boxes`
+
+    Raises BadInputError if an option applies only to sums of squares.
     """
     request.refuse(_OF_SQUARES, "applies only to --prover squares; remove this option")
     words = "gain of the game" if request.weights is None else str(request.weights)
@@ -86,13 +93,19 @@ def prove_on_boxes(request: RegionRequest) -> int:
 
 
 def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
-    """Verify a certificate on boxes for a network or a deployment file and return the exit code."""
+    """Verify a certificate on boxes for a network or a deployment file and return the exit code.
+
+    certificate: path of the certificate
+    """
     linear, policy, _ = _policy_of(request)
     return check(request, certificate, linear, policy, request.model if request.own else None)
 
 
 def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate on boxes for a polynomial policy and return the exit code."""
+    """Verify a certificate on boxes for a polynomial policy and return the exit code.
+
+    certificate: path of the certificate
+    """
     from hfa.output import ProgressLine, show
     from hfa_boxes.check.checker import check_certificate
     from hfa_boxes.fields import FIELDS
@@ -109,7 +122,12 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
 
 
 def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:
-    """Return the linear model at the trim, the policy of --weights or --policy, and the game."""
+    """Return the linear model at the trim, the policy in the given file, and the game.
+
+    The file is a critic or a deployment file.
+
+    Raises BadInputError if an option does not apply to a deployment file.
+    """
     from controller.critic.critic_file import critic_in
 
     if request.policy is not None:
@@ -126,7 +144,11 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
 
 
 def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
-    """Return the policy of a deployment file, evaluated and applied in continuous time."""
+    """Return the policy of a deployment file, applied in continuous time.
+
+    path: deployment file
+    linear: linear model at the trim
+    """
     deployment = Deployment.load(path)
     timing = f"sampling ({deployment.dt:g} s), delay ({deployment.delay:g} s)"
     return ProvedPolicy(
@@ -137,9 +159,10 @@ def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
 
 
 def continuous(deployed: Deployed) -> ca.Function:
-    """Return the function (z, trim) -> deviations of all inputs from the trim, unsaturated.
+    """Return a deployed policy as a function (z, trim) -> deviations of all inputs from the trim.
 
-    z are deviations of the moving states. trim contains all states, the inputs and the parameters.
+    z are the deviations of the moving states. trim contains the values of all states, inputs and
+    parameters. The inputs are not saturated.
 
     Raises BadInputError if the policy uses several samples, or if an observation or an action
     depends on an input.
@@ -162,9 +185,9 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """Raise BadInputError if the policy uses several samples or depends on an input.
+    """Raise BadInputError if a deployed policy uses several samples or depends on an input.
 
-    The policy itself sets the inputs, so that no observation or action may depend on an input.
+    The policy itself sets the inputs. Therefore no observation or action may depend on an input.
     """
     if deployed.past:
         raise BadInputError(

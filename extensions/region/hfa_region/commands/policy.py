@@ -1,4 +1,4 @@
-"""Policy of a critic as polynomials, in the form of a region's statement."""
+"""Policy of a critic as polynomials, in the form of the statement about a region."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _SAME = 1e-9
 
 
 def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]:
-    """Return input -> terms of the policy of degree 2 and more.
+    """Return input -> terms of degree 2 and more of a critic's policy.
 
     Inputs without such terms are omitted.
 
-    inputs: names, in the order of the game
+    inputs: names of the inputs, in the order of the game
 
     Raises BadInputError unless the policy is a polynomial of degree at most `HIGHEST_POLICY` and 0
     at z = 0.
@@ -55,7 +55,7 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
 
 
 def _terms(u: ca.SX, z: ca.SX) -> Terms:
-    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of u at z = 0.
+    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of an input u at z = 0.
 
     The polynomial has the degree `HIGHEST_POLICY`.
     """
@@ -82,7 +82,10 @@ def _terms(u: ca.SX, z: ca.SX) -> Terms:
 
 
 def _check_same(u: ca.Function, terms: Terms) -> None:
-    """Raise BadInputError unless the terms equal the policy at random points and are 0 at z = 0."""
+    """Raise BadInputError unless the terms of a policy equal the policy at random points.
+
+    The policy must also be 0 at z = 0.
+    """
     n = u.numel_in(0)
     points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
     total = np.zeros(_POINTS)
@@ -104,14 +107,14 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
 def loop_of(
     request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """Return the loop that the options define.
+    """Return the parts of the loop that the options define.
 
     - the linear model at the trim
-    - K (m, n)
-    - the matrix P of the game or critic, None without inputs or without a P
+    - the gain K (m, n)
+    - the matrix P of the value of the game or critic, or None without inputs or without a P
     - input -> nonlinear terms of the policy
 
-    Raises NoSolutionError if the game has no solution, and BadInputError if --basis is given
+    Raises NoSolutionError if the game has no solution. Raises BadInputError if --basis is given
     without --weights or the policy is not a polynomial.
     """
     if request.basis is not None and request.weights is None:

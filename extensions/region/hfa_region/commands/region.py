@@ -35,6 +35,7 @@ _OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
 def _size(model: Model, name: str, text: str) -> float:
     """Return the largest absolute value of a disturbance, in the unit of the model.
 
+    name: name of the disturbance
     text: the value of the option, with or without a unit
 
     Raises BadInputError if the model has no such disturbance or the value is not positive.
@@ -138,7 +139,12 @@ def region(request: RegionRequest) -> int:
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region proved by sums of squares and return the exit code."""
+    """Verify a certificate of a region proved by sums of squares and return the exit code.
+
+    certificate: path of the certificate
+
+    Raises BadInputError if an option does not apply to the check.
+    """
     from hfa_proof.subject import compare
     from hfa_region.check.certificate import check_certificate
     from hfa_region.commands.given import given_for
@@ -172,7 +178,12 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
 
 
 def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region proved on boxes and return the exit code."""
+    """Verify a certificate of a region proved on boxes and return the exit code.
+
+    certificate: path of the certificate
+
+    Raises BadInputError if an option of the search is given.
+    """
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
@@ -235,7 +246,10 @@ def _prove(request: RegionRequest) -> int:
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
-    """Return the half-widths (n,) of the box in which `hfa verify` compares critics, or None."""
+    """Return the half-widths (n,) of the box in which `hfa verify` compares critics, or None.
+
+    linear: linear model at the trim
+    """
     from verification.critic.about_trim import box_within_limits
     from verification.hfa_box import ordinary_box
 
@@ -245,7 +259,10 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
-    """Return V of the certificate of an earlier run, scaled to level 1, or None without --resume.
+    """Return V of the certificate of an earlier run, scaled to level 1, or None if no run is
+    resumed.
+
+    loop: the loop of this run
 
     Raises BadInputError if the certificate concerns another loop.
     """
@@ -265,6 +282,6 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
 
 
 def _subject(loop: SaturatedLoop) -> str:
-    """Return the JSON text that identifies a loop: parameters, trim, inputs and policy."""
+    """Return a JSON text that identifies a loop by its parameters, trim, inputs and policy."""
     parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
     return json.dumps([*parts, dict(loop.policy)])

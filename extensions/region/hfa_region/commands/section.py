@@ -22,15 +22,16 @@ def with_region(
 ) -> Report:
     """Return the report on a critic with a section on its proved region.
 
-    If no region is proved, the section states the reason. The data of the section is the field
+    If no region is proved, the section states the reason. The data of the section is the entry
     `region`.
 
     report: report without the section
-    verdicts: the verdict on the critic
+    verdicts: list with the verdict on the critic
     named: the game, of the linear model of an aircraft
-    seconds: processor time of the search
+    seconds: limit of the processor time of the search, s
 
-    Raises BadInputError for several critics, a policy that is not a polynomial, or a linear plant.
+    Raises BadInputError for several critics, a policy that is not a polynomial, or a plant without
+    nonlinear equations.
     """
     from hfa_boxes.interruption import interruptible
     from hfa_proof.arithmetic import flint_or_refusal
