@@ -266,8 +266,12 @@ def _length_of(model: Model) -> str:
 def _turbulence(text: str) -> Turbulence:
     """Return the turbulence that a typed text specifies.
 
-    The text is LEVEL, optionally with altitude and span, or own with intensity and scale,
-    optionally with span. Raises BadInputError if the text has another form.
+    The text is one of:
+
+    - a level, optionally with altitude and span
+    - "own" with intensity and scale, optionally with span
+
+    Raises BadInputError if the text has another form.
     """
     word, *typed = text.split(":")
     if not word[:1].isalpha() and len(typed) == 1:  # the form of version 0.3

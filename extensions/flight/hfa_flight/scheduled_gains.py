@@ -83,11 +83,13 @@ class TrimPath(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledGainPolicy(Policy):
-    """Policy u = U0(r(t)) - U_base - K(η) z.
+    """Policy u = U0(r(t)) - U_base - K(η) z with scheduled gains.
 
-    r is the commanded and η the measured scheduling variable. z = x - x_d with the x_d of the path.
-    Linearized about a trim, the policy is u = -K z with the K of that trim, because U0 depends on r
-    and not on η.
+    r is the commanded and η the measured scheduling variable. z = x - x_d is the deviation from the
+    reference of `path`. U0 depends on r and not on η. Therefore the policy is u = -K z if
+    linearized about a trim, with the K of that trim.
+
+    path: trims at the commanded scheduling variable
     """
 
     schedule: GainSchedule

@@ -235,7 +235,7 @@ def _with_value(search: Search, name: str, value: float) -> str:
 def _is_plausible(search: Search, name: str, value: float) -> bool:
     """Return whether an error of a column may be caused by a sensor.
 
-    These errors may:
+    The following errors may be caused by a sensor:
     - a bias smaller than the largest magnitude of the column
     - a scale error between -0.5 and 1
     - any delay

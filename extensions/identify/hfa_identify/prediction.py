@@ -166,9 +166,7 @@ class Predictions(Responses):
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether a column error can be an unknown: all except delays of measured
-        quantities.
-        """
+        """Return whether a column error can be an unknown. Delays of measured quantities cannot."""
         return error.kind != "delay" or error.column in self.model.inputs
 
     def compile(self) -> None:

@@ -53,7 +53,7 @@ _NOT_READ = "as JSBSim ignores them too"
 
 
 def account(parts: Parts, equations: Equations) -> list[Note]:
-    """Return notes on omitted elements and on properties that are set or read unexpectedly.
+    """Return notes for the user on elements that are omitted and on unusual uses of properties.
 
     Raises BadInputError, with file and line, for an unsupported element, attribute or property that
     affects the forces.
@@ -138,7 +138,7 @@ _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "eng
 
 
 def _account_attributes(element: Element) -> None:
-    """Raise BadInputError for an attribute that JSBSim evaluates and that is not supported here."""
+    """Raise BadInputError for an attribute that JSBSim evaluates and this package does not."""
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
@@ -183,7 +183,8 @@ def _of_writers(equations: Equations) -> list[Note]:
 
     The notes concern pilot commands that a component also sets, and settings without effect.
 
-    Raises BadInputError if a file sets a read-only property, or one that must not be set here.
+    Raises BadInputError if a file sets a read-only property, or a property that this package does
+    not allow to be set.
     """
     properties = equations.properties
     notes = []

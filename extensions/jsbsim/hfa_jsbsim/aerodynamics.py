@@ -94,9 +94,11 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """Return {"min": value, "max": value} of an element, rad, or None without this element.
+        """Return the limits {"min": value, "max": value} in a child of <aerodynamics>, rad.
 
-        kind: name of the element
+        The result is None if there is no such child.
+
+        kind: name of the child
         """
         element = self.element.find(kind) if self.element else None
         if element is None:
@@ -151,7 +153,7 @@ class Aerodynamics:
     def _known_lift(self) -> Any:
         """Return the lift on which functions of the aerodynamics may depend, lb.
 
-        In a simulation with JSBSim's frames, this is the lift of the previous frame.
+        In a simulation with JSBSim's time steps, this is the lift of the previous step.
         """
         if self._properties.step:
             return self._properties.remember("lift", self._lift)

@@ -155,17 +155,17 @@ class Equations:
         self.notes += self.properties.notes
 
     def _planet_rates(self) -> Any:
-        """Return 0: the angular velocity of the earth in body axes, rad/s, is neglected here."""
+        """Return the angular velocity of the earth in body axes, rad/s, which is neglected: 0."""
         return 0.0
 
     def _throttles(self) -> list[str]:
-        """Return the names of the throttles: one for each engine, or one for all."""
+        """Return the names of the throttle inputs: one for each engine, or one for all engines."""
         if self.parts.choices.throttles and self.parts.engines:
             return [f"throttle{file.number}" for file in self.parts.engines]
         return ["throttle"]
 
     def _parameter_names(self) -> Iterator[str]:
-        """Yield the names of the parameters."""
+        """Yield the names of the parameters of the model."""
         yield from (*_LEVERS, "mixture", "advance", "gravity", *WINDS)
         yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
         yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
@@ -294,7 +294,9 @@ class Equations:
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
-        """Return the height of the aerodynamic reference point, divided by the span."""
+        """Return the height of the aerodynamic reference point above the ground, divided by the
+        span.
+        """
         arm = self.mass.arm(self.reference_point(""))
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span

@@ -153,7 +153,7 @@ class Mass:
 
     @property
     def slugs(self) -> Any:
-        """Mass, slug."""
+        """Mass of the aircraft, slug."""
         return self.weight / SLUG_TO_LB
 
     def arm(self, location: Any) -> Any:

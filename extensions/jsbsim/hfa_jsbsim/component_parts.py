@@ -13,7 +13,7 @@ from hfa_support.errors import shortened
 
 
 def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
-    """Return the value of a child element, given as a number or as the name of a property.
+    """Return the value of a child of a component, given as a number or as the name of a property.
 
     default: value without such a child
     """

@@ -43,8 +43,9 @@ SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "spee
 def add_control_systems(
     sections: Iterable[Element], properties: Properties, commands: ca.SX
 ) -> None:
-    """Define the properties of all components in these sections.
+    """Define the properties of all components in the sections of the control system.
 
+    sections: <system>, <autopilot> and <flight_control> elements
     commands: symbols of the pilot's commands. An integrator that depends on a command has no
         steady-state value.
     """
@@ -232,7 +233,7 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 
 
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
-    """Return the input scaled from <domain> to <range>.
+    """Return the output of an <aerosurface_scale>: its input scaled from <domain> to <range>.
 
     Positive and negative inputs have separate slopes about 0 unless <zero_centered> is 0 or false.
     """
@@ -251,9 +252,10 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the input times the last detent, clipped to the first and the last detent.
+    """Return the steady-state output of a <kinematic>.
 
-    With <noscale> the input is not scaled.
+    The output is the input times the last detent, clipped to the first and the last detent. With
+    <noscale> the input is not multiplied.
     """
     lowest, highest = detents(component)
     value = input_of(component, properties)
@@ -268,7 +270,7 @@ def _deadband(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the input after lag, deadband and bias.
+    """Return the output of an <actuator>: its input after lag, deadband and bias.
 
     Rate limits and hysteresis are omitted with a note.
     """
@@ -289,13 +291,13 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
-    """Return a value after a first-order lag.
+    """Return a value after the first-order lag that a child of a component specifies.
 
-    - The component has no child `name`: the value
-    - Filters have no states: the value, with a note that the lag is omitted
-    - Otherwise: a new state y with y' = rate (value - y)
+    - The component has no such child: the value.
+    - Filters have no states: the value, with a note that the lag is omitted.
+    - Otherwise: a new state y with y' = rate (value - y).
 
-    name: name of the child, whose text is the rate, 1/s, or a property
+    name: name of the child; its text is the rate, 1/s, or names a property
     value: input of the lag
     """
     child = component.find(name)
@@ -311,7 +313,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the input after lag, gain and bias.
+    """Return the output of a <sensor>: its input after lag, gain and bias.
 
     Raises BadInputError for a sensor with quantization, drift or noise.
     """
@@ -332,7 +334,9 @@ def _function(component: Element, properties: Properties) -> Any:
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """Return the output of c1 / (s + c1), which is the input in steady state.
+    """Return the output of the filter c1 / (s + c1).
+
+    Unless filters are states, the output equals the input.
 
     Raises BadInputError as `settling` does.
     """
@@ -346,7 +350,9 @@ def _lag(component: Element, properties: Properties) -> Any:
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """Return the output of s / (s + c1), which is 0 in steady state.
+    """Return the output of the filter s / (s + c1).
+
+    Unless filters are states, the output is 0.
 
     Raises BadInputError as `settling` does.
     """
@@ -362,7 +368,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s + c2) / (c3 s + c4).
+    """Return the output of the filter (c1 s + c2) / (c3 s + c4).
 
     Unless filters are states, the output is c2 / c4 times the input.
 
@@ -388,7 +394,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6).
+    """Return the output of the filter (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6).
 
     Unless filters are states, the output is c3 / c6 times the input.
 
@@ -414,7 +420,9 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _switch(component: Element, properties: Properties) -> Any:
-    """Return the value of the first <test> that is true, else of <default>, else 0.
+    """Return the output of a <switch>: the value of the first <test> that is true.
+
+    If no <test> is true, it is the value of <default>, or 0 without <default>.
 
     Raises BadInputError for a <test> or <default> without a value.
     """
@@ -453,7 +461,9 @@ _WORDS |= {word.upper(): sign for word, sign in _WORDS.items()}
 
 
 def _holds(test: Element, properties: Properties) -> ca.SX:
-    """Return whether a <test> is true: all of its conditions, or with logic="OR" at least one.
+    """Return whether a <test> is true, as a number or an expression.
+
+    All conditions of the <test> must be true, or with logic="OR" at least one.
 
     Raises BadInputError for a condition that JSBSim does not accept.
     """
@@ -486,10 +496,13 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return kp u + ki ∫ u dt + kd u' for the input u (`FGPID`), where ki of an integrator is c1.
+    """Return the output of a <pid> or an <integrator> with the input u (`FGPID`).
 
-    For a <pid> of type "standard" the result is kp (u + ki ∫ u dt + kd u'). The integral is 0
-    unless filters are states. u' is <pvdot>, or 0 without it.
+    - <pid>: kp u + ki ∫ u dt + kd u'
+    - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
+    - <integrator>: the formula of a <pid> with ki = c1
+
+    The integral is 0 unless filters are states. u' is <pvdot>, or 0 without it.
 
     Raises LoopError as `_integral` does.
     """

@@ -110,7 +110,7 @@ class EngineFile:
         return f"{_LAGS[self.kind]}{self.number}"
 
     def shaft(self, name: str) -> tuple[float, float]:
-        """Return the lowest and highest speed of a shaft, %.
+        """Return the lowest and highest speed of a shaft according to the engine's file, %.
 
         name: "n1" or "n2"
         """
@@ -135,7 +135,7 @@ class EngineFile:
 
 @dataclass
 class Effect:
-    """Force, moment and power of an engine at a state.
+    """Force, moment and power of an engine at given states and inputs.
 
     force: body axes, lb, (3,).
     moment: about the center of gravity, body axes, ft lb, (3,).
@@ -293,9 +293,10 @@ def pushed(
 
 
 def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
-    """Return the effect of an engine without propeller.
+    """Return the `Effect` of an engine without propeller.
 
-    A nozzle reduces the thrust by ambient pressure times area. A reverser changes its direction.
+    A nozzle reduces the thrust by ambient pressure times area. A reverser changes the direction of
+    the thrust.
 
     thrust: lb
     """
@@ -317,15 +318,15 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
 
 
 def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
-    """Return the state of the engine's lag, or None if the lag is not a state."""
+    """Return the symbol of the state of the engine's lag, or None if the lag is not a state."""
     return getattr(around.states, file.lag, None) if file.lag else None
 
 
 def spool_error(file: EngineFile, around: Surroundings) -> Any:
     """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
 
-    The steady-state speed is given by the throttle, or is the windmilling speed if the turbine does
-    not run.
+    The steady-state speed is given by the throttle. If the turbine does not run, it is the
+    windmilling speed.
     """
     low, high = file.shaft("n2")
     on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
@@ -334,7 +335,9 @@ def spool_error(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
-    """Return the windmilling speed of a turbine's shaft, %, 0 if disable-windmill is set.
+    """Return the windmilling speed of a turbine's shaft, %.
+
+    The speed is 0 if the property disable-windmill is set.
 
     name: "n1" or "n2"
     """
@@ -425,7 +428,7 @@ def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
 
 
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
-    """Return the thrust of a turbine, lb, 0 if the turbine does not run.
+    """Return the thrust of a turbine, lb. A turbine that does not run has no thrust.
 
     Raises BadInputError if the function IdleThrust or MilThrust is missing.
     """
@@ -558,7 +561,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
 
 
 def electric_power(file: EngineFile, around: Surroundings) -> Any:
-    """Return the power of an electric engine, hp, 0 if the engine does not run."""
+    """Return the power of an electric engine, hp. An engine that does not run has no power."""
     power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
     return ca.if_else(running(file, around), power, 0.0)
 

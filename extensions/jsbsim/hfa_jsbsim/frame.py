@@ -1,8 +1,9 @@
-"""Simulation with JSBSim's order of computations and its integrators.
+"""Simulation with JSBSim's order of computations and JSBSim's integrators.
 
 The source is `FGFDMExec::Run`, `FGPropagate`, `FGAccelerations`, `FGInertial` and `FGLocation`. A
-frame first moves the aircraft with the accelerations of the previous frame. Control system, mass,
-atmosphere, engines and forces follow in this order. Each uses the latest values.
+frame is one time step. It first moves the aircraft with the accelerations of the previous frame.
+Control system, mass, atmosphere, engines and forces follow in this order. Each uses the latest
+values.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ class _FrameEquations(Equations):
 
 
 class Frames:
-    """Simulation of an aircraft with JSBSim's frames."""
+    """Simulation of an aircraft with JSBSim's frames, which are the time steps of JSBSim."""
 
     def __init__(
         self,
@@ -354,7 +355,7 @@ class _View(NamedTuple):
 
 
 def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
-    """Return the quantities derived from the motion.
+    """Return the quantities derived from the motion on which the forces depend.
 
     parts: variables of motion, by name
     wind: north, east and down, ft/s, (3,)
@@ -509,10 +510,10 @@ def _matrix(attitude: Any) -> Any:
 
 
 def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
-    """Return the altitude, ft, and the rotation matrix (3, 3) to local north, east, down axes.
+    """Return the altitude, ft, and the rotation matrix (3, 3) from earth-fixed to local axes.
 
-    The altitude is relative to the ellipsoid's radius at the same geocentric latitude. The axes are
-    geodetic.
+    The local axes point north, east and down, and are geodetic. The altitude is relative to the
+    ellipsoid's radius at the same geocentric latitude.
 
     place: position in axes fixed to the earth, ft
 
@@ -549,9 +550,11 @@ def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
 
 
 def _gravity(place: Any, planet: Planet) -> Any:
-    """Return the gravitational acceleration, ft/s², (3,) (`FGInertial::GetGravityJ2`).
+    """Return the gravitational acceleration in earth-fixed axes, ft/s², (3,).
 
-    place: position in axes fixed to the earth, which are also the axes of the result, ft
+    Source: `FGInertial::GetGravityJ2`.
+
+    place: position in axes fixed to the earth, ft
     """
     radius = ca.norm_2(place)
     sine = place[2] / radius
@@ -563,14 +566,17 @@ def _gravity(place: Any, planet: Planet) -> Any:
 
 
 def _flow(air: Any) -> tuple[Any, Any, Any]:
-    """Return speed, alpha and beta of a velocity relative to the air in body axes."""
+    """Return speed, alpha and beta of an aircraft from its velocity.
+
+    air: velocity relative to the air, body axes, (3,)
+    """
     u, v, w = ca.vertsplit(air)
     in_plane = u * u + w * w
     return ca.sqrt(in_plane + v * v), ca.atan2(w, u), ca.atan2(v, ca.sqrt(in_plane))
 
 
 def _angles(body_from_local: Any) -> tuple[Any, Any, Any]:
-    """Return roll, pitch and yaw from the rotation matrix from local to body axes, rad."""
+    """Return roll, pitch and yaw, rad, from the rotation matrix from local axes to body axes."""
     roll = ca.atan2(body_from_local[1, 2], body_from_local[2, 2])
     pitch = ca.asin(-body_from_local[0, 2])
     yaw = ca.atan2(body_from_local[0, 1], body_from_local[0, 0])

@@ -122,7 +122,9 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the input after lag, rate limits, deadband, hysteresis and bias, in this order.
+    """Return the output of an <actuator>.
+
+    It is the input after lag, rate limits, deadband, hysteresis and bias, in this order.
 
     Raises BadInputError for an actuator with a delay.
     """
@@ -174,7 +176,7 @@ def _slowed(component: Element, value: ca.SX, past: _Past, properties: Propertie
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the input after lag, gain and bias.
+    """Return the output of a <sensor>: its input after lag, gain and bias.
 
     Raises BadInputError for a sensor with delay, quantization, drift or noise.
     """
@@ -261,10 +263,12 @@ _WEIGHTS = {
 
 
 def _pid(component: Element, properties: Properties) -> Any:
-    """Return kp u + ki ∫ u dt + kd u' for the input u, computed with JSBSim's integration rules.
+    """Return the output of a <pid> or an <integrator> with the input u, by JSBSim's integration
+    rules.
 
-    For a <pid> of type "standard" the result is kp (u + ki ∫ u dt + kd u'). For an <integrator> ki
-    is c1.
+    - <pid>: kp u + ki ∫ u dt + kd u'
+    - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
+    - <integrator>: the formula of a <pid> with ki = c1
     """
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)

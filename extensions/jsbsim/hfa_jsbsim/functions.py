@@ -45,9 +45,9 @@ def _rounded(value: Any) -> Any:
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """Return the value at the rounded index, NaN if the index is negative or has no value.
+    """Return the value at the rounded index.
 
-    JSBSim stops for such an index.
+    The result is NaN if the index is negative or has no value. JSBSim stops for such an index.
     """
     chosen = ca.SX.nan()
     for number in range(len(values) - 1, -1, -1):
@@ -108,22 +108,22 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
 
 
 def _is_true(value: Any) -> Any:
-    """Return whether a value is true in JSBSim, with a magnitude of at least 1e-9."""
+    """Return whether JSBSim considers a value as true: a magnitude of at least 1e-9."""
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a function of two arguments that is 1 if the comparison is true, else 0."""
+    """Return a function of two arguments: 1 if a comparison of the arguments is true, else 0."""
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 
 def _all_true(*values: Any) -> Any:
-    """Return 1 if all values are true in JSBSim, else 0."""
+    """Return 1 if JSBSim considers all values as true, else 0."""
     return reduce(ca.fmin, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
 
 
 def _any_true(*values: Any) -> Any:
-    """Return 1 if at least one value is true in JSBSim, else 0."""
+    """Return 1 if JSBSim considers at least one value as true, else 0."""
     return reduce(ca.fmax, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
 
 
@@ -231,7 +231,10 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
 
 
 def _is_minus_zero(value: Any) -> bool:
-    """Return whether a value is the number -0, whose sign an expression does not keep."""
+    """Return whether a value is the number -0.
+
+    A CasADi expression does not keep the sign of -0.
+    """
     return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
@@ -271,7 +274,7 @@ class Table:
         return len(self.breakpoints) + (self.parts[0].dimensions if self.parts else 0)
 
     def at(self, properties: Properties, arguments: list[Any]) -> Any:
-        """Return the interpolated value.
+        """Return the value of the table, interpolated at given arguments.
 
         arguments: arguments of the axes rows, columns and tables
         """
@@ -309,7 +312,7 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Return the table of several <tableData> elements, which adds an axis.
+    """Return the table that several <tableData> elements form along an additional axis.
 
     The attribute breakPoint of an element is its breakpoint on this axis.
 

@@ -156,7 +156,10 @@ def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) 
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
-    """Return the fuel consumption in the file, or from the rated power, lb/(hp h)."""
+    """Return the specific fuel consumption, lb/(hp h), from the engine's file.
+
+    Without an entry in the file, it follows from the rated power.
+    """
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated

@@ -1,4 +1,4 @@
-"""JSBSim's properties by name, whose values are expressions that are computed when first read."""
+"""JSBSim's properties by name. Their values are expressions, computed when first read."""
 
 from __future__ import annotations
 
@@ -148,11 +148,14 @@ class Properties:
         self._initial[plain(name)] = value
 
     def compute(self, name: str, writer: Writer) -> None:
-        """Add a writer of a property, whose value is computed when the property is first read."""
+        """Add a writer of a property. The value is computed when the property is first read."""
         self._writers.setdefault(plain(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
-        """Remove a writer. Properties without another writer have their initial value, else 0."""
+        """Remove a writer from all properties that it sets.
+
+        A property without another writer has its initial value, or 0 without one.
+        """
         for name, writers in list(self._writers.items()):
             if writer in writers:
                 writers.remove(writer)
@@ -165,7 +168,7 @@ class Properties:
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
-        """Return property -> its writers, in the order in which they were added."""
+        """Return the writers of each property, in the order in which they were added."""
         return self._writers
 
     def add_state(self, component: Element) -> ca.SX:
@@ -221,7 +224,7 @@ class Properties:
         return self.read(name, "")
 
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
-        """Record that the dynamics of a component are omitted, for a note.
+        """Record for a note that the dynamics of a component are omitted.
 
         what: description of the omitted part
         is_never: whether the part is omitted even if dynamic components have states
@@ -300,7 +303,7 @@ class Properties:
         return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
-        """Return the value of a writer, which is computed once.
+        """Return the value that a writer gives to a property, computed only once.
 
         With `centered`, a value that depends on itself is 0.
 

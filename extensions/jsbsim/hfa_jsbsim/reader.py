@@ -211,7 +211,7 @@ class _Declaration:
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
 
     def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
-        """Return the model.
+        """Return the model of the aircraft.
 
         source: name of the aircraft, and digest of its files
         notes: notes for the user about the files
@@ -246,7 +246,9 @@ class _Declaration:
         )
 
     def _own_aliases(self) -> dict[str, str]:
-        """Return JSBSim's property name -> parameter, for tanks, point masses and wind."""
+        """Return JSBSim's names of the parameters for tanks, point masses and wind, as name ->
+        parameter.
+        """
         names = {}
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
@@ -258,7 +260,7 @@ class _Declaration:
         return {name: short for name, short in (names | first).items() if short in self.parameters}
 
     def _states(self) -> dict[str, Signal]:
-        """Return name -> signal for each state."""
+        """Return the signals of the states, by name."""
         angle = Signal("rad", 0.1, -3.1, 3.1)
         rate = Signal("rad/s", 0.1, rate=1.0)
         signals = {
@@ -288,7 +290,7 @@ class _Declaration:
         return ordered | dict.fromkeys(filters, Signal())
 
     def _inputs(self) -> dict[str, Signal]:
-        """Return name -> signal for each input."""
+        """Return the signals of the inputs, by name."""
         signals = {}
         for name, pilot_input in self.inputs.items():
             start = 0.6 if name.startswith("throttle") else 0.0
@@ -331,7 +333,7 @@ class _Declaration:
         )
 
     def _parameters(self) -> dict[str, Signal]:
-        """Return name -> signal for each parameter."""
+        """Return the signals of the parameters, by name."""
         starts = {"mixture": 1.0, "advance": 1.0}
         signals = {name: Signal(start=starts.get(name, 0.0)) for name in self.parameters}
         for name in WINDS:
@@ -356,7 +358,7 @@ class _Declaration:
         return signals
 
     def _outputs(self) -> dict[str, Signal]:
-        """Return name -> signal for each output.
+        """Return the signals of the outputs, by name.
 
         Positions of surfaces that pilot commands move are added to the outputs.
         """
@@ -439,7 +441,9 @@ class _Declaration:
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
-        """Return the equations of motion, with and without gusts, and in JSBSim's frames."""
+        """Return the equations of motion with and without gusts, and the simulation with JSBSim's
+        frames.
+        """
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
@@ -515,7 +519,9 @@ class _Declaration:
         return [name for name in self.equations.outputs if name.startswith("spool_error")]
 
     def _engine_modes(self) -> dict[str, tuple[str, ...]]:
-        """Return mode -> states, for the modes of propellers, governors and engine lags."""
+        """Return the states of the modes of propellers, governors and engine lags, by name of the
+        mode.
+        """
         modes: dict[str, tuple[str, ...]] = {}
         for file in self.parts.engines:
             if file.has_propeller:
@@ -607,7 +613,7 @@ def _rpm(file: EngineFile, is_alone: bool) -> Signal:
 
 
 def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:
-    """Return the aliases, extended by each name without its folder, such as vc-kts.
+    """Return aliases extended by JSBSim's names without their folder, such as vc-kts.
 
     aliases: JSBSim's property name -> name in the model
     """

@@ -94,7 +94,7 @@ def _of_moments(solve: Solve) -> Iterator[str]:
 
 
 def of_files(parts: Parts) -> Iterator[str]:
-    """Yield a sentence on each entry of the engine files that may explain missing power."""
+    """Yield sentences on the engine files that may explain missing power, each once."""
     reasons: dict[str, Any] = {}
     for file in parts.engines:
         for reason in _of_engine(file):
@@ -103,7 +103,11 @@ def of_files(parts: Parts) -> Iterator[str]:
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:
-    """Yield a sentence on each unusual property of an engine."""
+    """Yield sentences on facts in an engine's file that may explain missing power.
+
+    The facts are an empty tank, solid fuel, a turbine engine on a propeller, and an implausible
+    propeller diameter.
+    """
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield f"the {file.dry_of} tank of {name} is empty; the trim is a glide"

@@ -16,8 +16,8 @@ from hfa_rigid.atmosphere import air_at
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
     """Return the true airspeed, ft/s, and the air density, slug/ft³.
 
-    The airspeed is given by the first of speed (ft/s), mach and kcas in `imposed`, and None without
-    them.
+    The airspeed follows from the first of speed (ft/s), mach and kcas in `imposed`. It is None if
+    none of these is imposed.
 
     imposed: name -> number, or array of a common length
     altitude: ft
@@ -55,7 +55,7 @@ def _functions() -> dict[str, ca.Function]:
 
 
 def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
-    """Return the values of one of `_functions`, as numbers or as arrays of a common length.
+    """Return the values of a function of `_functions`, as numbers or arrays of a common length.
 
     name: "subsonic" or "mach"
     speed: calibrated airspeed, kt

@@ -28,7 +28,7 @@ class PilotInput:
 def names_read_by(element: Element) -> list[str]:
     """Return the names of the properties that functions and tables of a section read.
 
-    Angles in -rad and -deg come first.
+    Names of angles, which end in -rad or -deg, come first.
     """
     names: dict[str, None] = {}
     pending = [element]
@@ -81,7 +81,9 @@ def cut_surfaces(
 
 
 def _surface(name: str) -> str:
-    """Return the surface in the name of a property: "elevator" for fcs/mag-elevator-pos-rad."""
+    """Return the surface that the name of a property contains: "elevator" for
+    fcs/mag-elevator-pos-rad.
+    """
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:
         if surface.endswith(ending):

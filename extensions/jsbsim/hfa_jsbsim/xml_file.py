@@ -78,11 +78,13 @@ class Element:
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
-        """Return a BadInputError with file, line and this fault."""
+        """Return a BadInputError with the file and line of the element and a description of the
+        fault.
+        """
         return BadInputError(f"{self.where}: {fault}")
 
     def error_at(self, line: int, fault: str) -> BadInputError:
-        """Return a BadInputError with this fault for a line of the element's text."""
+        """Return a BadInputError with the file, a line of the element's text and the fault."""
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
@@ -203,7 +205,7 @@ _FACTORS = {
 
 
 def number_of(text: str) -> float | None:
-    """Return the number in a text, in C's format, or None for other text."""
+    """Return the number in a text in the format of C, or None if the text is no such number."""
     try:
         return float(text) if text.isascii() and "_" not in text else None
     except ValueError:

@@ -69,8 +69,10 @@ class Deployment(Reported):
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network's inputs. An observation is (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
-    timing: dt, s; delay, s, from a sample until its action moves the input; history, the number of
-        samples whose observations the policy uses, the oldest first, by default 1.
+    timing: dt, delay and history. dt is the sample time, s. delay is the time from a sample until
+        its
+        action moves the input, s. history is the number of samples whose observations the policy
+        uses, the oldest first, by default 1.
     cost: Q of states or outputs, R of inputs, or None if unknown.
     folder: folder of relative file names.
     origin: name of the deployment file, for messages.

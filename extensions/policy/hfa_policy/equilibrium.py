@@ -141,10 +141,9 @@ class EquilibriumSearch:
         return self._by_newton(z) or self._by_newton(self._least(z))
 
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
-        """Return the derivatives of the equilibrium's linear states with respect to all states, (k,
-        n).
+        """Return the derivatives of the equilibrium with respect to all states, (k, n).
 
-        The columns of linear states are 0.
+        The derivatives are those of the linear states. The columns of linear states are 0.
         """
         X = equilibrium.states
         U = equilibrium.inputs

@@ -132,7 +132,7 @@ class SampledFlight:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Number of entries of each part of a flight's row, in the module's order."""
+        """Numbers of entries of the parts of a flight's row: X, memory, lowest X, ..., extra."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         trim = n + m + len(model.parameters)
@@ -142,7 +142,7 @@ class SampledFlight:
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of a flight's row, in the module's order."""
+        """Slices of the parts of a flight's row: X, memory, lowest X, ..., extra."""
         ends = np.cumsum([0, *self.sizes]).tolist()
         return tuple(slice(begin, end) for begin, end in pairwise(ends))
 
@@ -215,7 +215,7 @@ class SampledFlight:
         return ca.Function("sample", [row], [later])
 
     def _parts(self, row: ca.MX) -> list[ca.MX]:
-        """Return the parts of a flight's row, in the module's order."""
+        """Return the parts of a flight's row: X, memory, lowest X, ..., extra."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:

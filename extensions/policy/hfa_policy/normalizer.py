@@ -25,7 +25,7 @@ class Normalizer:
 
     mean: (k,).
     variance: (k,).
-    epsilon: number added to the variance. Each sum is positive.
+    epsilon: number added to each variance. The sums are positive.
     clip: largest absolute value.
     count: number of observations in the statistics, or nan if unknown.
     last: (E, k), last unnormalized observations of E environments, or None if unknown.

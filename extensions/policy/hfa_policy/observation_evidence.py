@@ -342,12 +342,13 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
 
 
 def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
-    """Return the reason why a scale differs from the training's scale, or "".
+    """Return the reason why a scale differs from that in the training, or "".
 
     The result is "" if both scales may be equal, for a formula, and for a state without two finite
     limits.
 
     name: observed state, or a formula
+    scale: scale in the deployment file
     spread: standard deviation of the observation in training
     """
     if name not in model.states:

@@ -93,12 +93,13 @@ class Place:
     stable: whether the loop is stable at the equilibrium.
     reach: modes within reach of the policy, or None without an equilibrium.
     seconds: duration of a flight, s.
-    swing: half a period of the slowest lightly damped oscillation about the equilibrium, s; 0
+    swing: half a period of the slowest lightly damped oscillation about the equilibrium, s. It is 0
         without such an oscillation, or if a linear state does not count.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
         None without an equilibrium.
     lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
-    steady: trim whose rates the equilibrium has, or None for `point`.
+    steady: trim at which the linear states have the same rates as at the equilibrium, or None for
+        `point`.
     """
 
     point: OperatingPoint
@@ -505,7 +506,8 @@ class FlownRows:
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Return whether an equilibrium lies in the ball about the equilibrium of a place.
+    """Return whether an equilibrium coincides with that of a place, as precisely as flights
+    converge.
 
     linear: indices of the linear states
     """

@@ -81,7 +81,7 @@ def rough_flights(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> list[RoughFlights]:
-    """Simulate a deployment from each trim with noise or in moving air.
+    """Return the results of flights of a deployment from each trim, with noise or in moving air.
 
     From each trim there are `samples` flights, at most 20, or one if the scenario has no
     uncertainty.

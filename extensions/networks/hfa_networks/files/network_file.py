@@ -280,7 +280,7 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """Return the layers unchanged.
+    """Return the layers in the order in which they were saved.
 
     Raises BadInputError if the numbers in the names of one kind decrease.
     """

@@ -94,7 +94,7 @@ def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
 
 
 class _Reader:
-    """Builder of rows and of their nodes."""
+    """Builder of affine rows and of their nodes from the operations of a function."""
 
     def __init__(self, inputs: int) -> None:
         self.nodes: list[Node] = []

@@ -20,9 +20,9 @@ _BATCH = 1024
 class Proof(NamedTuple):
     """Proved bound on the errors of a network.
 
-    what: the covered errors, such as "error of the policy"; "error" means all errors.
+    what: the covered errors, such as "error of the policy". "error" means all errors.
     error: proved upper bound on the relative error.
-    fraction: the bound is proved for |z_i| <= fraction b_i; 0 if nothing is proved.
+    fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
     boxes: number of boxes for which bounds were computed.
     beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
     is_of_all: whether the bound covers all errors that are compared.

@@ -78,7 +78,7 @@ class Loop(Protocol):
 
     @property
     def rest(self) -> np.ndarray | None:
-        """Equilibrium near z = 0, (n,), or None if none is found."""
+        """Equilibrium of the loop near z = 0, (n,), or None if none is found."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
@@ -97,7 +97,7 @@ class TimeAxis(Protocol):
 
     @property
     def price(self) -> np.ndarray:
-        """Weight of u - u*, (m, m)."""
+        """Weight of u - u* in the cost above V*, (m, m)."""
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether the loop A - B K is stable."""
@@ -124,7 +124,10 @@ class TimeAxis(Protocol):
 
 
 class InTime:
-    """Plant z' = A z + B u + E d in continuous time, with J - V* = ∫ (u - u*)'R (u - u*) dt."""
+    """Plant z' = A z + B u + E d in continuous time.
+
+    Under the worst disturbance, a policy u has the cost J = V* + ∫ (u - u*)'R (u - u*) dt.
+    """
 
     def __init__(self, game: Game, exact: Exact) -> None:
         self._game = game
@@ -152,7 +155,10 @@ class InTime:
         return np.asarray(solve_continuous_lyapunov(linear.T, -change.T @ self.price @ change))
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop without disturbance."""
+        """Return the closed loop without disturbance.
+
+        b: half-widths of the box of states, (n,)
+        """
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ policy(z)
         return _FlowLoop(z, rates, self._exact, self.duration, b)
@@ -173,7 +179,8 @@ class InTime:
 class InSteps:
     """Plant x⁺ = A x + B u + E w in discrete time, with discount factor α.
 
-    J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*)
+    Under the worst disturbance, a policy u has the cost
+    J = V* + Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*).
     """
 
     def __init__(self, exact: DiscreteSolution) -> None:
@@ -203,7 +210,10 @@ class InSteps:
         return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop without disturbance."""
+        """Return the closed loop without disturbance.
+
+        b: half-widths of the box of states, (n,)
+        """
         return self._loop_of(self._exact.game.A, policy, b, 0.0 * self.price)
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
@@ -233,7 +243,10 @@ def _radius(matrix: np.ndarray) -> float:
 
 
 def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.ndarray) -> Expression:
-    """Return the function z -> v' price v with v = u(z) + K z - (u(rest) + K rest).
+    """Return the cost rate of a policy as the function z -> v' price v.
+
+    v = u(z) + K z - (u(rest) + K rest) is the deviation from the exact policy, minus its value at
+    the equilibrium.
 
     K: gain of the exact policy u* = -K z
     price: weight, (m, m)

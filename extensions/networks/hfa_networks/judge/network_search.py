@@ -136,7 +136,10 @@ class Comparison(NamedTuple):
         return names, ca.vertcat(*errors)
 
     def function(self, kinds: Sequence[str]) -> ca.Function:
-        """Return the function z -> errors of these kinds, as a graph of scalars (SX)."""
+        """Return the CasADi Function z -> errors of the given kinds, as a graph of scalars (SX).
+
+        kinds: as for `errors`
+        """
         z = ca.SX.sym("z", len(self.box))
         return ca.Function("errors", [z], [self.errors(z, kinds)[1]])
 
@@ -214,7 +217,7 @@ def _searched_and_proved(
 
 
 def _rounded_up(number: float) -> float:
-    """Return the number rounded up to two digits."""
+    """Return a number rounded up to two significant digits."""
     if not math.isfinite(number):
         return number
     digit = 10.0 ** (math.floor(math.log10(number)) - 1)
