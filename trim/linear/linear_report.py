@@ -19,7 +19,13 @@ _LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
 
 
 class Block(NamedTuple):
-    """Matrix A, B, C or D of a report, with the names and units of its rows and columns."""
+    """Matrix A, B, C or D in a report, with the names and units of its rows and columns.
+
+    name: name of the matrix
+    rows, columns: names of the signals
+    row_units, column_units: units of the signals, or of the rates of states
+    values: (rows, columns)
+    """
 
     name: str
     rows: tuple[str, ...]
@@ -30,7 +36,7 @@ class Block(NamedTuple):
 
 
 def linear_model_report(model: LinearModel) -> Report:
-    """Return a report with A, B, the offsets and the modes.
+    """Return a report of a linear model: A, B, the offsets and the modes.
 
     C and D are included if the outputs are not the states. The data of the report also contain E
     and F.
@@ -68,8 +74,13 @@ def linear_model_report(model: LinearModel) -> Report:
 
 
 def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """Return a table (matrix, row, column, value, unit) with a row for each entry and each
-    offset."""
+    """Return a table in full precision of the entries and offsets of a linear model.
+
+    Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place of
+    a matrix.
+
+    blocks: the reported matrices
+    """
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         for i, row in enumerate(block.rows):
@@ -84,8 +95,11 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
 
 
 def units_in_words(model: LinearModel) -> str:
-    """Return the units of the matrices and the exceptions as text: "rad, ft, s, but elevator in
-    deg"."""
+    """Return the units of a linear model's matrices as text, such as "rad, ft, s, but elevator in
+    deg".
+
+    Signals in units other than the common ones are listed after "but".
+    """
     units = model.model.units
     length = next(
         (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
@@ -109,12 +123,12 @@ def units_in_words(model: LinearModel) -> str:
 
 
 def _base_units(unit: str) -> set[str]:
-    """Return the base units that a unit consists of: ft and s for ft/s^2."""
+    """Return the base units in a unit: ft and s for ft/s^2."""
     return {*re.findall(r"[A-Za-z%]+", unit)}
 
 
 def matrices(model: LinearModel) -> tuple[Table, ...]:
-    """Return tables of A and B, and of C and D if the outputs are not the states."""
+    """Return tables of the matrices A and B, and of C and D if the outputs are not the states."""
     return tuple(
         matrix_table(block.name, block.rows, block.columns, block.values)
         for block in _blocks(model)

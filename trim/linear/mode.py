@@ -38,7 +38,9 @@ class Mode(Result):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return the attribute for a name that another tool uses: mode.zeta is mode.damping."""
+            """Return a quantity of the mode under a name that another tool uses: mode.zeta is
+            mode.damping.
+            """
             if name[0] == "_":
                 raise AttributeError(name)
             from hfa_support.unknown import attribute_of

@@ -40,15 +40,16 @@ def modes_of(
     states: tuple[str, ...],
     families: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> tuple[Mode, ...]:
-    """Return the modes of x' = A x, fastest first, where a conjugate pair is one mode.
+    """Return the modes of x' = A x, fastest first. A conjugate pair is one mode.
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
     states with the largest participation. A state without a family is its own family. Equal names
     are distinguished by "fast" and "slow", or by numbers if there are more than two.
 
-    states: names of the rows of A
-    families: name of a mode -> the states that participate most
+    A: (n, n)
+    states: names of the n states
+    families: name of a mode -> the states that participate most in it
 
     Raises BadInputError if A is not a square matrix of finite numbers with one row for each state.
 
@@ -94,8 +95,10 @@ def modes_of(
 def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
     """Return the eigenvalues and eigenvectors of A, with bounds on the errors of the eigenvalues.
 
-    The error of an eigenvalue is the rounding error of A times |v| |w|, with w'v = 1 (Wilkinson).
+    The error of an eigenvalue is the rounding error of A times |v| |w|, with the right and left
+    eigenvectors v and w, w'v = 1 (Wilkinson).
 
+    A: (n, n)
     size: norm of the numbers from which A was computed; used if it exceeds the norm of A
     """
     values, right = np.linalg.eig(A)
@@ -109,7 +112,8 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
 
 
 def _told_apart(names: list[str]) -> list[str]:
-    """Return unique names of modes: equal names get "fast" and "slow", or numbers.
+    """Return names of modes in which equal names are distinguished by "fast" and "slow", or by
+    numbers.
 
     names: names of the modes, fastest first
     """
@@ -145,7 +149,7 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
 def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
     """Return a table of modes, one row each.
 
-    time: unit of time of the model
+    time: unit of time of the eigenvalues
     """
     rows = []
     for mode in modes:
@@ -174,7 +178,7 @@ def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
 
 
 def _time_to(mode: Mode) -> str:
-    """Return the time to half or to double as text, or "-" if neither is finite."""
+    """Return the time to half or to double of a mode as text, or "-" if both are infinite."""
     if math.isfinite(mode.time_to_half):
         return f"{mode.time_to_half:.3f} (half)"
     if math.isfinite(mode.time_to_double):
@@ -183,7 +187,8 @@ def _time_to(mode: Mode) -> str:
 
 
 class Eigenvalues(NamedArray):
-    """Array that can be called and then returns itself, so that linear.eigenvalues() also works."""
+    """Array of eigenvalues whose call returns the array, so that linear.eigenvalues() also works.
+    """
 
     def __call__(self) -> Eigenvalues:
         """Return the array itself."""
@@ -191,7 +196,7 @@ class Eigenvalues(NamedArray):
 
 
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues (.., n) with each row sorted by decreasing magnitude.
+    """Return eigenvalues (..., n), sorted along the last axis by decreasing magnitude.
 
     Eigenvalues of equal magnitude, to 9 decimals, are sorted by increasing real part, then by
     decreasing imaginary part.
@@ -201,6 +206,6 @@ def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
 
 
 def order_fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return the indices that sort each row of eigenvalues as in `fastest_first`."""
+    """Return the indices (..., n) that sort eigenvalues (..., n) as in `fastest_first`."""
     speeds = np.round(np.abs(eigenvalues), 9)
     return np.lexsort((-eigenvalues.imag, eigenvalues.real, -speeds))

@@ -1,4 +1,4 @@
-"""Positions of named signals in a linear model."""
+"""Positions of signals, given by name, in the vectors of a linear model."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 
 def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
-    """Return the positions of one or several names in the list `known`, or all positions for None.
+    """Return the positions of names in a list of known names.
 
     what: kind of the names in messages: "state"
+    names: one name or several; None for all known names
+    known: the known names
 
     Raises BadInputError for an unknown name, and for a repeated name.
     """

@@ -1,4 +1,6 @@
-"""Linear models with fewer states, which are constant or follow the other states without delay."""
+"""Reduction of linear models: omitted states are constant, or follow the other states without
+delay.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,10 @@ _SINGULAR = 1e12
 
 
 class _Kept(NamedTuple):
-    """Positions of states and outputs in a reduced model.
+    """Positions of the states and outputs that a reduced model keeps.
 
     rows: states that are kept
-    following: states that follow without delay
+    following: omitted states that follow the other states without delay
     outputs: outputs that are kept
     """
 
@@ -35,7 +37,9 @@ Names = str | tuple[str, ...] | list[str] | None
 
 
 def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model from the named inputs to the named outputs, where None keeps all.
+    """Return a linear model with only the named inputs and outputs.
+
+    inputs, outputs: a name or several; None for all
 
     Raises BadInputError if the model does not have such a name, or a name is repeated.
     """
@@ -57,7 +61,7 @@ def reduced(
     inputs: Sequence[str] | None,
     residualize: Sequence[str],
 ) -> LinearModel:
-    """Return the model with the named states and inputs.
+    """Return a linear model with only the named states and inputs (`LinearModel.select`).
 
     states, inputs, residualize: as for `LinearModel.select`
 
@@ -100,13 +104,15 @@ def _reduced(
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the kept rows and columns of a pair of matrices: A and C, B and D, or E and F.
+    """Return a pair of matrices of the reduced model: A and C, B and D, or E and F.
 
-    The result includes the effect of the states that follow without delay.
+    The matrices include the effect of the states that follow without delay.
 
-    of_rates: A, B or E
-    of_outputs: C, D or F
-    columns: columns that are kept
+    model: the model with all states
+    of_rates: A, B or E of this model
+    of_outputs: C, D or F of this model
+    kept: states and outputs that are kept
+    columns: positions of the columns that are kept
 
     Raises BadInputError if the block of A of the following states is singular.
     """
@@ -133,13 +139,13 @@ def _reduced(
 def reduction_note(
     model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
 ) -> str:
-    """Return a note on the omitted states and the resulting change of eigenvalues.
+    """Return a note on the states that a reduced model omits, and on the change of the eigenvalues.
 
     The note is "" if all states are kept.
 
     model: the reduced model
     whole: the model with all states
-    residualized: states that follow without delay
+    residualized: omitted states that follow the other states without delay
     """
     truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
     clauses = []

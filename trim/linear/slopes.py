@@ -1,4 +1,4 @@
-"""Slopes of the rates on both sides of a point, and their means as entries of A and B."""
+"""Slopes of the rates on both sides of a kink, and their means as entries of A and B."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ _FELT = 1e-2
 
 
 def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the slopes of the rates between seven points along each column, (N, 6, n, columns).
+    """Return the slopes of the rates around N points along some states and inputs, (N, 6, n,
+    columns).
 
-    The points are -3, ..., 3 steps from z.
+    The six slopes are those between points at -3, -2, ..., 3 finite-difference steps.
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters
@@ -40,7 +41,8 @@ def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarra
 def exact_sides(
     model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives of the rates below and above a point, each (n, columns).
+    """Return the derivatives of the rates on both sides of a kink, below and above, (n, columns)
+    each.
 
     The derivatives are extrapolated by 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h) from exact derivatives J
     at multiples of a step h from the point, because a kink may be up to one step from the point.
@@ -55,9 +57,9 @@ def exact_sides(
     jacobian = _jacobian_of(model.layout)
 
     def extrapolated(column: int, step: float) -> np.ndarray:
-        """Return the derivatives with respect to one state or input, (n,), extrapolated from one
-        side.
+        """Return the derivatives with respect to one state or input on one side of the point, (n,).
 
+        column: index of the state or input
         step: step away from the point, whose sign selects the side
         """
         slopes = []
@@ -74,8 +76,9 @@ def exact_sides(
 
 @lru_cache(maxsize=16)
 def _jacobian_of(layout: Layout) -> ca.Function:
-    """Return the CasADi Function (x, u, p) -> derivatives of the rates with respect to (x, u), (n,
-    n + m)."""
+    """Return the CasADi Function (x, u, p) -> Jacobian of the rates with respect to (x, u), (n, n +
+    m).
+    """
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
     derivatives = ca.jacobian(rates(x, u, p), ca.vertcat(x, u))
@@ -92,8 +95,8 @@ def correct(
 ) -> tuple[str, ...]:
     """Replace the entries of a Jacobian at a kink by the means of both slopes, and return notes.
 
-    Each note is a sentence on an entry at a kink, or on an entry where the rate jumps, which is not
-    replaced.
+    Each note is a sentence on one entry at a kink. An entry at which the rate jumps also gets a
+    note, but is not replaced.
 
     z: (n + m,), state and input
     p: parameters

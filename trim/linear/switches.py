@@ -31,10 +31,12 @@ def near_switches(
     """Return the indices of the points near a switch, and of the states and inputs that affect a
     switch.
 
-    A point is near a switch if a step of a state or input reaches the switch. At most `_MOST`
-    points are returned. All states and inputs are returned if a switch depends on them in second
-    order only. If the equations call functions, whose operations are not visible, the first `_MOST`
-    finite points and all states and inputs are returned.
+    A point is near a switch if finite-difference steps of the states and inputs may reach the
+    switch. At most `_MOST` points are returned.
+
+    - a switch depends on states and inputs in second order only: all states and inputs are returned
+    - the equations call functions, whose operations are not visible: the first `_MOST` finite
+      points and all states and inputs are returned
 
     x: (N, n), states
     u: (N, m), inputs
@@ -74,19 +76,25 @@ def rates_of(layout: Layout) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
-    """Return whether the equations call functions: `casadi.interpolant`, or functions not
-    inlined."""
+    """Return whether the equations call functions whose operations are not visible.
+
+    Such functions are `casadi.interpolant` and functions that are not inlined.
+    """
     rates = rates_of(layout)
     return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
 
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """Return the Function (x, u, p) -> |s| - 2 Σ m and m = |∂s/∂(x, u)| steps, row by row.
+    """Return a function of rows of (x, u, p) that shows how near each row is to each switch, or
+    None.
 
-    At the zeros of the expressions s, an operation |.|, sign, min, max, comparison or rounding in
-    the equations switches. The result is None if the equations have no such operation, or if they
-    call functions.
+    A switch is a zero of an expression s, at which an operation |.|, sign, min, max, comparison or
+    rounding in the equations switches. The results are |s| - 2 Σ m, not positive near the switch,
+    and the changes m = |∂s/∂(x, u)| steps. The function is None if the equations have no such
+    operation, or if they call functions.
+
+    steps: finite-difference steps of the states and inputs
     """
     if _calls_functions(layout):
         return None

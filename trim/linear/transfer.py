@@ -55,11 +55,11 @@ def gain_and_roots(
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Return gain, static gain, zeros and poles of a system with one input and one output.
 
-    The static gain is 0 for a zero at 0 and inf for a pole at 0. Without an effect of the input,
-    both gains are 0, and there are no zeros and poles.
+    Common zeros and poles are canceled. The static gain is 0 for a zero at 0 and inf for a pole at
+    0. If the input does not affect the output, both gains are 0, and there are no zeros and poles.
 
     modes: spectrum of A
-    size: factor on both gains
+    size: factor on both gains, from the units of the system to those of the result
     """
     of_zeros, rank = _zeros_with_errors(system)
     if rank == 0:
@@ -91,7 +91,8 @@ def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
 
 
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
-    """Return the invariant zeros with bounds on their rounding errors, and the normal rank.
+    """Return the invariant zeros of a system with bounds on their rounding errors, and its normal
+    rank.
 
     The system is reduced to a system with the same zeros and a square, invertible D (A.
     Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
@@ -108,9 +109,9 @@ def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
-    """Return a smaller system with the same zeros whose D has linearly independent rows.
+    """Return a system with the same zeros, whose D has linearly independent rows.
 
-    Combinations of states that y measures directly are removed.
+    Combinations of states that the outputs measure directly are removed.
 
     small: singular values up to this limit count as 0
     """
@@ -139,9 +140,9 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
 
 
 def _without_common(zeros: Spectrum, poles: Spectrum) -> tuple[np.ndarray, np.ndarray]:
-    """Return the zeros and poles that remain after cancellation, fastest first.
+    """Return the zeros and poles that remain after cancellation, each fastest first.
 
-    A zero and a pole cancel if they agree within their errors.
+    A zero and a pole cancel if they agree within their error bounds.
     """
     kept_zeros = []
     kept_poles = order_fastest_first(poles.values).tolist()

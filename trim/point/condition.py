@@ -110,8 +110,10 @@ class TrimCondition:
 
     @property
     def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Two tuples: states whose rates are imposed, and imposed outputs that are not
-        variables."""
+        """Names of the equations: the states with imposed rates, and the imposed outputs.
+
+        Outputs that are variables of the trim, in place of a state, are not equations.
+        """
         rates = tuple(name for name in self.model.states if name in self.rates)
         outputs = tuple(name for name in self.imposed if name not in self.model.variables)
         return rates, outputs
@@ -119,7 +121,7 @@ class TrimCondition:
     def at(
         self, scheduled: float | None = None, hold: Mapping[str, float] | None = None
     ) -> TrimCondition:
-        """Return the condition at a value of the scheduling variable, with tables replaced by
+        """Return the condition at one value of the scheduling variable, with tables replaced by
         numbers.
 
         scheduled: value, rad for an angle, or None for the condition's own value. If the scheduling
@@ -144,27 +146,35 @@ class TrimCondition:
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
-        """Return the condition without the imposed alternatives of the names.
+        """Return the condition without the values that must not be imposed together with some
+        names.
 
         Only one name of each group in the model's `alternatives`, such as speed and mach, can be
         imposed.
+
+        names: names that will be imposed
         """
         if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
 
     def resolved(self) -> TrimCondition:
-        """Return the condition with the first name of each group of alternatives imposed: speed for
-        kcas.
+        """Return the condition with imposed alternatives expressed by the first name of their
+        group.
 
-        A group is unchanged if the imposed alternative does not determine the first name.
+        For example, the speed is imposed in place of kcas. A group is unchanged if the imposed
+        values do not determine its first name.
         """
         if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
-        """Return the imposed value of the variable `name` for one or many scheduling values.
+        """Return the value that the condition imposes on a variable, at one or many scheduling
+        values.
+
+        name: name of the imposed variable
+        scheduled: values of the scheduling variable, a number or an array of any shape
 
         Raises BadInputError outside the breakpoints of a table.
         """
@@ -185,7 +195,7 @@ class TrimCondition:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Return the differences from the trim that the model declares.
+        """Return the differences of the condition from the trim that the model declares.
 
         The keys are "imposed", "free", "limits", "begin" and "rates". A key without a difference is
         omitted. Tables are lists of [breakpoint, value] rows.
@@ -213,9 +223,10 @@ class TrimCondition:
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """Return the differences from the model's trim as text: "speed 60 ft/s, alpha free".
+        """Return the differences from the trim that the model declares as text: "speed 60 ft/s,
+        alpha free".
 
-        The text is "" for the trim that the model declares.
+        The text is "" without differences.
         """
         model = self.model
         changes = self.changes
@@ -235,16 +246,18 @@ class TrimCondition:
         return ", ".join(words)
 
     def limits_on(self, names: Sequence[str]) -> Limits:
-        """Return the limits of these variables, states and outputs as `Limits`."""
+        """Return the limits of named variables, states and outputs under the condition."""
         return Limits.of(self.model, names, self.limits)
 
     def limits_of(self, name: str) -> tuple[float, float]:
-        """Return the lowest and highest permitted value of a variable, a state or an output."""
+        """Return the lowest and highest value that the condition permits for a variable, state or
+        output.
+        """
         return self.limits.get(name, self.model.limits[name])
 
 
 def refuse_unfit(condition: TrimCondition, model: Model) -> None:
-    """Raise BadInputError if only one of condition and model is in SI units."""
+    """Raise BadInputError if only one of a condition and a model is in SI units."""
     if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
             "the condition is in other units than the model; create the condition with this model"
@@ -253,7 +266,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
 
 @lru_cache(maxsize=16)
 def usual_condition(model: Model) -> TrimCondition:
-    """Return the trim condition that a model declares."""
+    """Return the trim condition that a model declares as its default."""
     return TrimCondition(model, model.trim)
 
 
@@ -267,6 +280,7 @@ def release(
 ) -> TrimCondition:
     """Return a condition with some variables set free, others held, and limits changed.
 
+    condition: the original condition
     free: variables to set free. The search begins at the previously imposed value, or at the first
         value of a table. A rate (speed_dot) that is set free is not balanced.
     hold: name -> imposed value
@@ -298,11 +312,12 @@ def release(
 
 
 def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the imposed values, with the first name of each group of alternatives instead of
-    another name.
+    """Return the imposed values, with each group of alternatives expressed by its first name.
 
-    A group is unchanged if the imposed alternative does not determine the first name.
+    For example, the speed replaces kcas. A group is unchanged if the imposed values do not
+    determine its first name.
 
+    model: model with the groups of alternatives
     imposed: name -> number or array
     """
     if model.extras.begin is None:
@@ -320,9 +335,13 @@ def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[st
 def without_alternatives(
     model: Model, imposed: Mapping[str, Any], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return the imposed values without the alternatives of the names.
+    """Return the imposed values that can be imposed together with some other names.
 
-    names: names that will be imposed instead
+    Only one name of each group of alternatives, such as speed and mach, can be imposed.
+
+    model: model with the groups of alternatives
+    imposed: name -> value
+    names: names that will also be imposed
     """
     released: set[str] = set()
     for group in model.extras.alternatives:
@@ -334,7 +353,10 @@ def without_alternatives(
 def _values_and_rates(
     model: Model, held: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split held values into two mappings: variable or output -> value, and state -> rate."""
+    """Return two mappings from held values: variable or output -> value, and state -> rate.
+
+    held: name -> value, in which the name of a rate is that of its state with the suffix _dot
+    """
     values: dict[str, Any] = {}
     rates: dict[str, Any] = {}
     for name, value in held.items():

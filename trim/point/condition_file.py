@@ -62,8 +62,10 @@ def read_condition(
 
 
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """Return the variable of a key, and the factor from the unit in the file to that of the model.
+    """Return the variable of a key in a condition file, and the factor from the file's to the
+    model's unit.
 
+    file: name of the file, for messages
     key: name in the file, possibly with the suffix _deg
     more: further permitted names
 
@@ -80,8 +82,9 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the values of a variable as a table over the scheduling variable.
+    """Return the values of a variable in a condition file, as a table over the scheduling variable.
 
+    file, key: name of the file and of the variable, for messages
     value: [scheduling value, value] rows; the scheduling value is in degrees if it is an angle
     factor: factor from the unit in the file to that of the model
 

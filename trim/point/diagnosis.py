@@ -1,4 +1,4 @@
-"""Diagnosis of a condition that has no trim."""
+"""Reasons why a trim condition has no trim, as text."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ _MINOR = 1e-3
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
-    """Return one line with the reason why the best unknowns found are not a trim.
+    """Return the reason why a condition has no trim, as one line of text.
 
     - If all equations balance within the limits of the unknowns, the line names the outputs beyond
       their limits.
     - Otherwise the line names the equations that do not balance, with their residuals, the active
       limits, and free variables without an independent effect.
 
-    found: unknowns, (k,), possibly beyond their limits
+    problem: the trim problem
+    found: the best unknowns found, (k,), possibly beyond their limits
     """
     z = problem.clip(found)
     off = _imbalances(problem, z)
@@ -51,7 +52,8 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
-    """Return one line on a condition that balances only beyond the limits.
+    """Return the reason why a condition that balances only beyond the limits has no trim, as one
+    line.
 
     balancing: free variable -> value for which the equations balance
     """
@@ -62,7 +64,9 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     """Return a text for each equation that does not balance, "speed by 0.3 ft/s^2", largest first.
 
-    Equations with a much smaller residual than the largest are omitted.
+    Equations with a residual much smaller than the largest are omitted.
+
+    z: scaled unknowns, (k,)
     """
     scaled = problem.at(z).residual
     point = problem.point(z, Status.FAILED)
@@ -77,7 +81,10 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return the free variables that affect no equation."""
+    """Return the names of the free variables that affect no equation.
+
+    z: scaled unknowns, (k,)
+    """
     effects = np.abs(problem.at(z).jacobian).max(axis=0)
     names = [*problem.idle]
     for name, effect in zip(problem.free, effects.tolist(), strict=True):
@@ -87,10 +94,12 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable whose column of the Jacobian depends linearly on the
-    columns of the free variables before it.
+    """Return a sentence for each free variable whose effect on the equations others can replace.
 
-    The list is empty if the Jacobian has full row rank.
+    The column of the variable in the Jacobian depends linearly on the columns of the free variables
+    before it. The list is empty if the Jacobian has full row rank.
+
+    z: scaled unknowns, (k,)
     """
     jacobian = problem.at(z).jacobian
     sentences: list[str] = []
@@ -113,10 +122,11 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """Return a sentence for each active limit, with the value that balance would require.
+    """Return a sentence for each active limit of a free variable, with the value that balance
+    requires.
 
-    z: unknowns within their limits, (k,)
-    wanted: unknowns for which the equations balance, or z if there are none
+    z: scaled unknowns within their limits, (k,)
+    wanted: scaled unknowns for which the equations balance, or z if none are known
     """
     limits = problem.system.limits
     describe = problem.model.describe

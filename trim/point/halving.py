@@ -1,4 +1,4 @@
-"""Newton's method with halved steps."""
+"""Newton's method for trims at many points, with halved steps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def halving(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
-    Each step is halved until it is accepted.
+    Each step is halved until it is accepted (`newton`).
 
     system, z, c, moving, bounded: as for `newton`
     """
@@ -75,9 +75,9 @@ def halving(
 
 
 class _Search(NamedTuple):
-    """State of Newton's method at N points.
+    """State of Newton's method at those points that have not converged, N in number.
 
-    points: indices of the points
+    points: indices of the points, (N,)
     size: |r| at the best unknowns, (N,)
     jacobian: J at the best unknowns, (N, m, k)
     step: Newton step from the best unknowns, (N, k)
@@ -129,7 +129,13 @@ def newton_step(
 
 
 def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return r and J of the equations that the unknowns affect."""
+    """Return the residuals r (N, m) and the Jacobians J (N, m, k) of the equations with unknowns.
+
+    Equations that no unknown affects are omitted.
+
+    z: (N, k), unknowns
+    c: (N, ..), constants that differ between the points
+    """
     residual, jacobian = system.residuals(z, c)
     return residual[:, : system.moved], jacobian
 

@@ -11,7 +11,7 @@ from trim.point.solve import find_operating_point
 
 @checks_arguments
 def level_model(model: Model, scheduled: float) -> LinearModel:
-    """Return the linear model at the trim that the model declares.
+    """Return the linear model of an aircraft at the trim that its model declares.
 
     For the flexible aircraft, this trim is the paper's level flight.
 
