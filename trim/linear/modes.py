@@ -187,8 +187,7 @@ def _time_to(mode: Mode) -> str:
 
 
 class Eigenvalues(NamedArray):
-    """Array of eigenvalues whose call returns the array, so that linear.eigenvalues() also works.
-    """
+    """Array of eigenvalues. A call returns the array, so that linear.eigenvalues() also works."""
 
     def __call__(self) -> Eigenvalues:
         """Return the array itself."""

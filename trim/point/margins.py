@@ -60,7 +60,8 @@ class Margin(Result):
 
     @property
     def share(self) -> float:
-        """distance / (highest - lowest): 0 at a limit, 0.5 halfway.
+        """Distance to the nearer limit, as a fraction of highest - lowest: 0 at a limit, 0.5
+        halfway.
 
         The share is 0 if the range is infinite and the distance is finite.
         """
@@ -72,8 +73,11 @@ class Margin(Result):
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
     def row(self) -> tuple[str, ...]:
-        """Return name, value, unit, role, limits, margin and nearer limit as text; angles in
-        degrees."""
+        """Return a row of a table: name, value, unit, role, limits, distance and nearer limit, as
+            text.
+
+        Angles are in degrees.
+        """
         lowest, highest = (
             "" if math.isinf(limit) else shown_value(limit, self.unit)
             for limit in (self.lowest, self.highest)
@@ -85,10 +89,13 @@ class Margin(Result):
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
-    """Return name -> margin of every state, every relevant output and every input, in this order.
+    """Return the margins of a trim, name -> `Margin`, for all states, relevant outputs and inputs.
 
     An output is relevant if the trim imposes the output, the model limits it, or the output
     replaces a state.
+
+    condition: condition of the trim
+    point: the trim
     """
     model = point.model
     roles = _roles(condition, point)
@@ -113,7 +120,11 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
 
 
 def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
-    """Return the role of each variable in the trim: "held", "free" or "left"."""
+    """Return the role of each variable in the trim: "held", "free", or "left" at its initial value.
+
+    condition: condition of the trim
+    point: the trim
+    """
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
     if set(condition.free) <= set(point.model.inputs):
@@ -125,9 +136,12 @@ def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
 def _limits_through(
     model: Model, point: OperatingPoint, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of an output y that follow from the limits of a state x.
+    """Return the limits of an output y that follow from the limits of the state x that it replaces.
 
-    y = y0 + slope (x - x0), with the values x0, y0 at the trim.
+    The output is y = y0 + slope (x - x0), with the values x0, y0 at the trim.
+
+    state, output: names of x and y
+    limits: lowest and highest value of x
     """
     x = getattr(point.states, state)
     step = model.states[state].nominal

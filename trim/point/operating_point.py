@@ -88,12 +88,14 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def scaled_residuals(self) -> dict[str, float]:
-        """Equation -> residual divided by the scale of the equation."""
+        """Residual of each equation divided by the scale of the equation, state or output ->
+        number.
+        """
         return {name: value / self.scale(name) for name, value in self.residuals.items()}
 
     @property
     def residual(self) -> float:
-        """Largest magnitude of the scaled residuals. A trim balances within 1e-10."""
+        """Largest magnitude of the scaled residuals, at most 1e-10 for a trim."""
         return max(map(abs, self.scaled_residuals.values()), default=0.0)
 
     @cached_property
@@ -155,7 +157,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def scheduled(self) -> dict[str, float] | None:
-        """Scheduling variable -> value; empty without one, or None for the flexible aircraft."""
+        """Value of the scheduling variable, name -> value.
+
+        The mapping is empty without a scheduling variable, and None for the flexible aircraft
+        (`dihedral_deg`).
+        """
         if self.model.extras.names_schedule:
             return None
         name = self.model.schedule
@@ -163,8 +169,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def at_scheduled(self) -> str:
-        """Text with the scheduling variable and its value, "at dihedral 15 deg", or "" without
-        one."""
+        """Text with the scheduling variable and its value, "at dihedral 15 deg", or "" without such
+        a variable.
+        """
         name = self.model.schedule
         if name not in self.values:
             return ""
@@ -172,8 +179,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes of the model, notes on units in degrees, and states beyond the model's range of
-        validity.
+        """Notes on the point: those of the model, on units in degrees, and on states beyond the
+            model's range of validity.
         """
         notes = [*self.model.extras.notes]
         declared = self.model.extras.native or self.model
@@ -194,12 +201,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def far_out(self) -> list[str]:
-        """Text for each free angle without limits that exceeds 90 deg, "bank 154 deg"."""
+        """Texts on free angles without limits that exceed 90 deg, such as "bank 154 deg"."""
         return [] if self.problem is None else self.problem.far_out(self.values)
 
     def refuse_other(self, model: Model) -> None:
-        """Raise BadInputError if the point was trimmed with a model of other units or other
-        dynamics."""
+        """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
                 "the operating point is in other units than the model; trim this model"
@@ -270,18 +276,21 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
-        """Draw every variable between its limits with pyplot. Return the Axes."""
+        """Draw every variable between its limits with pyplot, and return the Axes."""
         from trim.point.point_figure import draw_point
 
         return draw_point(self)
 
     def save(self, path: Path) -> None:
-        """Write the point as JSON. `load` restores every bit of the numbers."""
+        """Write the point as JSON, from which `load` restores the exact numbers."""
         write_text(path, json_text(self.to_dict()))
 
     @staticmethod
     def load(path: Path, model: Model) -> OperatingPoint:
-        """Return a saved point of a model, from its own file, a saved trim or a saved linear model.
+        """Return an operating point of a model from a file.
+
+        path: file of the point, of a trim, or of a linear model
+        model: model of the point
 
         Raises BadInputError, which names the file and the fault.
         """
@@ -291,7 +300,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
-    """Return a sentence for every value beyond the model's range of validity (`Extras.range`).
+    """Return a sentence for every state or input beyond the model's range of validity
+    (`Extras.range`).
 
     values: name -> value; a missing name counts as within the range
     """

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 
 def draw_point(point: OperatingPoint) -> Axes:
-    """Draw each state and input in percent of its range with pyplot. Return the Axes.
+    """Draw the variables of a trim in percent of their ranges with pyplot, and return the Axes.
 
     The lowest limit is at 0 %, the highest at 100 %. Variables without two limits are omitted.
+
     Raises BadInputError for a point that was not found by a search, and for a model without limits.
     """
     if point.problem is None:

@@ -7,9 +7,9 @@ from trim.point.operating_point import OperatingPoint
 
 
 def point_records(point: OperatingPoint) -> Table:
-    """Return a table (kind, name, value, unit) of the states, the inputs and the residuals.
+    """Return a table of the states, inputs and residuals of an operating point.
 
-    The unit of an angle is rad.
+    Each row is (kind, name, value, unit). The unit of an angle is rad.
     """
     unit = point.model.unit
     rows: list[tuple[str, str, float, str]] = []

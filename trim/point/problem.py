@@ -25,9 +25,11 @@ class TrimProblem:
     """Problem of one trim: a condition with numbers, its equations, and the initial values.
 
     asked: the condition as given
+    condition: the condition with numbers, in which the first names of alternatives are imposed
     system: the equations; the unknowns z are scaled
     c: (1, ..), constants of the system
-    free, idle: names of the unknowns, and of free variables that are in no equation
+    free: names of the k unknowns
+    idle: names of free variables that are in no equation
     names: names of the equations: states for their rates, then outputs
     count: number of equations that the unknowns affect, and number of unknowns
 
@@ -65,11 +67,14 @@ class TrimProblem:
             raise BadInputError(f"the equations do not depend on {idle}; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle only the arguments. Compiled functions are created again."""
+        """Return the arguments from which pickle restores the problem.
+
+        Compiled functions are created again.
+        """
         return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:
-        """Return the equations evaluated at the unknowns z (k,).
+        """Return the residuals, the Jacobian and the point for scaled unknowns z, (k,).
 
         Raises FloatingPointError if a result is not finite, and BadInputError if the model refuses
         the state.
@@ -87,19 +92,23 @@ class TrimProblem:
         return evaluation
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
-        """Return the unknowns (k,) after Newton's method from z, converged or not.
+        """Return the scaled unknowns (k,) after Newton's method, converged or not.
 
-        moving: indices of the unknowns that may change; by default all
+        z: initial unknowns, (k,)
+        moving: indices of the unknowns that may change; None for all
         """
         ends, _ = newton(self.system, z[None], self.c, moving)
         return ends[0]
 
     def clip(self, z: np.ndarray) -> np.ndarray:
-        """Return the unknowns within the limits that are nearest to z, (k,)."""
+        """Return the scaled unknowns within their limits that are nearest to z, (k,)."""
         return np.minimum(np.maximum(z, self.system.lowest), self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:
-        """Return whether the equations balance within all limits, also those of outputs."""
+        """Return whether scaled unknowns z, (k,), are a trim.
+
+        The equations must balance, and the unknowns and outputs must be within their limits.
+        """
         if not self.balanced(z):
             return False
         system = self.system
@@ -107,11 +116,13 @@ class TrimProblem:
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
     def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return a solution (k,) with full revolutions subtracted from large angles, and whether an
-        angle still exceeds 90 deg.
+        """Return a solution with large angles reduced by full revolutions, and whether one remains
+        large.
 
-        The solution is unchanged if the smaller angles do not give a solution. Only angles without
-        limits are considered.
+        An angle is large if it exceeds 90 deg and has no limits. If the reduced angles are not a
+        solution, the solution is returned unchanged.
+
+        z: solution in scaled unknowns, (k,)
         """
         if not self.system.far_out(z).any():
             return z, False
@@ -120,7 +131,10 @@ class TrimProblem:
         return ends, bool(self.system.far_out(ends).any())
 
     def far_out(self, values: Mapping[str, float]) -> list[str]:
-        """Return a text for each free angle without limits that exceeds 90 deg, "bank 154 deg"."""
+        """Return texts on free angles without limits that exceed 90 deg, such as "bank 154 deg".
+
+        values: variable -> value
+        """
         far = self.system.far_out(self.unknowns(values))
         names = [self.free[i] for i in np.flatnonzero(far)]
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
@@ -129,6 +143,8 @@ class TrimProblem:
         """Return whether every scaled residual is within `BALANCE`, regardless of the limits.
 
         The result is False if the equations cannot be evaluated.
+
+        z: scaled unknowns, (k,)
         """
         try:
             return bool(np.abs(self.at(z).residual).max() <= BALANCE)
@@ -136,21 +152,23 @@ class TrimProblem:
             return False
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scaled unknowns z (k,) for the values of all variables.
+        """Return the scaled unknowns z (k,) that belong to values of the variables.
 
-        values: name -> value
+        values: variable -> value, at least for all unknowns
         """
         return self.system.unknowns(values)
 
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield initial points for further searches: evenly spread points within the limits.
+        """Yield initial points for further searches, evenly spread within the limits, (k,) each.
 
         Of `STARTS` points, only those are yielded at which the Jacobian differs from the Jacobian
         at the guess, because equations with a constant Jacobian have one solution. No point is
         yielded without unknowns, or with more equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
-        ratio), so that no random numbers are needed.
+        ratio), without random numbers.
+
+        guess: initial point of the first search, (k,)
         """
         equations, unknowns = self.count
         if not unknowns or equations > unknowns:
@@ -172,8 +190,12 @@ class TrimProblem:
                 yield start
 
     def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Return the unknowns (N, k) after bounded Newton's method from each initial point,
-        converged or not.
+        """Return the scaled unknowns after bounded Newton's method from each of N initial points,
+        (N, k).
+
+        The points need not have converged.
+
+        starts: initial points, (k,) each
         """
         c = np.repeat(self.c, len(starts), axis=0)
         begin = np.reshape(starts, (len(starts), len(self.free)))
@@ -182,7 +204,11 @@ class TrimProblem:
         return z
 
     def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
-        """Return the operating point at the unknowns z (k,)."""
+        """Return the operating point for scaled unknowns z, (k,).
+
+        status: status of the result
+        started: number of the initial point of the search, 0 for the default one
+        """
         evaluation = self.at(z)
         amounts = (evaluation.residual * self.system.row_scales).tolist()
         residuals = dict(zip(self.names, amounts, strict=True))
@@ -199,7 +225,7 @@ class TrimProblem:
 
     @classmethod
     def of(cls, condition: TrimCondition, point: OperatingPoint) -> TrimProblem:
-        """Return the problem of a condition, with the values of a point as initial values.
+        """Return the trim problem of a condition, which begins at an operating point.
 
         The problem stored in the point is returned if it has this condition.
         """

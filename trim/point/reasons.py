@@ -1,4 +1,4 @@
-"""Explanations of a missing trim that a model provides."""
+"""Explanations by a model of why a trim does not exist."""
 
 from __future__ import annotations
 
@@ -13,10 +13,14 @@ from trim.point.solve import TrimError
 
 
 def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
-    """Return the error with the explanation by the model's `explain` before the failing equations.
+    """Return the error of a failed trim with the model's explanation at the beginning of its
+    message.
 
-    `explain` may solve the condition with other values held and names set free, by Newton's method
-    from the default initial point. The error is unchanged if the model has no explanation.
+    The model's function `explain` may trim a changed condition, by Newton's method from the default
+    initial point. The error is unchanged if the model has no explanation.
+
+    error: error of the trim search
+    condition: condition of the failed trim
     """
     if model.extras.explain is None:
         return error

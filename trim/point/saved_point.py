@@ -30,7 +30,10 @@ _FILE: dict[Any, Any] = {
 
 
 def loaded_point(path: Path, model: Model) -> OperatingPoint:
-    """Return a saved point of a model, from its own file, a saved trim or a saved linear model.
+    """Return an operating point of a model from a file.
+
+    path: file of the point, of a trim, or of a linear model
+    model: model of the point
 
     Raises BadInputError, which names the file and the fault.
     """

@@ -33,7 +33,9 @@ _INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number, unknowns (k,)) at the end of each search, in this order:
+    """Yield the unknowns at the end of each further search for a trim, as (number, unknowns (k,)).
+
+    The searches are, in this order:
 
     - 0: Newton's method from the least-squares solution within the limits
     - 0: continuation from the trim that the model declares, if `_continued` finds a solution
@@ -41,6 +43,8 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
     - 1, 2, ...: bounded Newton's method from other initial points
 
     The unknowns need not be a trim.
+
+    guess: initial point of the first search, (k,)
     """
     problem.at(guess)  # where the equations have no value there, that is the answer
     nearest = _bounded_least_squares(problem, guess)
@@ -53,8 +57,10 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
 
 
 def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number, unknowns (k,)) at the end of each search for a trim of least effort, in this
-    order:
+    """Yield the unknowns at the end of each search for a trim of least effort, as (number, unknowns
+    (k,)).
+
+    The searches are, in this order:
 
     - 0: from the guess
     - 0: from the least-squares solution within the limits, if this solution is a trim
@@ -62,6 +68,8 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
     - 1, 2, ...: from other initial points
 
     The unknowns need not be a trim.
+
+    guess: first initial point, (k,)
     """
     problem.at(guess)  # where the equations have no value there, that is the answer
     yield 0, _least_effort(problem, guess)
@@ -74,7 +82,8 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the solution at the end of a path from the trim that the model declares, or None.
+    """Return the unknowns (k,) found by continuation from the trim that the model declares, or
+    None.
 
     The imposed values change from c0, the declared trim, to c1, the requested values:
 
@@ -120,7 +129,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the unknowns (k,) after Newton's method, in which unknowns at a limit are fixed.
+    """Return the scaled unknowns (k,) after Newton's method in which unknowns at a limit are fixed.
 
     z: initial scaled unknowns, which are first moved within the limits
     """
@@ -137,9 +146,11 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the unknowns (k,) within the limits that minimize |r|², searched from a guess.
+    """Return the scaled unknowns (k,) within the limits that minimize |r|².
 
     Unknowns with equal limits are constant.
+
+    guess: initial point of the search, (k,)
     """
     from scipy.optimize import least_squares
 
@@ -182,10 +193,12 @@ _IPOPT: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
-    """Return the IPOPT solver that minimizes the sum of z_i² of the free inputs.
+    """Return the IPOPT solver for a trim of least effort.
 
-    All unknowns z are decision variables. The constraints g are the residuals that the unknowns
-    affect, and the watched outputs.
+    The effort is the sum of z_i² of the free inputs. All unknowns z are decision variables. The
+    constraints g are the residuals that the unknowns affect, and the watched outputs.
+
+    structure: structure of the equations
     """
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
@@ -208,7 +221,10 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """Return the unknowns within the limits with the least effort Σ (u_i / scale_i)² of the free
     inputs.
 
-    The minimum is a local one near the guess.
+    The minimum is a local one near the guess. The unknowns are scaled, (k,), and need not be a
+    trim.
+
+    guess: initial point of the search, (k,)
     """
     system = problem.system
     balanced = np.zeros(system.moved)

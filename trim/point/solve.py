@@ -16,10 +16,12 @@ from trim.point.problem import TrimProblem
 
 
 class TrimError(NoSolutionError):
-    """Error of a condition that has no trim.
+    """Error for a condition that has no trim.
 
     The message names the equations that do not balance, the active limits, and the values beyond
-    the limits that balance would require. `attempt` is the best point found within the limits.
+    the limits that balance would require.
+
+    attempt: best point found within the limits
     """
 
     def __init__(self, message: str, attempt: OperatingPoint) -> None:
@@ -40,7 +42,7 @@ def find_operating_point(
     free: str | Sequence[str] = (),
     **held: float,
 ) -> OperatingPoint:
-    """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs.
+    """Return the trim of an aircraft: f(X, U) = imposed rates and y(X, U) = imposed outputs.
 
     Every residual is at most `BALANCE` times its scale, and every variable is within its limits.
 
@@ -88,10 +90,12 @@ def find_operating_point(
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """Return the first trim found from a guess.
+    """Return the first trim that the searches find.
 
     A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
     found.
+
+    guess: initial point of the first search, (k,)
 
     Raises TrimError if no trim is found.
     """
@@ -126,10 +130,13 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the initial point, unknowns) at the end of each search for a trim.
+    """Yield (number of the initial point, scaled unknowns (k,)) at the end of each search for a
+    trim.
 
     The first search is Newton's method from the guess, unless there are more unknowns than
     equations. The searches of `searches.py` follow.
+
+    guess: initial point of the first search, (k,)
     """
     equations, unknowns = problem.count
     if unknowns <= equations:

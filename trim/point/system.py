@@ -57,7 +57,8 @@ class Structure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Equations r(z, c) = 0 as CasADi expressions in scaled units, and as functions of rows (z, c).
+    """Equations r(z, c) = 0 of a trim as CasADi expressions in scaled units, and as functions of
+    rows.
 
     layout: equations and names of the model
     z: (k, 1), the unknowns divided by their scales
@@ -101,8 +102,10 @@ class Equations:
 
     @cached_property
     def point_rows(self) -> RowFunction:
-        """Function (z, c) -> x, u, watched outputs y, r, and the derivatives of r, as one
-        column."""
+        """Function of rows (z, c) that returns x, u, y, r and its derivatives (e, k) as one column.
+
+        y are the watched outputs.
+        """
         unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unmoved)
         flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
@@ -110,7 +113,10 @@ class Equations:
 
     @cached_property
     def linear_rows(self) -> RowFunction:
-        """Function (z, c) -> x, u, y, A and B row by row, and r, as one column."""
+        """Function of rows (z, c) that returns x, u, y, A, B and r as one column.
+
+        y are the watched outputs. A and B are stored row by row.
+        """
         x, u = self.layout.symbols("x", "u")
         p = self.c[len(self.constants) :]
         f, _ = self.layout.expressions([components(x), components(u), components(p)], ())
@@ -124,11 +130,13 @@ class Equations:
 
 @lru_cache(maxsize=32)
 def step_rows(equations: Equations, steps: int) -> RowFunction:
-    """Return the Function (z, c) -> z after full steps of Newton's method, and whether z converged.
+    """Return a function of rows (z, c): z after full Newton steps, and 1 if z converged, otherwise
+    0.
 
     A point has converged if |r| decreased or was at most `NEARLY` at each step, and |r| is at most
     `NEARLY` before the last step.
 
+    equations: the equations r(z, c), which must be square
     steps: number of steps
     """
     moved = equations.residual[: equations.moved]
@@ -147,8 +155,10 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
 
 
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
-    """Return the structure of the equations for a condition.
+    """Return the structure of a trim's equations, without the numbers that differ between points.
 
+    model: model of the aircraft
+    condition: condition of the trim
     varied: variables, outputs or rates whose values differ between the points
     """
     zero = [name for name, value in condition.imposed.items() if value == 0.0]
@@ -169,10 +179,11 @@ def _structure(
     limited: tuple[str, ...],
     unlimited: tuple[str, ...],
 ) -> Structure:
-    """Return the structure that `structure_of` describes, from names only.
+    """Return the structure of a trim's equations, from names only (`structure_of`).
 
     The result is cached for all conditions with equal names.
 
+    varied: variables, outputs or rates whose values differ between the points
     imposed: imposed names
     zero: imposed names with the value 0
     rates: states with imposed rates
@@ -205,7 +216,9 @@ def _structure(
 
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> Equations:
-    """Return the equations of a structure as CasADi expressions.
+    """Return the equations of a trim as CasADi expressions.
+
+    structure: structure of the equations
 
     Raises BadInputError for a free variable that affects the equations only in steps.
     """
@@ -268,7 +281,7 @@ def equations(structure: Structure) -> Equations:
 
 
 class Evaluation(NamedTuple):
-    """Values of the equations at one point.
+    """State, input, residuals and Jacobian of a trim's equations at one point.
 
     x, u: states and inputs, by name
     y: watched outputs
@@ -286,7 +299,7 @@ class Evaluation(NamedTuple):
 
 
 class TrimSystem:
-    """Equations of a condition at N points, each with its own constants.
+    """Equations of a trim condition at N points, each with its own constants.
 
     model, condition: model of the aircraft, and the condition with the values common to all points
     structure, equations: structure and functions of the equations
@@ -298,7 +311,7 @@ class TrimSystem:
     usual: (k,), 90 deg for angles without limits, in scaled units, and inf for other unknowns
     watched: limits of the watched states and outputs
     row_scales: (e,), scale of each equation
-    moved: number m of equations that the unknowns affect; the first m equations
+    moved: number m of equations that the unknowns affect; they are the first m equations
     is_quick: True if the equations are square and have at most `_FEW` unknowns
     steps: largest number of Newton steps
     """
@@ -310,7 +323,7 @@ class TrimSystem:
         varied: Sequence[str] = (),
         begin: Mapping[str, float] | None = None,
     ) -> None:
-        """Build the equations.
+        """Build the equations of a trim condition.
 
         varied: variables, outputs, rates and parameters that differ between points
         begin: initial values; by default those of the condition and of the model's declaration
@@ -338,29 +351,32 @@ class TrimSystem:
         return set(self.equations.unknowns) <= set(self.model.inputs)
 
     def far_out(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (..., k) of the unknowns z that are angles without limits and exceed 90
-        deg."""
+        """Return the mask (..., k) of the angles without limits that exceed 90 deg.
+
+        z: scaled unknowns, (..., k)
+        """
         return np.abs(z) > self.usual
 
     def wrapped(self, z: np.ndarray) -> np.ndarray:
-        """Return the unknowns z (..., k), with full revolutions subtracted from angles beyond 90
-        deg.
+        """Return the scaled unknowns (..., k), with large angles reduced by full revolutions.
 
-        Only angles without limits are changed.
+        Only angles beyond 90 deg that have no limits are changed.
+
+        z: scaled unknowns, (..., k)
         """
         turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
     @property
     def residual_rows(self) -> RowsOf:
-        """Function of rows (z, c) that returns the residuals r and their Jacobian J."""
+        """Function of rows (z, c) that returns the residuals r (e,) and their Jacobian J (m, k)."""
         return self.equations.residual_rows
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the residuals r (N, e) and their Jacobian J (N, m, k).
 
-        z: (N, k), unknowns
-        c: (N, ..), constants
+        z: (N, k), scaled unknowns
+        c: (N, ..), constants that differ between the points
         """
         residual, jacobian = self.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
@@ -371,14 +387,20 @@ class TrimSystem:
         """Return the unknowns (N, k) after a few full Newton steps, and two masks (N,).
 
         The first mask marks the points that converged, the second mask all other points.
+
+        z: (N, k), initial scaled unknowns
+        c: (N, ..), constants that differ between the points
         """
         after, flags = step_rows(self.equations, self.steps)(z, c)
         settled = flags[:, 0] == 1.0
         return after, settled, ~settled
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
-        """Return the equations evaluated at one point, with unknowns z (k,) and constants c (1,
-        ..)."""
+        """Return the state, input, residuals and Jacobian of the equations at one point.
+
+        z: scaled unknowns, (k,)
+        c: constants, (1, ..)
+        """
         (rows,) = self.equations.point_rows(z[None], c)
         flat = rows[0]
         states = len(self.model.states)
@@ -397,7 +419,7 @@ class TrimSystem:
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """Return the constants of the equations, one row for each of N points.
+        """Return the constants c of the equations at N points, (N, ..).
 
         count: N
         columns: name of a variable, output, rate or parameter -> its values (N,). All others have
@@ -414,7 +436,14 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of a constant that has no column, or its values (N,) from a table."""
+        """Return the value of one of the constants, whose values are not given for each point.
+
+        The result is an array (N,) if the condition has a table over the scheduling variable, and
+        otherwise one number.
+
+        name: name of the constant
+        columns: name -> values (N,), with those of the scheduling variable
+        """
         if name in self.equations.idle:
             return self.begin[name]
         if name in self.model.rates:
@@ -427,16 +456,20 @@ class TrimSystem:
         return self.condition.values_at(name, columns.get(by, imposed.get(by, 0.0)))
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scaled unknowns (k,) for the values of all variables.
+        """Return the scaled unknowns (k,) that belong to values of the variables.
 
-        values: name -> value
+        values: variable -> value, at least for all unknowns
         """
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
 
 
 @lru_cache(maxsize=64)
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
-    """Return `lowest`, `highest` and `usual` of a `TrimSystem`, (k,) each."""
+    """Return the limits of the unknowns in scaled units: `lowest`, `highest` and `usual`, (k,)
+    each.
+
+    The three arrays are described in `TrimSystem`.
+    """
     unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
     ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
@@ -444,10 +477,12 @@ def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
-    """Return variable -> initial value of a search.
+    """Return the initial values of a trim search, variable -> value.
 
     The initial value is the declared value, unless the model computes a value from the imposed
-    values.
+    values (`Extras.begin`).
+
+    imposed: name -> imposed value
     """
     values = {name: model.signals[name].start for name in model.variables}
     if model.extras.begin is not None:
