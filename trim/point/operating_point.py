@@ -179,8 +179,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the point: those of the model, on units in degrees, and on states beyond the
-            model's range of validity.
+        """Notes on the point: notes of the model, units in degrees, and states beyond the range of
+        validity.
         """
         notes = [*self.model.extras.notes]
         declared = self.model.extras.native or self.model

@@ -88,12 +88,16 @@ class Performance(Result):
 
 @checks_arguments
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """Return the report of a trim.
+    """Return the report of a trim, or of the nearest point if the condition has no trim.
 
     The report contains every variable with its limits, the nearest limits, the verdict on each
     equation, other trims found, the rates that are not balanced, and the outputs or the model's own
     description (`Extras.describe_trim`). Angles are in degrees in the text and in radians in the
     data.
+
+    model: model of the aircraft
+    condition: condition of the trim
+    point: the trim or the nearest point
     """
     margins = all_margins(condition, point)
     # Variables whose limits matter: free ones, and held inputs.
@@ -159,7 +163,7 @@ def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
 
 
 def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """Return a table row with the nearer limit of a variable, the distance, and whether the limit
+    """Return the table row of a variable: its nearer limit, the distance, and whether the limit
     binds.
     """
     verdict: str = "-"
@@ -176,7 +180,11 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Return equation -> imposed value, residual, tolerance, unit, and whether it balances."""
+    """Return data on each equation: imposed value, residual, tolerance, unit, and whether it
+        balances.
+
+    The keys are the names of the states and outputs.
+    """
     imposed = {**condition.imposed, **condition.rates}
     equations = {}
     for name, residual in point.residuals.items():
@@ -192,9 +200,11 @@ def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dic
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return a table of the equations, with unbalanced equations first.
+    """Return a table of the equations, with those that do not balance first.
 
     The column of imposed rates is omitted if all imposed rates are 0.
+
+    equations: result of `_equations`
     """
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
@@ -218,11 +228,14 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
 
 
 def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[OperatingPoint]:
-    """Return further solutions of a condition with as many equations as unknowns.
+    """Return further trims of a condition with as many equations as unknowns.
 
-    The solutions are those that Newton's method finds from the declared initial values and from
-    `STARTS` points within the limits. An example is the back side of the power curve. More
-    solutions may exist. The list is empty if the numbers of equations and unknowns differ.
+    These are the trims that Newton's method finds from the declared initial values and from
+    `STARTS` points within the limits, for example on the back side of the power curve. More trims
+    may exist. The list is empty if the numbers of equations and unknowns differ.
+
+    condition: condition of the trim
+    point: the trim
     """
     problem = TrimProblem.of(condition, point)
     trim = problem.unknowns(point.values)
@@ -240,7 +253,11 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
 
 
 def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
-    """Return data on the search for the point, and sentences on its unusual features."""
+    """Return data on the search for a trim, and sentences on unusual features of the search.
+
+    condition: condition of the trim
+    point: the trim or the nearest point
+    """
     problem = TrimProblem.of(condition, point)
     equations, unknowns = problem.count
     sentences = []
@@ -282,7 +299,12 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
 
 
 def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """Return a note if the Jacobian of a square system is singular at a solution, otherwise ""."""
+    """Return a note if a trim is not unique because the Jacobian of its equations is singular.
+
+    The note is "" if the Jacobian is regular, or if the numbers of equations and unknowns differ.
+
+    z: the trim in scaled unknowns, (k,)
+    """
     equations, unknowns = problem.count
     jacobian = problem.at(z).jacobian[:equations]
     if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
@@ -296,8 +318,10 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return a sentence on another trim of the condition, with an initial point that leads to this
-    trim.
+    """Return a sentence on another trim of the condition, with a --start that leads to it.
+
+    point: the trim
+    other: the other trim
     """
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3

@@ -1,4 +1,4 @@
-"""Newton's method for a trim as compiled C code, one point after the other."""
+"""Compiled C code that trims many points, one after the other, by Newton's method."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ void {symbol}_linear(long long count, const double *c, const double *z, double *
 
 
 class CompiledTrim:
-    """Compiled loops over points: Newton's method, the equations and the linear models.
+    """Loops over many points in compiled C code: Newton's method, residuals and linear models.
 
     rows: number of equations, and number of entries in a row of `Equations.linear_rows`
     """
@@ -194,8 +194,8 @@ class CompiledTrim:
         The first mask marks the points that converged, the second mask the points with a singular
         Jacobian.
 
-        z: (N, k), initial unknowns
-        c: (N, ..), constants
+        z: (N, k), initial scaled unknowns
+        c: (N, ..), constants that differ between the points
         """
         ends = np.array(z, order="C")
         status = np.empty(len(z), dtype=np.int8)
@@ -205,8 +205,8 @@ class CompiledTrim:
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the residuals r (N, e) and their Jacobian J (N, k, k).
 
-        z: (N, k), unknowns
-        c: (N, ..), constants
+        z: (N, k), scaled unknowns
+        c: (N, ..), constants that differ between the points
         """
         count, k = z.shape
         residual = np.empty((count, self._rows[0]))
@@ -215,17 +215,21 @@ class CompiledTrim:
         return residual, jacobian
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray]:
-        """Return a tuple with one array (N, ..): for each point a row of
-        `Equations.linear_rows`."""
+        """Return the rows of `Equations.linear_rows` at N points, as a tuple with one array (N,
+        ..).
+
+        z: (N, k), scaled unknowns
+        c: (N, ..), constants that differ between the points
+        """
         flat = np.empty((len(z), self._rows[1]))
         _run(self._linear, c, z, flat)
         return (flat,)
 
 
 class CompiledSystem(SharedSystem):
-    """Trim system that uses machine code for Newton steps and linear models if a compiler works.
+    """Equations of a trim at many points, in machine code if a compiler works.
 
-    machine: the compiled loops, or None without a compiler or without a square system
+    machine: the compiled loops, or None without a compiler or if the equations are not square
     """
 
     def __init__(self, *arguments: Any) -> None:
@@ -244,6 +248,9 @@ class CompiledSystem(SharedSystem):
 
         The first mask marks the points that converged, the second mask the points that need another
         method.
+
+        z: (N, k), initial scaled unknowns
+        c: (N, ..), constants that differ between the points
         """
         if self.machine is None:
             return super().quick_steps(z, c)
@@ -268,9 +275,12 @@ class CompiledSystem(SharedSystem):
 
 @lru_cache(maxsize=16)
 def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | None:
-    """Return the compiled loops for these functions of (z, c), or None if no compiler works.
+    """Return the compiled loops for the equations of a trim, or None if no compiler works.
 
-    The system must be square. If the result is None, a note is printed.
+    If the result is None, a note is printed.
+
+    residual: function (z, c) -> residuals r and Jacobian J, which must be square
+    linear: function (z, c) -> a row of `Equations.linear_rows`
     """
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}
@@ -305,6 +315,10 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
 
 
 def _run(loop: Any, *arrays: np.ndarray) -> None:
-    """Run a compiled loop over the rows of these arrays."""
+    """Run a compiled loop over the rows of arrays.
+
+    loop: C function
+    arrays: arrays with one row for each point, which the loop reads or writes
+    """
     rows = [np.ascontiguousarray(array) for array in arrays]
     loop(ctypes.c_longlong(len(rows[0])), *(ctypes.c_void_p(row.ctypes.data) for row in rows))

@@ -26,7 +26,7 @@ _MEETING = 1e-9
 
 
 class _Modes(NamedTuple):
-    """Modes of one point or of many points.
+    """Eigenvalues and eigenvectors of A at one point or at many points.
 
     values: (.., n), eigenvalues
     right: (.., n, n), eigenvectors as columns
@@ -38,11 +38,15 @@ class _Modes(NamedTuple):
     left: np.ndarray
 
     def at(self, points: np.ndarray) -> _Modes:
-        """Return all modes of some points."""
+        """Return all modes of the points with these indices."""
         return _Modes(self.values[points], self.right[points], self.left[points])
 
     def some(self, point: int, modes: np.ndarray) -> _Modes:
-        """Return the modes of one point with these indices."""
+        """Return some modes of one point.
+
+        point: index of the point
+        modes: indices of the modes
+        """
         right = self.right[point][:, modes]
         return _Modes(self.values[point, modes], right, self.left[point, modes])
 
@@ -98,7 +102,9 @@ def track_modes(
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """Return the left eigenvectors (N, n, n), by the pseudo-inverse if modes coincide.
+    """Return the left eigenvectors of N matrices, (N, n, n), as rows.
+
+    If modes of a matrix coincide, the pseudo-inverse of its eigenvectors is returned.
 
     right: (N, n, n), eigenvectors as columns
     """
@@ -114,11 +120,12 @@ def _inverse(right: np.ndarray) -> np.ndarray:
 def _pair_over_meetings(
     point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
 ) -> None:
-    """Pair modes that coincided at the previous point with the last point at which they were
-    distinct.
+    """Pair modes that coincided at the previous point, by their shapes at the last point before
+    that.
 
-    The modes are distinguished by their shapes at that point, and by their eigenvalues minus the
-    mean of the coinciding eigenvalues, because this difference changes sign at a crossing.
+    At this last point the modes were distinct. They are distinguished by their shapes there, and by
+    their eigenvalues minus the mean of the coinciding eigenvalues, because this difference changes
+    sign at a crossing.
 
     point: number of the point
     origin: (N,), the point from which each point is reached, or -1 for the first
@@ -151,7 +158,7 @@ def _pair_over_meetings(
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Return pairs of points that connect all N points, (M, 2).
+    """Return pairs of points, (M, 2), that connect all N points of a sweep.
 
     The result contains the neighbors, and pairs along the path that connect separate groups of
     neighbors.
@@ -171,11 +178,13 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield (point, next point, pairing) along the tree of the most similar pairs, from the first
-    point.
+    """Yield (point, next point, pairing) along the tree of the most similar neighbors.
 
-    The pairing (n,) contains, for each eigenvalue of the point, the index of its match at the next
-    point.
+    The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the point,
+    the index of its match at the next point.
+
+    pairs: (M, 2), pairs of neighbors
+    modes: modes of all points
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
@@ -197,13 +206,14 @@ def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np
 
 
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best pairing of the eigenvalues of each pair of points, and its gain.
+    """Return the best pairing of the eigenvalues of each pair of points, (M, n), and its gain,
+    (M,).
+
+    The pairing contains, for each eigenvalue of the first point, the index of its match at
+    the second point. The gain is the sum that the pairing maximizes (`track_modes`).
 
     modes: modes of all points
     pairs: (M, 2), pairs of points
-
-    The pairing (M, n) contains, for each eigenvalue of the first point, the index of its match at
-    the second point. The gain (M,) is the sum that the pairing maximizes.
     """
     matches = np.empty((len(pairs), modes.values.shape[1]), dtype=int)
     sums = np.empty(len(pairs))
@@ -225,8 +235,8 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
     """Return the gain of pairing eigenvalue i of one point with eigenvalue j of another, (.., n,
     n).
 
-    min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral projections P_i and
-    Q_j.
+    The gain is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral
+    projections P_i and Q_j.
     """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
@@ -235,12 +245,12 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return the permutation (n,) with the largest gain that keeps conjugate pairs together.
+    """Return the pairing of the eigenvalues of two points with the largest gain, (n,).
 
-    If a pair becomes two real eigenvalues, the member with positive imaginary part matches the
-    lower real eigenvalue.
+    Conjugate pairs are kept together. If a pair becomes two real eigenvalues, the member with
+    positive imaginary part matches the lower real eigenvalue.
 
-    gain: (n, n)
+    gain: (n, n), gain of each pair of eigenvalues
     values, others: (n,), eigenvalues of both points
     """
     from scipy.optimize import linear_sum_assignment

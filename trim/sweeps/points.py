@@ -52,7 +52,7 @@ _ROUNDS = 100
 
 
 class Points(NamedTuple):
-    """N points with n states and m inputs, in the units of the model.
+    """Trims and linear models at N points with n states and m inputs, in the units of the model.
 
     status: (N,), index into `STATUS`
     states: (N, n); beyond limits, the values that balance would require
@@ -83,9 +83,9 @@ def trim_points(
     compile_code: bool | None = None,
     progress: Progress | None = None,
 ) -> Points:
-    """Return the trims and linear models for all rows of `values`.
+    """Return the trims and linear models at N points, one for each row of `values`.
 
-    Without as many equations as unknowns, the points are solved one by one. The status of a row
+    Without as many equations as unknowns, the points are solved one by one. The status of a point
     without a trim is BEYOND_LIMITS if a solution beyond the limits is known and all unknowns are
     inputs, otherwise NO_TRIM.
 
@@ -94,7 +94,7 @@ def trim_points(
         condition's values, or parameters
     values: (N, number of variables)
     condition: by default the trim that the model declares
-    start: initial point of the search for each row
+    start: initial point of the search at each point, or None for the default
     compile_code: whether machine code is used; by default from `COMPILE_FROM` points on
     progress: called with (finished points, all points)
 
@@ -128,7 +128,10 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition with the first alternatives imposed (speed for kcas).
+    """Return variables, values and condition with alternatives expressed by the first name of their
+    group.
+
+    For example, the speed is imposed in place of kcas (`with_first_alternatives`).
 
     variables, values: as for `trim_points`
     """
@@ -149,7 +152,11 @@ def _resolved(
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
-    """Return the model with the parameters of one row of values."""
+    """Return the model with the parameters of one point.
+
+    variables: names of the values
+    row: values at the point; those of variables that are not parameters are ignored
+    """
     values = zip(variables, row.tolist(), strict=True)
     return model.with_parameters(
         **{name: value for name, value in values if name in model.parameters}
@@ -159,7 +166,11 @@ def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model
 def condition_at(
     condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray
 ) -> TrimCondition:
-    """Return the condition with the values of one row.
+    """Return the trim condition of one point.
+
+    condition: condition common to all points
+    variables: names of the values
+    row: values at the point, which are imposed; those of parameters are ignored
 
     Raises BadInputError for a value outside its limits.
     """
@@ -173,8 +184,9 @@ def condition_at(
 
 
 def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the parameters of the model at each point, (N, number of parameters).
+    """Return the parameters of the model at N points, (N, number of parameters).
 
+    variables: names of the values
     values: (N, variables); a variable that is a parameter replaces the model's value
     """
     constants = np.tile(model.p, (len(values), 1))
@@ -189,9 +201,12 @@ _last_system: tuple[tuple[Any, ...], SharedSystem] | None = None
 
 
 def _system(*request: Any) -> SharedSystem:
-    """Return the trim system for the request (model, condition, variables, start, compile_code).
+    """Return the equations of a trim at many points.
 
-    The last system is reused for identical objects, such as in many calls with one point each.
+    The last result is returned again for identical arguments, such as in many calls with one point
+    each.
+
+    request: model, condition, variables, start and compile_code, as for `trim_points`
     """
     global _last_system
     last = _last_system
@@ -210,12 +225,15 @@ def _system(*request: Any) -> SharedSystem:
 def _settled_together(
     system: SharedSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> Points:
-    """Return all points, solved together by Newton's method.
+    """Return the trims and linear models that Newton's method finds for all points together.
 
     - TRIMMED: the equations balance within the limits.
     - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
     - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
       square.
+
+    system: equations of the trim
+    variables, values: as for `trim_points`
     """
     model = system.model
     n = len(model.states)
@@ -255,14 +273,17 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """Return the initial unknowns of each point, (N, k).
+    """Return the initial scaled unknowns of each point, (N, k).
 
     - `system.start` for every point, if all unknowns are inputs or no variable is given
     - otherwise a Taylor polynomial about the solution at the center of the point's cell: quadratic
       for a single variable, linear for several
 
-    The cells are fixed for a model, so that no row depends on its neighbors. Terms that change by
-    more than `_STEEPEST` over a cell are omitted, because they may lead to another solution.
+    The cells divide the space of the variables and are fixed for a model. The result for a point
+    therefore does not depend on the other points. Terms that change by more than `_STEEPEST` over a
+    cell are omitted, because they may lead to another solution.
+
+    variables, values: as for `trim_points`
     """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
@@ -300,7 +321,10 @@ def _starts(
 
 
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the initial unknowns that the model computes for these values, (N, k)."""
+    """Return the initial scaled unknowns that the model computes for given values, (N, k).
+
+    variables, values: as for `trim_points`
+    """
     starts = np.tile(system.start, (len(values), 1))
     if system.model.extras.begin is None:
         return starts
@@ -313,20 +337,25 @@ def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -
 
 
 def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the constants of the equations for each row of values, (N, ..)."""
+    """Return the constants c of the equations at N points, (N, ..).
+
+    variables, values: as for `trim_points`
+    """
     return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
 ) -> None:
-    """Repeat Newton's method for unsolved points, from the solutions of solved neighbors.
+    """Repeat Newton's method for unsolved points, each from the solution of its nearest solved
+    point.
 
     The repetition ends after `_ROUNDS` rounds, or if no point has a new neighbor. z and settled are
     changed in place.
 
-    z: (N, k), unknowns
-    c: (N, ..), constants
+    values: (N, variables), which determine the distances between points
+    z: (N, k), scaled unknowns
+    c: (N, ..), constants of the equations
     settled: (N,), mask of the solved points
     """
     from scipy.spatial import cKDTree
@@ -360,7 +389,15 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Solve point i by `find_operating_point`. Store its result, or the reason in `failures`."""
+    """Trim one point by `find_operating_point`, and store its result in `points`.
+
+    If there is no trim, the reason is stored in `failures`.
+
+    i: number of the point
+    variables: names of the values
+    row: values at the point
+    start: initial point of the search, or None for the default
+    """
     try:
         model = model_at(system.model, variables, row)
         point = find_operating_point(model, condition_at(system.condition, variables, row), start)

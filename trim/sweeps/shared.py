@@ -1,4 +1,5 @@
-"""Precomputation of terms in the equations that depend only on the constants of a point."""
+"""Terms of a trim's equations that depend only on the constants of a point, computed once a point.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +14,10 @@ from trim.point.system import Equations, RowsOf, TrimSystem
 
 
 class SharedSystem(TrimSystem):
-    """Trim system whose constants c are followed by the terms of the equations that depend only on
-    c.
+    """Equations of a trim in which terms that depend only on the constants c are precomputed.
 
-    The terms are omitted for the small systems that `quick_steps` solves (`is_quick`).
+    The precomputed terms follow the constants in c. They are omitted for the small systems that
+    `quick_steps` solves (`is_quick`).
     """
 
     @cached_property
@@ -36,10 +37,13 @@ class SharedSystem(TrimSystem):
     def linear(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the linear models and residuals for unknowns z (N, k) and constants c (N, ..).
+        """Return the trims, linear models and residuals of N points.
 
         The result consists of x, u and the w watched outputs (N, n + m + w), A (N, n, n), B (N, n,
         m) and the residuals r (N, e).
+
+        z: (N, k), scaled unknowns
+        c: (N, ..), constants
         """
         (flat,) = self.linear_rows(z, c)
         n = len(self.model.states)
@@ -51,7 +55,10 @@ class SharedSystem(TrimSystem):
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """Return the constants of `TrimSystem.constants`, followed by the precomputed terms."""
+        """Return the constants of N points with the precomputed terms after them, (N, ..).
+
+        count, columns: as for `TrimSystem.constants`
+        """
         c = super().constants(count, columns)
         if not self.is_quick:
             (c,) = self._shared[0](c)
@@ -65,9 +72,13 @@ def _shared_rows(equations: Equations) -> tuple[RowFunction, ...]:
 
 
 def without_shared(*functions: ca.Function) -> list[ca.Function]:
-    """Return the Function c -> (c, g), followed by each given function in terms of z and (c, g).
+    """Return a function that computes the terms without z, and the given functions without these
+    terms.
 
-    g are the terms of the functions of (z, c) that do not depend on z.
+    The first function is c -> (c, g), where g are the terms of all functions that do not depend on
+    z. The other functions are those given, with the arguments z and (c, g).
+
+    functions: functions of (z, c)
     """
     z, c = functions[0].sx_in()
     outputs = [part for function in functions for part in function.call([z, c])]

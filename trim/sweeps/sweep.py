@@ -74,10 +74,12 @@ def run_points(
     compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Return name -> array of a sweep's results, for the points of one task.
+    """Return the results of a sweep for some of its points, name -> array.
 
-    Two entries are dictionaries by the number of a point. `failures` contains the reason for a
+    Two entries are mappings from the number of a point. `failures` contains the reason for a
     missing trim, and `kinked` the notes on kinks.
+
+    The arguments are those of `trim_points`.
     """
     points = trim_points(
         model,
@@ -125,8 +127,12 @@ def trimmed_words(trimmed: int, count: int) -> str:
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
-    """Return a list with one note if at least `_MANY_SLOW` points were trimmed one by one,
-    otherwise [].
+    """Return a list with a note on points that were trimmed one by one, which is slow.
+
+    The list is empty if there are fewer than `_MANY_SLOW` such points.
+
+    one_by_one: number of these points
+    count: number of all points
     """
     if one_by_one < _MANY_SLOW:
         return []
@@ -251,11 +257,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return warnings
 
     def figure(self) -> Figure:
-        """Return a new figure with the root locus."""
+        """Return a new figure with the root locus of the sweep."""
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
     def plot(self, *names: Any) -> np.ndarray:
-        """Draw the root locus over the last variable with pyplot. Return the Axes.
+        """Draw the root locus over the last variable with pyplot, and return the Axes.
 
         names: values that are drawn instead of the root locus: plot("alpha", "elevator")
 
@@ -267,7 +273,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
-        """Draw the root locus on an empty figure. Return the figure.
+        """Draw the root locus of the sweep on an empty figure, and return the figure.
 
         Raises BadInputError if no point has a trim.
         """
@@ -298,10 +304,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
-        """Draw columns of eigenvalues, one line each, and mark the ends of some lines.
+        """Draw the paths of some eigenvalues, and mark the first and last values of some paths.
 
-        columns: (k,), mask of the columns to draw
-        ends: (k,), mask of the columns whose ends are marked
+        columns: (k,), mask of the eigenvalues to draw
+        ends: (k,), mask of the eigenvalues whose first and last values are marked
         """
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
@@ -333,10 +339,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw the direction of the sweep, and values of the last variable, along lines of the root
-        locus.
+        """Mark the direction of the sweep, and values of the last variable, along the paths of
+        eigenvalues.
 
-        Only lines in the upper half-plane are marked.
+        Only paths in the upper half-plane are marked.
+
+        columns: (k,), mask of the eigenvalues
         """
         names = list(dict.fromkeys(self.mode_names))
         width, height = axes.dataLim.size
@@ -385,12 +393,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 )
 
     def report(self) -> Report:
-        """Return a report with the values and eigenvalues of each point, or the reason without a
-        trim.
+        """Return a report with the values and eigenvalues at each point, or the reason for a
+        missing trim.
 
-        For a long sweep the first and last lines are printed. A conjugate pair has one column. If
-        the modes of two columns become a conjugate pair, each column contains one member of the
-        pair.
+        For a long sweep, only the first and last lines are printed. A conjugate pair has one
+        column. If the modes of two columns become a conjugate pair, each column contains one member
+        of the pair.
         """
         count = len(self.reasons)
         failed = np.flatnonzero(~self.trimmed).tolist()
@@ -415,7 +423,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a table of the swept values and the eigenvalues of each mode, one row for each
         point.
 
-        Of a sweep with more than `_LONGEST` points, the table contains the first and last rows.
+        If the sweep has more than `_LONGEST` points, the table contains only the first and last
+        rows.
         """
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
@@ -438,11 +447,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return Table(header, [*head, between, *tail])
 
     def _varied(self, i: int) -> tuple[str, ...]:
-        """Return the swept values of point i as text."""
+        """Return the values of the swept variables at point i as text, one for each variable."""
         return tuple(map(shown_value, self.values[i], self.plan.units))
 
     def records(self) -> Table:
-        """Return a table with one row for each point.
+        """Return a table in full precision with one row for each point.
 
         A row contains the swept values, status, reason, operating point, eigenvalues, and the
         entries of A and B.
@@ -487,8 +496,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         A name is a swept variable, a state or an input.
 
-        Raises NoSolutionError, with the reason, for a point without a trim. Raises IndexError for a
-        number without a point, and BadInputError for any other name.
+        Raises NoSolutionError, with the reason, for a point without a trim. Raises IndexError for
+        the number of a point that does not exist, and BadInputError for any other name.
         """
         from trim.sweeps.sweep_points import column, linear_model_at
 
@@ -516,7 +525,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """Return the eigenvalues of a mode as text.
+    """Return the eigenvalues of a mode at one point as text.
 
     A conjugate pair is printed once with ±, a single member of a pair with its sign.
     """
@@ -544,19 +553,20 @@ def sweep(
     progress: Progress | None = None,
     **columns: Sequence[float] | np.ndarray,
 ) -> Sweep:
-    """Trim and linearize at every combination of the given values.
+    """Return the trims and linear models at every combination of the given values.
 
     model: model of the aircraft
     grid: trim variable or parameter of the model -> imposed values, in the units of the model
     condition: condition of all other variables; by default the trim that the model declares. The
         grid overrides the condition.
     start: initial point of the search at each point
-    listed: whether the values of the grid are columns, with one row for each point
+    listed: True if the grid is a list of points: its values are columns of equal length, with one
+        row for each point
     at: values of the scheduling variable, added to the grid
     progress: called with (finished points, all points)
     columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]
 
-    A point without a trim is a row with its reason.
+    The result also contains the points without a trim, each with its reason.
 
     Raises BadInputError if a name is unknown, a value is outside its limits, or the grid is empty
     or has more than `MOST_POINTS` points.
@@ -572,7 +582,9 @@ def sweep(
 
 
 def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
-    """Return the sweep of a plan, in memory.
+    """Return the results of a sweep, computed in memory.
+
+    plan: variables and values of the sweep
 
     Raises BadInputError for more than `MOST_POINTS` points.
     """
@@ -627,7 +639,11 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
-    """Return the name of the mode of each eigenvalue (k,) of A."""
+    """Return the name of the mode that belongs to each eigenvalue of A, (k,).
+
+    eigenvalues: (k,), eigenvalues of A in any order
+    A: (k, k)
+    """
     modes = modes_of(A, model.linear, model.modes)
     names = []
     for value in eigenvalues:
@@ -638,12 +654,13 @@ def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
-    """Return pairs of trimmed points that are adjacent along a line of the grid, (M, 2).
+    """Return pairs of neighbors among the trimmed points of a grid, (M, 2).
 
-    The points are numbered among the trimmed ones. Points without a trim between them are skipped.
+    Neighbors are adjacent along a line of the grid. Points without a trim between them are skipped.
+    The points are numbered among the trimmed points.
 
     sizes: number of values of each variable
-    trimmed: mask of the trimmed points
+    trimmed: (N,), mask of the trimmed points
     """
     numbers = np.cumsum(trimmed) - 1
     index = np.arange(trimmed.size).reshape(sizes)

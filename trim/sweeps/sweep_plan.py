@@ -24,7 +24,12 @@ MOST_POINTS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Steps:
-    """Range of any length: `count` values from `start` on, with the spacing `step`."""
+    """Evenly spaced values of a swept variable, without a limit of their number.
+
+    start: first value
+    step: distance of two values
+    count: number of values
+    """
 
     start: float
     step: float
@@ -39,7 +44,7 @@ class Steps:
 
 @dataclass(frozen=True, eq=False)
 class SweepPlan:
-    """N points over named variables of one model, in the units of the model.
+    """Points of a sweep: the values of named variables of one model, in the units of the model.
 
     axes: variable -> its values, as a list or as `Steps`. The points are all combinations, in which
         the last variable varies fastest.
@@ -94,7 +99,7 @@ class SweepPlan:
         return tuple(array.tolist())
 
     def _check_parameters(self) -> None:
-        """Raise BadInputError for a parameter outside its limits."""
+        """Raise BadInputError if a value of a swept parameter is outside the parameter's limits."""
         model = self.model
         for name, ends in self._ends.items():
             if name not in model.parameters:
@@ -141,7 +146,7 @@ class SweepPlan:
 
     @property
     def _ends(self) -> dict[str, tuple[float, float]]:
-        """Variable -> its lowest and highest value."""
+        """Extreme values of each swept variable, name -> (lowest, highest)."""
         ends = {}
         for name, values in self.axes.items():
             few = values
@@ -152,8 +157,10 @@ class SweepPlan:
 
     @property
     def sizes(self) -> list[int]:
-        """Number of values of each variable of a grid, in order, or the number of rows of a
-        list."""
+        """Number of values of each variable of a grid, in order.
+
+        For a list of points, the result contains only the number of points.
+        """
         lengths = [len(values) for values in self.axes.values()]
         return lengths[:1] if self.listed else lengths
 
@@ -164,13 +171,15 @@ class SweepPlan:
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on variables whose most extreme value is beyond the model's range of validity."""
+        """Notes on swept variables with values beyond the model's range of validity."""
         farthest = {name: max(ends, key=abs) for name, ends in self._ends.items()}
         return beyond_range(self.model, farthest)
 
     @property
     def grid(self) -> dict[str, Any]:
-        """Variable -> its unit and values; a range is stored as start, step and count."""
+        """Unit and values of each swept variable, by name. A range is stored as start, step and
+        count.
+        """
         grid = {}
         for (name, values), unit in zip(self.axes.items(), self.units, strict=True):
             content = asdict(values) if isinstance(values, Steps) else {"values": list(values)}
@@ -178,7 +187,10 @@ class SweepPlan:
         return grid
 
     def values(self, start: int, stop: int) -> np.ndarray:
-        """Return rows start .. stop - 1 of the table of points, (stop - start, variables)."""
+        """Return the values of the swept variables at the points start .. stop - 1.
+
+        The shape is (stop - start, variables).
+        """
         index = np.arange(start, stop)
         indices = np.unravel_index(index, self.sizes)
         columns = []
@@ -188,7 +200,7 @@ class SweepPlan:
         return np.stack(columns, axis=-1)
 
     def task(self, start: int, stop: int) -> tuple[Any, ...]:
-        """Return the arguments of `run_points` for the points start .. stop - 1."""
+        """Return the arguments with which `run_points` computes the points start .. stop - 1."""
         values = self.values(start, stop)
         compiled = self.count >= COMPILE_FROM
         return self.model, self.variables, values, self.condition, self.start, compiled

@@ -1,4 +1,4 @@
-"""Points of a sweep as linear models."""
+"""Access to the points of a sweep: linear models, and columns of values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def linear_model_at(swept: Sweep, index: int) -> LinearModel:
-    """Return the linear model of a point, with its operating point.
+    """Return the linear model of a point of a sweep, with its operating point.
 
     index: number of the point; negative numbers count from the end
 
@@ -45,7 +45,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
 
 
 def column(swept: Sweep, name: str) -> np.ndarray:
-    """Return the values of a swept variable, a state or an input at all points, (N,).
+    """Return the values of a swept variable, a state or an input at all points of a sweep, (N,).
 
     Raises BadInputError for any other name.
     """
