@@ -19,7 +19,8 @@ def ordinary_box(
 ) -> Box | None:
     """Return the box of typical deviations of the paper's aircraft, or None for another plant.
 
-    The states, inputs and units (English or SI, or () if unknown) must be those of the aircraft.
+    states, inputs: names, which must be those of the aircraft
+    state_units: units of the states, English or SI, or () if unknown
     """
     if (states, inputs) != (LINEAR_STATES, INPUTS):
         return None

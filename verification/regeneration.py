@@ -1,4 +1,4 @@
-"""Comparison of both printed linear models with those computed from one aircraft."""
+"""Comparison of both linear models printed in the paper with those computed from one aircraft."""
 
 from __future__ import annotations
 
@@ -68,7 +68,9 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
-        """Return a report of A and B, entry by entry, the spectra and the checks."""
+        """Return a report that compares the computed with the printed model: entries, spectra and
+        checks.
+        """
         model = self.model
         printed_deg = self.published.dihedral_deg
         spectra = [
@@ -107,13 +109,13 @@ class Regeneration(ByValue, Result, Reported):
         return all(pair.ok for pair in self.pairs)
 
     def picture(self) -> Picture:
-        """Return a picture of the difference of every entry from its printed value."""
+        """Return a picture with the difference of every computed entry from the printed entry."""
         text = "Difference of every entry from its printed value"
         return Picture("regeneration.png", text, lambda: _figure(self.pairs))
 
     def summary(self) -> Report:
-        """Return a report with the verdict, the checks and the entries with the largest
-        differences.
+        """Return a short report: the verdict, the checks, and the entries with the largest
+            differences.
 
         The data of the report contain all entries.
         """
@@ -139,8 +141,9 @@ class Regeneration(ByValue, Result, Reported):
         return f"Both printed pairs regenerated: {'yes' if self.ok else 'NO'}"
 
     def report(self) -> Report:
-        """Return a report that compares both pairs with the printed values, with spectra and
-        verdict."""
+        """Return a full report that compares both computed pairs with the printed pairs, and the
+        verdict.
+        """
         reports = [pair.report() for pair in self.pairs]
         return Report(
             title="",
@@ -157,8 +160,10 @@ class Regeneration(ByValue, Result, Reported):
 
 
 def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
-    """Return a figure of computed minus printed entries, in half units of the last printed
-    digit."""
+    """Return a figure of computed minus printed entries, in half units of the last printed digit.
+
+    pairs: computed and printed models
+    """
     figure = new_figure(10.0, 7.0)
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
     shown = [column for column in columns if any(entry.printed for entry in column)]
@@ -181,7 +186,9 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
 
 @checks_arguments
 def regenerate_all(aircraft: Model) -> Regeneration:
-    """Return both printed linear models compared with those of an aircraft at the printed trims."""
+    """Return the comparison of both printed linear models with those of an aircraft at the printed
+    trims.
+    """
     return Regeneration(
         tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models())
     )
@@ -190,7 +197,11 @@ def regenerate_all(aircraft: Model) -> Regeneration:
 def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair:
     """Return the comparison of a linear model with a printed pair: entries, spectra and checks.
 
-    The checks include the number of unstable eigenvalues.
+    The checks concern the largest error of an entry, the fast and the slow eigenvalues, and the
+    number of unstable eigenvalues.
+
+    model: computed linear model
+    published: the printed pair (A, B)
     """
     entries = compare(model, published)
     printed = _spectrum(published.A)

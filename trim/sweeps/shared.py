@@ -1,5 +1,4 @@
-"""Terms of a trim's equations that depend only on the constants of a point, computed once a point.
-"""
+"""Precomputation of terms in a trim's equations that depend only on the constants of a point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nonlinear plant about its trim, and the box of states in which critics are compared."""
+"""Nonlinear plant in deviations from its trim, and box of states in which critics are compared."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from verification.critic.critic_errors import Box
 
 
 class NonlinearPlant(NamedTuple):
-    """Nonlinear plant in deviations from its trim.
+    """Nonlinear plant in deviations z and u of state and input from its trim.
 
     rates: CasADi Function (z, u) -> z'
-    lowest, highest: (m,), limits of the deviation u, which include 0
+    lowest, highest: (m,), limits of u, which include 0
     """
 
     rates: ca.Function
@@ -24,14 +24,14 @@ class NonlinearPlant(NamedTuple):
     highest: np.ndarray
 
     def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Return z' for the state z and the input u, saturated at its limits."""
+        """Return the rate z' for a state z and an input u, which is saturated at its limits."""
         return self.rates(z, ca.fmin(ca.fmax(u, ca.DM(self.lowest)), ca.DM(self.highest)))
 
 
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     """Return the nonlinear plant about the trim of a linear model, with the limits of its inputs.
 
-    States that the linear model omits are constant.
+    The plant has the states and inputs of the linear model. The other states are constant.
     """
     point = linear.point
     model = point.model
@@ -52,7 +52,8 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 
 
 def box_within_limits(linear: LinearModel) -> Box | None:
-    """Return the largest box of states within the declared limits, symmetric about the trim.
+    """Return the largest box of a linear model's states within their limits, symmetric about the
+    trim.
 
     The result is None if a state has no limits, or the trim is at or beyond a limit.
     """

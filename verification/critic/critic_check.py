@@ -134,7 +134,14 @@ def check_critic(
 
 
 def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost of K, or an infinite cost if rounding hides whether A - B K is stable."""
+    """Return the cost, L2 gain and distance to instability of a gain K, compared with the optimum.
+
+    If rounding hides whether A - B K is stable, the cost of K is infinite.
+
+    game: the game
+    exact: solution of the game
+    K: (m, n)
+    """
     try:
         return flight_cost(game, exact, K)
     except NoSolutionError:
@@ -145,6 +152,9 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
     """Return the checks that A - B K is stable and that its L2 gain is below delta.
 
     The L2 gain is not checked for delta = inf, or if K is not finite.
+
+    critic: the critic, with K
+    lost: cost and L2 gain of K
     """
     abscissa = math.inf
     if critic.finite:
@@ -158,7 +168,10 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Return the checks that A - S P is stable, that P is not indefinite, and of the residual.
+    """Return three checks of a critic's P: A - S P is stable, P is not indefinite, the residual is
+    small.
+
+    The residual is that of the Riccati equation.
 
     - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted, because
       rounding can make the value of a state without cost negative.
@@ -191,14 +204,20 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:
-    """Return the smallest eigenvalue of (P + P')/2 divided by the largest entry of |P|, 0 for P =
-    0."""
+    """Return the smallest eigenvalue of (P + P')/2, relative to the largest entry of |P|.
+
+    The result is 0 for P = 0.
+    """
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
 def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
-    """Return a section of the report: cost, L2 gain and margins of the critic, and of the
-    optimum."""
+    """Return a section of the report that compares a critic with the optimum.
+
+    The section lists cost, L2 gain, distance to instability and disk margin of both.
+
+    lost: cost and L2 gain of the critic
+    """
     learned = None
     if math.isfinite(lost.gain):
         with suppress(NoSolutionError):
@@ -224,13 +243,15 @@ def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
 
 @lru_cache
 def _best_margin(game: Game) -> DiskMargin:
-    """Return the disk margin of the exact gain of a game."""
+    """Return the disk margin of the game's exact gain."""
     return disk_margin(game, solve_game(game).K)
 
 
 def _polynomial_section(critic: Critic) -> Section:
-    """Return a section of the report on a network that is a polynomial, for which bounds are
-    proved."""
+    """Return a section of the report on a critic that is a network with one layer, a polynomial.
+
+    The errors of such a network are bounded without a search.
+    """
     data = {
         "output": "V",
         "precision": critic.precision,

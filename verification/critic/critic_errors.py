@@ -1,4 +1,4 @@
-"""Errors of a critic in norms, entry by entry, and in a box of states.
+"""Errors of a critic: in norms, entry by entry, and in a box of states.
 
 V - V* is a polynomial with the coefficients c = W - W*. In the coordinates y_i = z_i / b_i, with b
 the half-widths of the box, V - V* is Σ_m c_m ψ_m(b) ψ_m(y), and |ψ_m(y)| <= 1. Therefore the sum of
@@ -30,7 +30,7 @@ SMALL = 1e-5
 
 
 class Exact(Protocol):
-    """Exact solution: value z'Pz and policies u = -K z, d = L z."""
+    """Exact solution of a game: value z'Pz and policies u = -K z, d = L z."""
 
     @property
     def P(self) -> Matrix:
@@ -46,7 +46,7 @@ class Exact(Protocol):
 
     @property
     def names(self) -> PlantNames:
-        """Names of the states and inputs."""
+        """Names and units of the game's states and inputs."""
 
 
 class Box(NamedTuple):
@@ -61,14 +61,14 @@ class Box(NamedTuple):
 
 
 def balanced_box(game: Game) -> Box:
-    """Return the box whose half-widths are the balanced units of the game."""
+    """Return the default box of states, whose half-widths are the balanced units of the game."""
     about = "balanced units of the game (a convention, because no typical deviations are given)"
     return Box(NormalForm.of(game).units, about)
 
 
 @checks_arguments
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """Return |value - exact| / |exact| in Frobenius norms.
+    """Return the relative error |value - exact| / |exact| in Frobenius norms.
 
     The result is inf if a number of `value` is not finite, or if exact is 0 and value is not.
     Raises BadInputError for different shapes.
@@ -96,9 +96,13 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
-    """Return max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|).
+    """Return the largest relative error of an entry.
 
-    The result is inf if a difference is not finite, or if exact is 0 and a difference is not.
+    The error of an entry is |difference_ij| / max(|exact_ij|, `SMALL` max |exact|). The result is
+    inf if a difference is not finite, or if exact is 0 and a difference is not.
+
+    difference: error of each entry, an array of any shape
+    exact: the exact entries, in the same shape
     """
     largest = float(np.abs(exact).max(initial=0.0))
     if not np.all(np.isfinite(difference)):
@@ -109,8 +113,11 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
 
 
 def error_check(name: str, error: float, limit: float, what: str) -> Check:
-    """Return the check that an error is at most the limit.
+    """Return the check that an error is at most a limit.
 
+    name: name of the check
+    error: the error
+    limit: the limit
     what: quantity with the error, for the reason of a failure: "K" gives "K is off by 0.1"
     """
     return at_most(name, error, limit, f"{what} is off by {error:.2g}", kind="error")
@@ -119,10 +126,14 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
 def critic_errors(
     game: Game, critic: Critic, exact: Exact, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Return the checks of the errors of K, of P if P is known, and in the box for a critic without
-    network.
+    """Return the checks of a critic's errors: of K, of P if known, and of V and the policies in a
+    box.
 
-    box: by default `balanced_box`
+    The errors in the box are omitted for a critic with a network.
+
+    exact: solution of the game
+    limit: limit of each error
+    box: box of states, by default `balanced_box`
     """
     checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
     if not critic.network:
@@ -136,12 +147,17 @@ def critic_errors(
 def matrix_errors(
     game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Return three checks of the errors of "P" (n, n) or "K" (m, n).
+    """Return three checks of the errors of a matrix P or K.
 
     With the balanced units U, the checks compare
     - the norm of the matrix in the units of the game,
     - the norm of U P U or R^(1/2) K U,
     - the worst entry of U P U or diag(R)^(1/2) K U.
+
+    name: "P" or "K"
+    matrix: P, (n, n), or K, (m, n), of the critic
+    exact: the exact matrix
+    limit: limit of each error
     """
     units = NormalForm.of(game).units
     if name == "P":
@@ -166,14 +182,17 @@ def matrix_errors(
 def box_errors(
     game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Return the checks of the errors in the box: of V, each ∂V/∂z_i, and each entry of u and d.
+    """Return the checks of a critic's errors in a box: of V, each ∂V/∂z_i, and each entry of u and
+    d.
 
     The errors are upper bounds. The error of V is relative to the sum of its terms at the corner of
     the box, and all other errors to the largest exact value in the box. u is the critic's policy,
     and d = ½ δ⁻²E'∂V/∂z is the worst disturbance. Without P, only the policy is checked. With δ =
     inf, d is not checked.
 
+    exact: solution of the game
     box: (n,), half-widths
+    limit: limit of each error
     """
     corner = np.outer(box, box)
     P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # z'Pz depends on this part
@@ -204,9 +223,12 @@ def box_errors(
 
 
 def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return bounds of the terms of V that are not quadratic, and of their gradient, over boxes λb.
+    """Return bounds of the terms of V that are not quadratic, and of their gradient (n,).
 
-    The bounds of the gradient, (n,), are multiplied by the half-widths b_i.
+    The bounds are valid in all boxes λb. Those of the gradient are multiplied by the half-widths
+    b_i.
+
+    box: b, (n,)
     """
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:

@@ -1,4 +1,4 @@
-"""Errors of a critic over time, and the checks of a training run."""
+"""Errors of a critic over time, and checks of the data and settling time of a training run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ErrorTable(Result):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the column `decides` remains within the limit, s, or inf."""
+        """First time after which the error `decides` stays within its limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
@@ -65,7 +65,7 @@ class ErrorTable(Result):
         return self.settling_time <= self.predefined_time
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries of the table; each column of errors is an entry under its name."""
+        """Return the entries of the table for files, with an entry for each column of errors."""
         data = super().as_data()
         return {"time": data.pop("time"), **plain(self.errors), **data}
 
@@ -80,7 +80,10 @@ class ErrorTable(Result):
 
 
 def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
-    """Return the errors of P(t) of a training run, recomputed from its weights."""
+    """Return the errors of P over the time of a training run, computed from the run's weights.
+
+    exact: solution of the game
+    """
     psi = basis(run.basis, len(game.A))
     values = np.array([psi.matrix(weights) for weights in run.weights])
     form = NormalForm.of(game)
@@ -94,8 +97,10 @@ def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
 
 
 def rank_check(run: TrainingRun) -> Check:
-    """Return the check that the data of a training run have full rank, which determines the
-    weights."""
+    """Return the check that the data of a training run have full rank.
+
+    Data with a lower rank do not determine the weights.
+    """
     rank = run.excitation
     poor = (
         f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "

@@ -27,15 +27,15 @@ _LEAST_DIFFERENCE = 1e-6
 
 
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
-    """Return a figure with heat maps of the learned and the exact P, and of their relative
-    difference.
+    """Return a figure with heat maps of a critic's P, the exact P, and their relative difference.
 
     - K is drawn for a critic without P.
     - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE`.
     - The errors over time are drawn below if the verdict has a table.
     The color scale is logarithmic with sign.
 
-    make: function (width, height) -> empty figure
+    verdict: verdict on the critic
+    make: function (width, height) -> empty figure, in inches
     """
     table = verdict.table
     names = verdict.exact.names
@@ -80,8 +80,9 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     """Return a figure of the errors and excess costs of several critics, in their order.
 
-    The figure of a single critic is its `verdict_figure`.
+    For a single critic, the result is its `verdict_figure`.
 
+    verdicts: source of each critic -> its verdict
     origin: name of the plant, for the title
     """
     if len(verdicts) == 1:
@@ -130,7 +131,9 @@ def _heat_map(
 ) -> None:
     """Draw a matrix as a heat map with a color bar.
 
-    size: limit of the color scale of a matrix, or None for relative differences
+    title: title of the map
+    matrix: P or K, or their relative differences
+    size: limit of the color scale for P or K; None for relative differences
     """
     from matplotlib.colors import SymLogNorm
 

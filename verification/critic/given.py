@@ -1,4 +1,4 @@
-"""Conversion of user input (file, solution, training run, network or gain) to a critic."""
+"""Conversion of a user's critic (file, solution, training run, network or gain) to a `Critic`."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 def critic_given(
     game: Game, given: Any, parts: dict[str, Any], run: TrainingRun | None
 ) -> tuple[Critic, TrainingRun | None]:
-    """Return a critic and the training run that ends with it, or None.
+    """Return the critic that a user gives, and the training run that ends with it, or None.
 
+    game: the game
     given: file, solution, training run, network or gain K; None if parts define the critic
     parts: "K", "P", "W" -> array or None
-    run: the training run of a file or a gain, if known
+    run: the training run of a file or a gain, or None if unknown
 
     Raises BadInputError if no critic is given, or an array does not fit the game.
     """

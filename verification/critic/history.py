@@ -76,9 +76,11 @@ def check_history(
 
 
 def _section(table: ErrorTable) -> Section:
-    """Return a section of the report with the settling time and the errors at some times.
+    """Return a section of the report on a history: its settling time, and the errors at some times.
 
     The records of the section contain the errors at all times.
+
+    table: errors at all times
     """
     columns = np.column_stack([table.times, *table.errors.values()])
     some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
@@ -89,6 +91,6 @@ def _section(table: ErrorTable) -> Section:
 
 
 def _residual(game: Game, P: np.ndarray) -> float:
-    """Return the relative Riccati residual of P in balanced units."""
+    """Return the relative residual of the Riccati equation for P, (n, n), in balanced units."""
     form = NormalForm.of(game)
     return float(form.relative_residual(form.of_value(P)))

@@ -1,4 +1,4 @@
-"""Type of the proof in a verdict, for type checkers only."""
+"""Type of the proof in a verdict on a critic, for type checkers only."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Proved(Protocol):
-    """Proved bound on the errors of a nonlinear critic.
+    """Proved bound on the errors of a nonlinear critic in a box of states.
 
     error: proved upper bound of the relative error.
     fraction: factor on the box for which the bound is proved, or 0 if nothing is proved.

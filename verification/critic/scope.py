@@ -1,4 +1,4 @@
-"""Further data for the checks of a critic, besides its game."""
+"""Data for the checks of a critic besides the game: box of states, other games, nonlinear plant."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SECONDS = 20.0
 
 
 class Scheduled(NamedTuple):
-    """Games of a model as a function of its scheduling variable.
+    """Games at different values of a model's scheduling variable.
 
     says: value -> text, "at dihedral 12.0000 deg"
-    game_at: value -> game
+    game_at: value -> game at this value
     starts: initial values of a search, or none if the model does not depend on the variable
     """
 
@@ -36,10 +36,10 @@ class Scheduled(NamedTuple):
 
 
 class Nearby(NamedTuple):
-    """Other games on which the critic may have been learned.
+    """Other games, on one of which a critic may have been learned by mistake.
 
     named: difference from the given game, such as "of the matrices printed for 5 deg" -> game
-    scheduled: games as a function of the scheduling variable, or None
+    scheduled: games at different values of the scheduling variable, or None
     """
 
     named: Mapping[str, Game] = {}
@@ -49,12 +49,14 @@ class Nearby(NamedTuple):
 @checks_arguments
 @dataclass(frozen=True)
 class Scope:
-    """Further data for the checks of a critic, besides its game.
+    """Data for the checks of a critic besides the game.
 
     box: box of states in which V, its gradient and the policies are compared; by default
         `balanced_box`
-    nearby: function that returns other games, to recognize a critic that was learned on one of them
-    plant: nonlinear plant about its trim, in which a network is also simulated
+    nearby: function that returns other games, to recognize a critic that was learned on one of
+        them;
+        None for no comparison
+    plant: nonlinear plant about its trim, in which a network is also simulated, or None
     flights: number of initial conditions from which a network is simulated
     seconds: time for a proof of the largest error of a network, or 0 for no proof
     progress: called during the proof with (elapsed seconds, allowed seconds)

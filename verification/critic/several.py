@@ -1,4 +1,4 @@
-"""Table of several critics of one game."""
+"""Report on several critics of one game."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def verdicts_report(
 
     verdicts: file -> verdict
     origin: name of the plant
-    limit_cost: as in `Verdict.report`
+    limit_cost: limit of the cost above the optimum, percent, which then decides each verdict, or
+        None
     """
     header = (
         "critic",

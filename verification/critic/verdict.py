@@ -74,11 +74,11 @@ class Details(Result):
 
 
 class Section(NamedTuple):
-    """Part of a verdict's report, with its data.
+    """Part of the report on a critic, with its data.
 
     part: text or table of the report
-    data: entries of the verdict
-    records: table for a file, instead of the entries of P and K
+    data: entries that the part adds to the data of the verdict
+    records: table for a data file in place of the entries of P and K, or None
     """
 
     part: Part
@@ -132,28 +132,30 @@ class Verdict(Checked, Result, Reported):
     table: ErrorTable | None = None
 
     def value_of(self, name: str) -> float:
-        """Return the value of the check with this name, or nan if there is none."""
+        """Return the measured value of a check with this name, or nan if there is no such check."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
     def diagnosis(self) -> str:
-        """Name of `reason` in version 0.3."""
+        """The field `reason` under its name in version 0.3."""
         return self.reason
 
     @property
     def P_rel_error(self) -> float:
-        """|P - P*| / |P*|, Frobenius norms in the units of the game, or nan if only a gain is
-        known."""
+        """Relative error |P - P*| / |P*| in Frobenius norms and the units of the game.
+
+        The value is nan if only a gain is known.
+        """
         return self.value_of("P_rel_error")
 
     @property
     def K_rel_error(self) -> float:
-        """|K - K*| / |K*|, Frobenius norms in the units of the game."""
+        """Relative error |K - K*| / |K*| in Frobenius norms and the units of the game."""
         return self.value_of("K_rel_error")
 
     @property
     def largest_error(self) -> float:
-        """Largest value of the checks of kind error."""
+        """Largest measured value of the checks of kind "error"."""
         return max(check.value for check in self.checks if check.kind == "error")
 
     @property
@@ -162,8 +164,11 @@ class Verdict(Checked, Result, Reported):
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether every check passes or, with a limit (percent), whether `cost_lost` is at
-        most the limit.
+        """Return whether the critic passes.
+
+        limit_cost: limit of the cost above the optimum, percent, which alone decides. None if all
+            checks
+            must pass.
         """
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
@@ -185,16 +190,22 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Return the first line: PASS, NEAR or FAIL on the linear game, and the first finding.
+        """Return the first line of the report: PASS, NEAR or FAIL on the linear game, and the first
+            finding.
 
         A second finding is added if the line then has at most 100 columns.
+
+        limit_cost: as for `holds`
         """
         return self._first_lines(limit_cost)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the headline, then one line for each further finding.
+        """Return the first lines of the report: the headline, then one line for each further
+            finding.
 
         The findings are errors, stability, the equilibrium and the L2 gain.
+
+        limit_cost: as for `holds`
         """
         failed = [check for check in self.checks if not check.ok]
         decided = ""
@@ -220,7 +231,7 @@ class Verdict(Checked, Result, Reported):
         return [line, *facts]
 
     def _cost_text(self) -> str:
-        """Return the cost above the optimum as text."""
+        """Return the cost of the critic relative to the optimum, as text."""
         if math.isinf(self.cost_lost):
             return "cost without bound"
         if self.cost_lost < ROUNDING:
@@ -228,7 +239,10 @@ class Verdict(Checked, Result, Reported):
         return f"{self.cost_lost:.2g} % above the optimum"
 
     def grade_text(self, limit_cost: float | None = None) -> str:
-        """Return PASS, NEAR or FAIL. With a limit of the cost, percent, return PASS or FAIL."""
+        """Return the grade as text: PASS, NEAR or FAIL.
+
+        limit_cost: limit of the cost above the optimum, percent. The text is then PASS or FAIL.
+        """
         if limit_cost is None and self.grade == "near":
             return Cell("NEAR", "bad")
         return verdict_text(self.holds(limit_cost))
@@ -252,21 +266,22 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def checks_with_kinds(self) -> list[dict[str, Any]]:
-        """Name, value, limit, ok, reason and kind of each check."""
+        """Data of each check: name, value, limit, ok, reason and kind."""
         return [check.as_data() | {"kind": check.kind} for check in self.checks]
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries of the verdict and of all its sections."""
+        """Return the data of the verdict for files, with the entries of all sections."""
         data = super().as_data()
         for section in self.sections:
             data |= section.data.as_data()
         return data
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
-        """Return the data of the verdict.
+        """Return the data of the verdict for files.
 
-        limit_cost: limit of the cost above the optimum, percent. The entry `graded` then also
-            contains the limit and the verdict on the cost.
+        limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the entry
+            `graded`
+            also contains the limit and the verdict on the cost.
         """
         data = self.as_data()
         if limit_cost is not None and "graded" in data:
@@ -276,11 +291,12 @@ class Verdict(Checked, Result, Reported):
     def report(
         self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
     ) -> Report:
-        """Return a report: verdict, checks, sections, and entries of P and K.
+        """Return a report of the verdict: first lines, checks, sections, and entries of P and K.
 
-        limit_cost: limit of the cost above the optimum, percent, which then decides the verdict
+        limit_cost: limit of the cost above the optimum, percent, which then decides the verdict, or
+            None
         about: lines below the heading, instead of `weights`
-        source: file of the critic
+        source: file of the critic, or "" if there is none
         """
         names = self.exact.names
         P = self.critic.P
@@ -311,7 +327,7 @@ class Verdict(Checked, Result, Reported):
         )
 
     def plot(self) -> np.ndarray:
-        """Draw the learned and the exact P with pyplot, or K without P. Return the Axes."""
+        """Draw the learned and the exact P, or K without P, with pyplot, and return the Axes."""
         from hfa_support.reporting.figure import pyplot_figure
         from verification.critic.figures import verdict_figure
 
@@ -320,10 +336,14 @@ class Verdict(Checked, Result, Reported):
     def _farthest_entries(
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
     ) -> Part:
-        """Return a table of the entries with the largest errors, and a note if entries are omitted.
+        """Return a table of the entries of P and K with the largest errors, and a note on omitted
+        entries.
 
-        The errors are relative to the largest entry of the matrix. The entries keep their order. Of
-        P only the upper triangle is used.
+        The errors are relative to the largest entry of the matrix. The entries keep their order.
+        Only the upper triangle of P is used.
+
+        entries: rows of `entry_rows`
+        states: names of the states
         """
         largest = {
             "P": float(np.abs(self.exact.P).max()) or 1.0,
@@ -361,9 +381,11 @@ class Verdict(Checked, Result, Reported):
 
 
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
-    """Return the checks, with the diagnosis appended to the reason of the first failed check.
+    """Return the checks, with the recognized mistake in the reason of the first failed check.
 
-    The checks are unchanged if this reason already contains the diagnosis.
+    The checks are unchanged if this reason already contains the mistake.
+
+    diagnosis: the recognized mistake, or ""
     """
     with_reason = list(checks)
     for index, check in enumerate(checks):
@@ -375,12 +397,13 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
 
 
 def shown_number(value: float) -> str:
-    """Return a number with three digits, or "" for nan."""
+    """Return a number as text with three digits, or "" for nan."""
     return "" if math.isnan(value) else f"{value:.3g}"
 
 
 def _failures(checks: Sequence[Check]) -> Part:
-    """Return a line with the reason for each failed check, and the number of checks that passed.
+    """Return a line for each failed check with its reason, and a line with the number of passed
+    checks.
 
     Checks of other kinds than "error" are first, and the errors of P and K are first among the
     errors. Only the names of failures beyond the first `_FAILURES` are printed.
