@@ -107,8 +107,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
     error.
 
     folder: folder of the files, or None. It is created if it does not exist, and removed again if
-        it
-        was created and remains empty.
+        it was created and remains empty.
 
     Raises RuntimeError if such blocks are nested.
     """

@@ -67,8 +67,8 @@ class StackEquations:
 
     states, drifts: z_j and F_j, (N_h, n), scaled
     gradient: ∂ψ_j, (N_h, M, n)
-    control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P,
-        P S_u P is a small difference of large numbers, but |G'P z|² is not.
+    control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P
+        is a small difference of large numbers, but |G'P z|² is not.
     disturbance: (n, k), a square root of S_d/δ²
     drift_matrix: A fitted to F = A z by least squares, used only to test whether a policy
         stabilizes

@@ -47,8 +47,7 @@ class LoopMargin(NamedTuple):
         limits
     phase: largest tolerated phase shift, deg; inf if every phase shift is tolerated
     crossover: frequency at which this phase shift makes the loop unstable, rad/s; the loop gain is
-        1
-        there, |l| = 1; nan if |l| is never 1
+        1 there, |l| = 1; nan if |l| is never 1
     delay: largest tolerated delay of the signal, s; inf if every delay is tolerated
     disk: α of `DiskMargin`, for simultaneous changes of gain and phase
     """
@@ -201,8 +200,7 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
     grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on the
         grid
     loop: the loop of the loci, for its M at infinite frequency and its sampling time; None if there
-        is
-        neither
+        is neither
     """
     for _ in range(_HALVINGS):
         seen = _followed(loci(grid))

@@ -214,8 +214,7 @@ class Obstacle(NamedTuple):
 
     sentence: the reason, or "" if there is none
     reach: smallest relative change of A and B that makes an unstable mode uncontrollable, 1 if
-        there
-        is no such mode
+        there is no such mode
     mode: name of this mode
     shown: smallest relative change of A and Q^½ that puts a mode without cost on the imaginary axis
     undamped: name of this second mode

@@ -51,8 +51,7 @@ def _critics(text: str) -> list[Path]:
     """Return the paths of the critic files given by --weights.
 
     text: path of one file, or of a folder with critic files. The files of a folder are sorted by
-        the
-        numbers in their names.
+        the numbers in their names.
 
     Raises BadInputError if the folder contains no critic.
     """

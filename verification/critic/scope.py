@@ -54,8 +54,7 @@ class Scope:
     box: box of states in which V, its gradient and the policies are compared; by default
         `balanced_box`
     nearby: function that returns other games, to recognize a critic that was learned on one of
-        them;
-        None for no comparison
+        them; None for no comparison
     plant: nonlinear plant about its trim, in which a network is also simulated, or None
     flights: number of initial conditions from which a network is simulated
     seconds: time for a proof of the largest error of a network, or 0 for no proof

@@ -167,8 +167,7 @@ class Verdict(Checked, Result, Reported):
         """Return whether the critic passes.
 
         limit_cost: limit of the cost above the optimum, percent, which alone decides. None if all
-            checks
-            must pass.
+            checks must pass.
         """
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
@@ -280,8 +279,7 @@ class Verdict(Checked, Result, Reported):
         """Return the data of the verdict for files.
 
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the entry
-            `graded`
-            also contains the limit and the verdict on the cost.
+            `graded` also contains the limit and the verdict on the cost.
         """
         data = self.as_data()
         if limit_cost is not None and "graded" in data:
