@@ -132,9 +132,9 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
 
 
 def _user_level() -> int:
-    """Return the stack level, for a warning of the calling function, of the user's own code.
+    """Return the stack level of the user's own code, for a warning of the calling function.
 
-    This is the nearest frame outside the packages of the project.
+    The user's own code is the nearest frame outside the packages of the project.
     """
     frame = inspect.currentframe()
     level = 0
@@ -236,7 +236,7 @@ def _on_basis(
 
 
 def _parts(network: str) -> dict[str, str]:
-    """Return kind -> part of the file, read from text such as "V=value,policy=actor".
+    """Return the requested parts of a file by kind, from text such as "V=value,policy=actor".
 
     The kind of an item without "=" is "". Raises BadInputError for a kind that is not in `OUTPUTS`.
     """
@@ -265,7 +265,7 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """Return name -> kind for each output of a network.
+    """Return the kind of each output of a network, by name of the output.
 
     A name in `OUTPUTS` is a kind. The kind of another output follows from its size.
 

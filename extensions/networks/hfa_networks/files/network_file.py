@@ -434,9 +434,9 @@ def composed(
 
 
 def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
-    """Return the normalized entries (n,) as CasADi scalars.
+    """Return the inputs of a network after its normalizer, (n,).
 
-    h: (n,), CasADi scalars
+    h: inputs, (n,), CasADi scalars
     """
     normal = (h - normalizer.mean) / normalizer.deviation
     if np.isinf(normalizer.clip):

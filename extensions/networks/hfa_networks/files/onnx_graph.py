@@ -110,10 +110,10 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
 def _split(
     x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
 ) -> tuple[np.ndarray, ...]:
-    """Split x along an axis into parts with the lengths `sizes` or `split`.
+    """Return consecutive parts of x along an axis, as the ONNX operator Split does.
 
-    Without lengths, there are `num_outputs` parts of equal length, of which the last may be
-    shorter.
+    The parts have the lengths `sizes` or `split`. Without lengths, there are `num_outputs` parts of
+    equal length, of which the last may be shorter.
     """
     sizes = split if sizes is None else sizes
     if sizes is None:
@@ -163,7 +163,7 @@ def _root_of_squares(x: np.ndarray, *axes: Any, **how: Any) -> np.ndarray:
 
 
 def normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
-    """Return (x - mean) / sqrt(variance + epsilon) over the axes."""
+    """Return (x - mean) / sqrt(variance + epsilon), with mean and variance over the given axes."""
     centred = x - np.mean(x, axis=axes, keepdims=True)
     variance = np.mean(centred**2, axis=axes, keepdims=True)
     return centred / on_entries(ca.sqrt)(variance + epsilon)
@@ -326,7 +326,7 @@ class GraphFunctions(NamedTuple):
 
     functions: requested kind, or name of the output -> function of x (states,), or of (x, u)
         (states + inputs,) for a Q.
-    rows: name -> function of x (N, states); empty if no product in the graph is large.
+    rows: name -> function of x (N, states), or empty if no product in the graph is large.
     precision: precision of the weights, "float32" or "float64".
     operators: operators that depend on x with the sizes of their results, in one line.
     """
@@ -440,7 +440,7 @@ def _evaluate(
 def _inputs_of(
     graph: Any, constants: set[str], states: int, inputs: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return name -> shape of each input of a graph.
+    """Return the shape of each input of a graph, by name.
 
     Raises BadInputError unless the inputs are the state of the plant, or for a Q the state and the
     input as one or two arrays.
@@ -600,9 +600,13 @@ def _refuse_unread(
 
 
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
-    """Return the size of an operator's result before it is computed.
+    """Return the number of entries of an operator's result, before the result is computed.
 
-    The result is 0 for an operator that cannot enlarge its input.
+    It is 0 for an operator that cannot enlarge its input.
+
+    name: name of the operator
+    inputs: arrays on which the operator acts
+    attributes: attributes of the operator
     """
     if name in _SIZES:
         return _SIZES[name](*inputs, **attributes)
@@ -633,7 +637,7 @@ def _refuse_more(name: str, size: int, inputs: Any) -> None:
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """Return key -> name of an output of the graph.
+    """Return the requested outputs of a graph, as key -> name of the output.
 
     The key is the requested kind. If several outputs are requested by "", each name is its own key.
     Raises BadInputError for a name that is not an output of the graph.

@@ -23,10 +23,10 @@ class Products:
         self._factors: list[tuple[ca.SX, np.ndarray]] = []
 
     def times(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return a @ b.
+        """Return the matrix product a @ b.
 
-        The result consists of new symbols if one factor contains symbols and the other is a large
-        constant matrix.
+        If one factor contains symbols and the other is a large constant matrix, the result consists
+        of new symbols.
         """
         a_is_constant = a.dtype != object
         b_is_constant = b.dtype != object

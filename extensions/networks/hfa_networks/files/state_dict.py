@@ -118,7 +118,7 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 
 
 def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
-    """Sort the tensors of a state dict by function.
+    """Return the tensors of a state dict, sorted by function.
 
     part: words that select layers by their names, joined by +. "" selects all layers
     is_policy: whether "" selects the policy alone, without a critic in the same file
@@ -207,9 +207,9 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
 
 
 def roots(tensors: Iterable[str]) -> list[str]:
-    """Return the tensors' names without layer number and "weight" or "bias", each once.
+    """Return the names of the networks in a state dict, each once.
 
-    Empty names are omitted.
+    A name is that of a tensor without layer number and "weight" or "bias". Empty names are omitted.
     """
     stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
     return [stem for stem in dict.fromkeys(stems) if stem]
@@ -302,14 +302,14 @@ def _normalizer_of(
 
 
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
-    """Return the item that belongs to the layers, or None if `found` is empty.
+    """Return the normalizer or squash that belongs to a network, or None if the file has none.
 
-    A single item belongs to the layers. Of several items, exactly one must have a name that begins
-    with the first word of a layer's name. Otherwise BadInputError is raised.
+    If the file has only one, it belongs to the network. Of several, exactly one must have a name
+    that begins with the first word of a layer's name. Otherwise BadInputError is raised.
 
-    what: noun for the items, for the message
-    found: name -> item
-    layers: tensors of the layers
+    what: noun for the message, such as "normalizer"
+    found: name -> normalizer or squash of the file
+    layers: tensors of the network's layers
     """
     if len(found) < 2:
         return next(iter(found.values()), None)

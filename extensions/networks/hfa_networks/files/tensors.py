@@ -40,7 +40,7 @@ _TYPES = {
 
 
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
-    """Return name -> array of a state dict, in the order of the file.
+    """Return the tensors of a state dict by name, in the order of the file.
 
     Raises BadInputError for a torch file that was not written by torch 1.6 or later or contains
     TorchScript, and for an archive that unpacks to more than `LARGEST` bytes.
