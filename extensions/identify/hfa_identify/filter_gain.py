@@ -142,9 +142,9 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
 def _predicted_covariance(
     Phi: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> np.ndarray:
-    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0.
+    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0, (N, n, n).
 
-    The result is finite even for a model with a drifting unobservable state, which has no steady P.
+    The result is finite even if a drifting unobservable state has no steady covariance.
     """
     A = Phi.transpose(0, 2, 1)
     G = C.transpose(0, 2, 1) @ (C / R[:, :, None])

@@ -359,7 +359,7 @@ class OutputError:
         noise: np.ndarray,
         slopes: np.ndarray,
     ) -> Normal:
-        """Return a record's normal equations with the information contained in its noise variances.
+        """Return a record's normal equations, extended by the information in its noise variances.
 
         number: index of the record
         noise: noise variances, which depend on the unknowns, (k,)

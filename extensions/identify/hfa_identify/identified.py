@@ -190,7 +190,7 @@ class Identified(Result, Reported):
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most between the two minima, and its second value.
+        """Return the parameter that differs most between both minima, and its value at the second.
 
         The difference is relative to the width of the parameter's band.
         """
@@ -206,7 +206,7 @@ class Identified(Result, Reported):
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 
-        After PASS, at most two errors of columns are named that are assumed to be 0.
+        After PASS, the line names at most two column errors that are assumed to be 0.
         """
         stated = self._stated
         if stated:

@@ -64,9 +64,11 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
     """Return values of the unknowns (p,) near which a second minimum may lie.
 
     At most `_TRIED` values within the limits are returned, the most promising first. Each differs
-    from the fit in one parameter. This parameter has a value for which the state derivatives along
-    the simulation are similar. Without such a value, the parameter has the negative of its
-    estimate, provided that L rises there by less than the fraction `_FALL` of its rise at 0.
+    from the fit in one parameter. The new value of this parameter is one of:
+
+    - a value for which the state derivatives along the simulation are similar
+    - without such a value, the negative of the estimate, if L there rises by less than the fraction
+      `_FALL` of its rise at 0
     """
     least = search.level(fit.theta, fit.starts)
     flown = [

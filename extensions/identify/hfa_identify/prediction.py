@@ -157,7 +157,7 @@ class Predictions(Responses):
 
     @cached_property
     def calm(self) -> Responses:
-        """Simulation in calm air, with the remaining unknowns."""
+        """Simulation in calm air, without the unknowns of turbulence and sensor noise."""
         return Responses(self._still, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
@@ -190,8 +190,9 @@ class Predictions(Responses):
     # Filter gain.
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the variances of the innovations, (k,), and the derivatives of their logarithms,
-        (k, p).
+        """Return the variances of the innovations and the derivatives of their logarithms.
+
+        The shapes are (k,) and (k, p).
         """
         gain, slopes = self._gain(theta)
         return gain.variances, slopes.logarithms

@@ -51,12 +51,15 @@ class Record:
     has_steps: bool = False
 
     def table(self, names: Sequence[str]) -> np.ndarray:
-        """Return the samples of these quantities, (N, k), NaN for a missing sample."""
+        """Return the samples of some measured quantities, (N, k), NaN for a missing sample.
+
+        names: the quantities
+        """
         none = np.full(len(self.time), np.nan)
         return np.column_stack([self.measured.get(name, none) for name in names])
 
     def windows(self, seconds: float) -> list[Record]:
-        """Divide the record into consecutive parts that share their end samples.
+        """Return consecutive parts of the record that share their end samples.
 
         seconds: duration of a part, s. A part has at least `FEWEST` samples, and the last may be
             longer.
@@ -92,7 +95,7 @@ class Record:
 
 
 def columns_of(model: Model, record: Record) -> dict[str, np.ndarray]:
-    """Return column name -> (N,) for the time, the inputs and the measured quantities."""
+    """Return the time, the inputs and the measured quantities of a record by name, (N,) each."""
     inputs = dict(zip(model.inputs, record.inputs.T, strict=True))
     return {"time": record.time, **inputs, **record.measured}
 
@@ -192,7 +195,7 @@ def read_record(
 
 
 def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
-    """Return column name -> values in the model's units, (N,), read from a CSV file.
+    """Return the columns of a CSV file by name, in the model's units, (N,) each.
 
     Raises BadInputError if the file is not CSV, is empty, or has repeated names, rows of unequal
     length or cells that are not numbers.
@@ -230,7 +233,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
 
 
 def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarray]:
-    """Return column name -> values in the model's units, (N,), from a pandas table.
+    """Return the columns of a pandas table by name, in the model's units, (N,) each.
 
     Column names may include a unit as in a CSV file.
 

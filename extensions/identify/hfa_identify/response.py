@@ -182,7 +182,10 @@ class Responses:
     # Errors of columns.
 
     def _delays(self, columns: list[str]) -> dict[int, int]:
-        """Return index in `columns` -> index in θ, for each column whose delay is an unknown."""
+        """Return the delays that are unknowns, as index in `columns` -> index in θ.
+
+        columns: names of columns of the record
+        """
         return {
             columns.index(error.column): self.free.index(name)
             for name, error in self._errors.items()
@@ -252,7 +255,7 @@ class Responses:
         return np.hstack([inputs, slopes]), rest
 
     def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
-        """Return the time derivatives of an input at these times, (N,).
+        """Return the time derivatives of an input at given times, (N,).
 
         A derivative is a difference over one sampling interval. The interval is centered at the
         time, or ends there if the simulation must not use later samples.
@@ -299,7 +302,8 @@ class Responses:
     # Simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """Raise BadInputError if the sampling interval is too long for a time in seconds.
+        """Raise BadInputError if the sampling intervals are so long that the time is not in
+        seconds.
 
         The limit is `_FAR_TOO_LONG` time constants of the fastest mode at the initial state.
         """

@@ -57,7 +57,7 @@ ROTATIONS = {
 
 
 def rotations_of(model: Model) -> dict[str, Rotation]:
-    """Return angular rate of the model -> rotation of the air.
+    """Return the rotations of the air that gusts cause, by angular rate of the model.
 
     A rotation is omitted if the model lacks the angular rate in rad/s or the flow angle in rad.
     """

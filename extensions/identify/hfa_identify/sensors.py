@@ -48,7 +48,7 @@ class SensorError:
 
 
 def sensor_errors(model: Model, columns: Iterable[str]) -> dict[str, SensorError]:
-    """Return name -> error, for each kind of error of each column.
+    """Return all kinds of errors of some columns, by name such as "bias_alpha".
 
     A name that is also a parameter of the model is omitted.
     """

@@ -60,10 +60,11 @@ class LoggedColumn:
 
 
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
-    """Return column name -> (N,), read from a log, and "time" -> (N,), s after the first sample.
+    """Return the columns that a table defines, read from a log, by name, (N,) each.
 
-    The times are those of the measured quantity with the most samples. Samples of other measured
-    quantities are assigned to the nearest of these times. Inputs keep their last value.
+    The column "time" contains s after the first sample. The times are those of the measured
+    quantity with the most samples. Samples of other measured quantities are assigned to the nearest
+    of these times. Inputs keep their last value.
 
     table: TOML file that defines the columns
 
