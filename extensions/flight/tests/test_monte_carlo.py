@@ -277,9 +277,9 @@ def test_chunks_workers_and_their_order_do_not_matter(
 def test_members_beyond_control_limits_counted_and_input_named(
     plan: MonteCarlo,
 ) -> None:
-    """The report counts members that exceed a control limit and names the input.
+    """The report counts the flights that exceed a control limit and names the input.
 
-    An initial speed error of 0.35 ft/s makes the outer elevator exceed its limit. No member leaves
+    An initial speed error of 0.35 ft/s makes the outer elevator exceed its limit. No flight leaves
     the envelope.
     """
     start = np.zeros(7)
@@ -295,7 +295,7 @@ def test_members_beyond_control_limits_counted_and_input_named(
 
 
 def test_a_member_costs_more_than_its_steps(plan: MonteCarlo) -> None:
-    """10,000 very short members are divided into 8 to 100 chunks, so that progress is reported."""
+    """10,000 very short flights are divided into 8 to 100 chunks. Progress can then be reported."""
     short = replace(plan.scenario, duration=0.02)
     many = replace(plan, scenario=short, members=10_000)
     assert 8 <= many.members / chunk_of(many) <= 100

@@ -1,6 +1,7 @@
 """Nonlinear flights: effects of a scenario, ends of a flight, and comparisons.
 
-The linear prediction agrees to second order, and an adaptive integrator within 1e-6.
+Nonlinear flights agree with the linear prediction to second order, and with an adaptive integrator
+within 1e-6.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ N = len(LINEAR_STATES)
 
 
 def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None:
-    """A parameter error changes the nonlinear flight and not the linear prediction.
+    """A parameter error changes the nonlinear flight but not the linear prediction.
 
     An aircraft that is 5 % heavier descends. The linear prediction stays at trim.
     """
@@ -121,7 +122,7 @@ def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
 
 
 def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> None:
-    """Gains given for several ticks are applied in turn, and the last one from then on."""
+    """Gains given for several ticks are applied in turn. The last gain is applied from then on."""
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
     law = GainPolicy("several", gains)
     np.testing.assert_array_equal(law.gains, gains)
@@ -135,10 +136,11 @@ DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
 
 def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarray:
-    """Return the order of the linear model's error in the size of the deviation, by state, (7,).
+    """Return for each state the order of the linear model's error in the size of the deviation,
+    (7,).
 
     The order is d log |x_nonlinear - x_linear| / d log size for initial deviations SIZES x
-    DIRECTION. It is 2 if the linear model is the derivative, and 1 if not.
+    DIRECTION. It is 2 if the linear model is the derivative of the nonlinear one, and 1 otherwise.
     """
     scenario = Scenario(2.0, 0.001, 0.05, DIRECTION)
     loops = [CompiledLoop(ClosedLoop(each, law, scenario)) for each in (plant, linear)]
@@ -245,9 +247,11 @@ def adaptive_states(result: Flight) -> np.ndarray:
 
 
 def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
-    """Return max |fixed - adaptive| / max |adaptive|, with a maximum over time in each state.
+    """Return the largest relative difference of a state between two flights.
 
-    Both are deviations from trim.
+    The difference is max |fixed - adaptive| / max |adaptive|, with each maximum over time.
+
+    fixed, adaptive: deviations from trim, integrated with a fixed and with an adaptive step
     """
     size = np.maximum(np.abs(adaptive).max(axis=0), 1e-3 * np.array(STATE_SCALES))
     return float((np.abs(fixed - adaptive).max(axis=0) / size).max())

@@ -80,8 +80,9 @@ def test_members_are_drawn_by_workers() -> None:
 
 
 def test_members_are_drawn_and_changed_file_is_noticed() -> None:
-    """Random members of user aircraft are stored. After a change of the aircraft file, --resume
-    refuses.
+    """The flights of a Monte Carlo plan for users' aircraft are stored.
+
+    After a change of the aircraft file, --resume is refused.
     """
     assert hfa(*MEMBERS).code == 0
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)

@@ -1,6 +1,4 @@
-"""Monte Carlo simulations on several threads of a process have the same bits as members in
-sequence.
-"""
+"""Monte Carlo simulations in several threads of a process, whose bits equal those in sequence."""
 
 from __future__ import annotations
 
@@ -35,8 +33,9 @@ def test_a_monte_carlo() -> None:
 
 
 def test_memory_that_threads_share_is_noticed() -> None:
-    """Threads that share memory give wrong results. With `cached_per_thread` the results are
-    right.
+    """A computation whose threads share memory is detected by its wrong results.
+
+    With memory from `cached_per_thread`, the results are right.
     """
 
     def chunk_with(memory_of: Callable[[], NDArray]) -> Callable[[int], Rows]:

@@ -36,9 +36,9 @@ def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
 
 
 def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
-    """Return a list of faults of the drawn parameter errors, empty if there are none.
+    """Return the faults of a plan's random parameters as texts, or an empty list.
 
-    Faults are equal members, correlated errors, and a distribution that is not log-normal with mean
+    Faults are equal flights, correlated errors, and a distribution that is not log-normal with mean
     1.
     """
     from scipy.stats import kstest

@@ -1,5 +1,7 @@
-"""Scheduled gains in flight: near each trim the policy is the gain of that trim, and the aircraft
-follows slow commands along the trims.
+"""Scheduled gains in flight.
+
+Near each trim, the policy is the gain of this trim. The aircraft follows slow commands along the
+trims.
 """
 
 from __future__ import annotations
@@ -33,8 +35,10 @@ def exact_gains(*degrees: float) -> GainSchedule:
 
 
 def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGainPolicy:
-    """Return the policy that begins at the trim at `start` and commands the angle `end` from 1 s
-    on, deg.
+    """Return the policy of a schedule for a flight from one dihedral angle to another.
+
+    start: angle of the trim at which the flight begins, deg
+    end: commanded angle from 1 s on, deg
     """
     steps = CommandSteps(("dihedral",), np.array([1.0]), np.radians([[end - start]]))
     return scheduled_gains("gains", schedule, model_at(start).point, steps, level_flight)
@@ -59,8 +63,8 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
 
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
 def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
-    """At a breakpoint, the policy equals the trim input, and its derivative is -K of the
-    breakpoint.
+    """At a breakpoint, the policy equals the trim input, and its derivative is -K for the K
+    there.
     """
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
     u, slope = slope_at(policy, degrees)
@@ -70,8 +74,9 @@ def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
 
 
 class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
-    """A planted fault: a policy with hidden coupling, whose trim depends on the measured
-    dihedral.
+    """Policy with a planted fault: its trim inputs depend on the measured dihedral angle.
+
+    This dependence adds a hidden feedback.
     """
 
     def control(self, t: Any, measurements: Measurements, memory: Any, held: Any) -> Any:

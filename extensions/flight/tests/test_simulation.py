@@ -53,9 +53,7 @@ SPEED = STATES.index("speed")
 
 
 class Falling(Plant):
-    """Plant speed' = -1, alpha' = sqrt(0.0105 + speed), which is NaN from the step after 0.0105
-    s.
-    """
+    """Plant speed' = -1, alpha' = sqrt(0.0105 + speed), whose alpha is NaN after 0.0105 s."""
 
     def __init__(self, point: OperatingPoint) -> None:
         self.point = point
@@ -74,7 +72,8 @@ def test_a_flight_ends_with_its_tick(
 ) -> None:
     """A flight with ticks of 10 ms ends at the end of the tick in which it leaves the envelope.
 
-    The departure contains the first variable that is beyond its limit or not finite, and the time.
+    The departure contains the first variable that is beyond its limit or not finite, and the time
+    of this event.
     """
     limits = dict.fromkeys(STATES, (-1e9, 1e9))
     limits["speed"] = (point.states.speed + slowest, 1e9)
@@ -105,7 +104,7 @@ class Pendulum(LinearPlant):
 def pendulum(
     fast: float, step: float, *, duration: float = 6.0, observed: float = 0.0
 ) -> CompiledLoop:
-    """Return the loop of the pendulum with an input of 0.5 that jumps to -1 at 3.7 s."""
+    """Return the closed loop of the pendulum with an input that jumps from 0.5 to -1 at 3.7 s."""
     plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
     pushes = np.repeat([[0.5], [-1.0]], [37, 1], axis=0)
     law = OpenLoop("pushed", held=pushes, fastest=fast)
@@ -122,7 +121,7 @@ def test_method_of_order_4_where_constants_jump_too() -> None:
 
 
 def test_a_fast_mode_of_the_law_divides_steps() -> None:
-    """A policy mode of 1e5 1/s divides each step of 0.02 s.
+    """A mode of 1e5 1/s in the policy divides each integration step of 0.02 s.
 
     The observer follows, and the pendulum's motion equals that with a slow mode. A mode of 1e9 1/s
     is refused.
@@ -198,7 +197,7 @@ def test_step_without_law_is_what_another_integrator_says() -> None:
 
 
 def test_plans_of_models_that_differ_in_equations_differ() -> None:
-    """Two plans are different if their models differ only in the equations."""
+    """Two Monte Carlo plans are different if their models differ only in the equations."""
 
     def plan(factor: float) -> MonteCarlo:
         def equations(x: Any, u: Any, p: Any, w: Any) -> Any:

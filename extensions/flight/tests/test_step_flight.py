@@ -29,7 +29,8 @@ def test_a_flight_costs_what_its_value_says():
 
 @pytest.mark.usefixtures("folder")
 def test_the_command_flies_game_s_policy_and_critics():
-    """The exact policy, and critics made from its P, K and H, have the same cost.
+    """The exact policy, and the critics made from P, K or H of the exact solution, have the same
+    cost.
 
     A wrong gain fails. Wrong options are refused.
     """

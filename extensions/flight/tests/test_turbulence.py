@@ -33,12 +33,11 @@ def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
 
 
 def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray:
-    """Return the specified one-sided power spectra, per rad/s, of the six components at omega, (6,
-    N).
+    """Return the specified one-sided power spectra of the six gust components per rad/s, (6, N).
 
     Source: MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5.
 
-    omega: (N,)
+    omega: frequencies, rad/s, (N,)
     """
     (L_u, L_v, L_w), (s_u, s_v, s_w) = air.lengths, air.intensities
     Omega = omega / V
@@ -69,8 +68,9 @@ def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize(("spectrum", "error"), [("dryden", SAME_FORMULA), ("karman", 0.017)])
 @pytest.mark.parametrize("altitude", [60.0, 500.0, 1500.0, 20e3])
 def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
-    """The filters have the specified spectra up to ωL/V = 1000, within rounding for Dryden and
-    within 1.7 % for von Karman.
+    """The filters have the specified spectra up to ωL/V = 1000.
+
+    Dryden's filters agree within rounding and von Karman's within 1.7 %.
     """
     air = air_of(spectrum, altitude)
     made = AirFilter.of(air)
@@ -84,10 +84,10 @@ def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
-    """The variances are the integrals of the specified spectra, for u, v and w the squared
-    intensities.
+    """The variances of the filters are the integrals of the specified spectra.
 
-    The variances of the von Karman filters deviate by up to 1.5 % (u, v, w) and 2.5 % (p, q, r).
+    For u, v and w, the integrals are the squared intensities. The variances of the von Karman
+    filters deviate by up to 1.5 % (u, v, w) and 2.5 % (p, q, r).
     """
     air = air_of(spectrum)
     made = AirFilter.of(air)
@@ -104,10 +104,10 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
 
 
 def test_drawn_turbulence_has_the_spectrum() -> None:
-    """1.3 hours of turbulence at 50 Hz have the right variances within 8 %, and the right power in
-    four bands within 10 %.
+    """1.3 hours of random turbulence at 50 Hz have the specified variances and spectra.
 
-    The reference spectrum is folded at 25 Hz.
+    The variances agree within 8 %, and the power in four bands within 10 %. The reference spectrum
+    is folded at 25 Hz.
     """
     air = air_of("dryden", 500.0, ticks=240_000)
     components = AirFilter.of(air).drawn(air.ticks, seed=7)
@@ -126,7 +126,10 @@ def test_drawn_turbulence_has_the_spectrum() -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
-    """q / w = (s/V) / (1 + 4b/(πV) s) and r / v = -(s/V) / (1 + 3b/(πV) s) at three frequencies."""
+    """The transfer functions of the gust rates q from w and r from v are as specified.
+
+    q / w = (s/V) / (1 + 4b/(πV) s) and r / v = -(s/V) / (1 + 3b/(πV) s) at three frequencies.
+    """
     made = AirFilter.of(air_of(spectrum))
     for w in (0.1, 3.0, 100.0):
         H = made.C @ np.linalg.solve(1j * w * np.eye(len(made.A)) - made.A, made.B)
@@ -138,7 +141,7 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
 
 
 def test_scales_and_intensities_are_those_of_the_specification() -> None:
-    """Scales and intensities are those of the specification.
+    """Scales and intensities of turbulence are those of the specification.
 
     At low altitude, the formulas with 30 kn at 20 ft apply. At high altitude, Figure 7 applies.
     Between, both are linear. Altitudes without turbulence are refused.
@@ -157,8 +160,7 @@ def test_scales_and_intensities_are_those_of_the_specification() -> None:
 
 
 def test_a_steady_gust_is_a_change_of_frame() -> None:
-    """In a constant wind (u, v, w), the rates equal those in still air at the velocity through the
-    air.
+    """In a constant wind (u, v, w), the rates equal those in still air at the same airspeed vector.
 
     The acceleration differs only by the rotation of the axes.
     """
@@ -193,14 +195,14 @@ def _rates(model, x, u, w):
 
 
 def _velocity(x):
-    """Return the velocity in body axes, (3,), from the state."""
+    """Return the velocity of an aircraft in body axes, (3,), computed from its state."""
     alpha, beta = x[1], x[2]
     along = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
     return x[0] * np.array(along)
 
 
 def _rotation(x):
-    """Return the rotation matrix from body to level axes."""
+    """Return the rotation matrix from body to level axes at a state, (3, 3)."""
     roll, pitch = x[6], x[7]
     c, s = np.cos(roll), np.sin(roll)
     by_roll = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
@@ -232,7 +234,7 @@ def test_rates_of_the_air_act_as_damping() -> None:
 
 
 def test_flight_meets_what_was_drawn() -> None:
-    """The disturbances of a flight at the ticks equal the drawn ones, in the model's units.
+    """The disturbances during a flight equal the random ones at the ticks, in the model's units.
 
     The linear prediction includes the disturbances. The report names the components without effect.
     """
@@ -279,10 +281,9 @@ def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
 
 
 def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
-    """A given intensity applies to u, v and w in the model's units. With a span, p, q and r are
-    included.
+    """A user's turbulence intensity applies to u, v and w in the model's units.
 
-    An altitude is refused in addition to an intensity.
+    If a span is given, p, q and r are included. An altitude is refused in addition to an intensity.
     """
     typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1"
     main(typed.split())
@@ -300,7 +301,9 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
 
 
 def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
-    """A turbulence level without an altitude uses the altitude of --hold, which the report states."""
+    """A turbulence level without an altitude uses the altitude of --hold. The report states the
+    altitude.
+    """
     typed = "fly --aircraft examples/uav.toml --hold altitude=60 --turbulence karman-light::3"
     short = ("--law", "none", "--duration", "0.1")
     main([*typed.split(), *short])

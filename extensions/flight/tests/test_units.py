@@ -18,6 +18,6 @@ def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
-    """A store of members with --units si contains the converted numbers."""
+    """With --units si, the store of a Monte Carlo plan contains the converted numbers."""
     members = ("--samples", "2", "--duration", "0.1", "--error", "chord=0.05")
     assert_store_in_metres(*FLIGHT, *members, name="final", folder=tmp_path)

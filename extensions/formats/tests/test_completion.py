@@ -21,7 +21,7 @@ from hfa_formats.completion import candidates
     ],
 )
 def test_words_of_a_line_are_completed(typed: list[str], expected: list[str]) -> None:
-    """Commands, second words of commands, and options are completed."""
+    """On a command line, commands, second words of commands, and options are completed."""
     assert candidates(typed) == expected
 
 

@@ -73,7 +73,7 @@ def test_a_controller_and_attributes_of_store_are_published(
 ) -> None:
     """The schema accepts a controller file and the attributes of a store.
 
-    Both are rejected with one wrong entry.
+    With one wrong entry, each is rejected.
     """
     servo.save_controller(tmp_path / "a.npz", controllers.small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))

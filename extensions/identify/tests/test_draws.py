@@ -38,9 +38,9 @@ def written(deviation=0.02, name="found.toml"):
 
 
 def answer(capsys, *words):
-    """Return the exit code of a command with --json, and the entry `draws` of its output.
+    """Return the exit code of a command with --json, and the entry `draws` of the output.
 
-    The output must agree with the published format.
+    The output is checked against the published format.
     """
     code = main([*words, "--json"])
     data = json.loads(capsys.readouterr().out)
@@ -57,9 +57,9 @@ def test_drawn_values_have_the_covariance():
 
 
 def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
-    """The 95 % band of the trimmed elevator agrees within 15 % with a linear prediction.
+    """The 95 % band of the trimmed elevator agrees with a linear prediction within 15 %.
 
-    The prediction uses the parameters' covariance and the slopes of the trim.
+    The prediction uses the covariance of the parameters and the derivatives of the trim.
     """
     code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "150")
     assert code == 0
@@ -92,7 +92,10 @@ def test_modes_spread_and_held_parameters_stay(folder, capsys):
 
 
 def test_unstable_aircraft_show_in_the_modes():
-    """With one of three drawn aircraft unstable, two are stable and two have a short period."""
+    """If one of three random aircraft is unstable, two are reported as stable.
+
+    Bands of the short period are those of two aircraft.
+    """
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     unstable = model.with_parameters(Cm_alpha=0.3)
@@ -130,7 +133,9 @@ def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
 
 
 def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
-    """For a gain of the wrong sign, the exit code is 1 and no aircraft is reported as stable."""
+    """For a gain of the wrong sign, the exit code is 1 and no random aircraft is reported as
+    stable.
+    """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     game = hfa.game(linear, np.ones(8), np.ones(4), delta=np.inf)
@@ -273,9 +278,10 @@ def test_drawn_aircraft_are_flown(folder, capsys):
 
 
 def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
-    """Unstable linear loops of drawn aircraft fail, although their flights stay within limits.
+    """Unstable linear loops of random aircraft fail although their flights stay within limits.
 
-    A gain and a network of the same slope are tested. With a delay the linear loop is not reported.
+    A gain and a network with the same slope are tested. With a delay, the linear loop is not
+    reported.
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))

@@ -34,7 +34,11 @@ STEP = 0.04
 
 
 def doublets(time):
-    """Return a 3-2-1-1 input of 2 deg, in radians, that begins at 0.5 s with units of 0.4 s."""
+    """Return the elevator of a 3-2-1-1 input of 2 deg, rad, which begins at 0.5 s with units of 0.4
+    s.
+
+    time: s, (N,)
+    """
     edges = 0.5 + 0.4 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     levels = np.radians(2.0) * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
     place = np.searchsorted(edges, time, side="right") - 1
@@ -154,10 +158,10 @@ def test_coloured_residuals_widen_the_bands():
 
 
 def test_variance_of_noise_is_corrected_for_fitted_unknowns():
-    """The estimated noise variance is correct within 10 %, although the fit absorbs slow noise.
+    """The estimated variance of slow noise is right within 10 %, although a fit absorbs part of it.
 
     Four slow sensitivities are fitted to noise with a pole of 0.9. The variance of the residuals
-    alone is below 0.85 of the true one.
+    alone is below 0.85 of the true variance.
     """
     generator = np.random.default_rng(0)
     S = lfilter([1.0], [1.0, -0.95], generator.standard_normal((200, 4)), axis=0)
@@ -186,8 +190,8 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
 def test_slow_noise_beside_white_noise_is_seen():
     """Slow noise is detected in its sum with stronger white noise.
 
-    The true autocorrelation at positive lags is 0.2 0.98^lag, whose sum over all lags is 20.6. The
-    estimated sum is from 10 to 40.
+    The true autocorrelation at positive lags is 0.2 0.98^lag. The sum over all lags is 20.6, and
+    its estimate is from 10 to 40.
     """
     generator = np.random.default_rng(0)
     slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)
@@ -197,7 +201,7 @@ def test_slow_noise_beside_white_noise_is_seen():
 
 
 def test_an_unknown_variance_has_no_correlation():
-    """The coefficients of an estimate with infinite variance are 0, also off the diagonal."""
+    """The correlation coefficients of an estimate with infinite variance are 0."""
     found = correlations(np.array([[np.inf, 3.0, 0.0], [3.0, 4.0, 1.0], [0.0, 1.0, 1.0]]))
     np.testing.assert_allclose(found, [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, 0.5, 1.0]])
 
@@ -273,9 +277,9 @@ def flown_in_steps(moves, seconds):
 
 
 def test_windows_are_fitted_again_after_divergence():
-    """The search converges with 12 lateral coefficients 70 % off.
+    """The search converges with 12 lateral coefficients that are 70 % off at the start.
 
-    The first fit of short windows treats the roll rate as noise, so that a second fit is needed.
+    The first fit of short windows treats the roll rate as noise. A second fit is therefore needed.
     """
     model = AIRCRAFT
     free = [name for name in model.parameters if name.startswith(("CY", "Cl_", "Cn_"))]
@@ -344,7 +348,10 @@ def test_a_planted_fault_is_named(column, fault, named):
 
 
 def test_an_input_bias_is_named_with_trim():
-    """A bias of the elevator and another value of Cm_0 are reported as equally good explanations."""
+    """A bias of the elevator is reported together with another value of Cm_0.
+
+    Both explain the record equally well.
+    """
     wrong = record(seed=11)
     wrong["elevator"] = wrong["elevator"] + math.radians(1.0)
     free = [name for name in FREE if name != "Cm_0"]
@@ -362,7 +369,10 @@ def test_an_input_bias_is_named_with_trim():
     ],
 )
 def test_a_given_value_that_the_record_contradicts(name, factor, named):
-    """A wrong given value is reported, also if a sensor error explains the record equally well."""
+    """A wrong value that the user gives for a parameter is reported.
+
+    It is also reported if a sensor error explains the record equally well.
+    """
     free = [each for each in FREE if each != name]
     given = {name: factor * true_value(name)}
     assert identify(begun(1.2), record(seed=21), free, given=given).first_line.startswith(named)
@@ -378,7 +388,9 @@ def test_exchanged_columns_are_named():
 
 @pytest.mark.slow
 def test_a_unit_that_a_parameter_absorbs_is_named():
-    """A thrust in lbf is reported, although a free drag coefficient compensates the unit."""
+    """A thrust recorded in lbf is reported, although a free drag coefficient compensates the
+    wrong unit.
+    """
     moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
     columns = flown_in_steps(moves, 10)
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
@@ -387,9 +399,10 @@ def test_a_unit_that_a_parameter_absorbs_is_named():
 
 
 def test_delays_below_the_noise_have_bands():
-    """A delay of the speed by two samples, 0.08 s, is within twice its wide band.
+    """A planted delay of the speed by 0.08 s agrees with its estimate within twice the band.
 
-    The half-width is between 0.03 and 0.12 s. For the delay of the pitch rate it is below 0.005 s.
+    The half-width of the band is between 0.03 and 0.12 s. The half-width for the delay of the pitch
+    rate is below 0.005 s.
     """
     wrong = record(seed=1)
     wrong["speed"] = late(wrong["speed"])
@@ -403,7 +416,7 @@ def test_delays_below_the_noise_have_bands():
 def test_biases_that_nothing_tells_are_stated():
     """A bias of alpha that CL_0 and Cm_0 can compensate has a wide band.
 
-    The report contains this bias, and states that the parameters' bands assume it to be 0.
+    The report contains this bias, and states that the parameters' bands assume a bias of 0.
     """
     wrong = record(seed=1)
     wrong["alpha"] = wrong["alpha"] + math.radians(1.0)
@@ -458,7 +471,9 @@ SECOND = "FAIL: a second estimate explains the record equally well: k = {:.4g} (
 
 
 def test_a_second_minimum_is_named():
-    """With x' = u - k² x and a search that begins at k = 3.5, a second minimum at -k is reported."""
+    """With x' = u - k² x and a search that begins at k = 3.5, a second estimate at -k is
+    reported.
+    """
     model, columns = lag(lambda u, k, x: u - k**2 * x, 3.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     result = identify(model, columns | {"x": columns["x"] + 0.01 * noise}, ["k"], inputs="steps")
@@ -469,7 +484,9 @@ def test_a_second_minimum_is_named():
 
 
 def test_a_mirrored_minimum_is_named():
-    """With x' = u - k² x, a second minimum at -k is reported, unless the limits of k exclude it."""
+    """With x' = u - k² x, a second estimate at -k is reported, unless the limits of k exclude
+    it.
+    """
     model, columns = lag(lambda u, k, x: u - k**2 * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     columns["x"] = columns["x"] + 0.01 * noise
@@ -483,7 +500,7 @@ def test_a_mirrored_minimum_is_named():
 
 
 def test_a_minimum_elsewhere_is_named():
-    """A second minimum that is not the negative of the first is reported.
+    """A second estimate that is not the negative of the first is reported.
 
     The rate depends on (k - 1) (3 - k), which is equal at 1.5 and at 2.5.
     """
@@ -643,9 +660,9 @@ def written(path, columns, units):
 
 
 def test_the_command_writes_an_aircraft(folder, capsys):
-    """The command reads a CSV file in degrees and writes an aircraft file that can be trimmed.
+    """`hfa identify` reads a CSV file in degrees and writes an aircraft file that can be trimmed.
 
-    The estimate of Cm_q is that of the Python function.
+    The estimate of Cm_q equals that of the Python function.
     """
     written(
         "flight.csv",
@@ -672,7 +689,9 @@ def test_a_wrong_unit_is_refused(folder, capsys):
 
 
 def test_a_file_of_a_flight_is_a_record(folder):
-    """The last column of a file written by `hfa fly`, the provenance, is ignored in a record."""
+    """A file written by `hfa fly` is accepted as a record. Its last column, the provenance, is
+    ignored.
+    """
     model = hfa.load_model(UAV)
     written("flight.csv", record(model=AIRCRAFT), {})
     head, first, *rows = Path("flight.csv").read_text().splitlines()

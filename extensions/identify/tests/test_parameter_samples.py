@@ -1,4 +1,4 @@
-"""Random samples of the HFA's parameters have the published standard errors.
+"""Random samples of the HFA's parameters and their published standard errors.
 
 Entries of A and B that are printed exactly vary little.
 """
@@ -35,10 +35,10 @@ def at_angle(
 def coverage(
     samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compare the entries of A and B of sampled aircraft with their standard errors.
+    """Return the spread of A and B of sampled aircraft, compared with the standard errors.
 
-    Returns, for each entry that depends on a parameter, the fraction of samples within 1.96
-    standard errors, and the standard deviation divided by the standard error.
+    For each entry that depends on a parameter, the result contains the fraction of samples within
+    1.96 standard errors, and the standard deviation divided by the standard error.
     """
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])

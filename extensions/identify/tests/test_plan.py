@@ -1,4 +1,4 @@
-"""The recommended next maneuver narrows the band as predicted when it is simulated."""
+"""Next maneuvers recommended by `identify`, simulated. They narrow the bands as predicted."""
 
 from functools import cache
 

@@ -73,7 +73,8 @@ def record(samples=300, seed=0, lag=100.0):
 
 
 def test_slopes_of_the_likelihood_are_exact():
-    """The right-hand side of the normal equations agrees with finite differences of L.
+    """The right-hand side of the normal equations agrees with finite differences of the likelihood
+    L.
 
     The unknowns are turbulence with its rotation, noise, parameters, a bias and the initial state.
     Some samples are missing, and there are several integration steps between samples.

@@ -26,7 +26,7 @@ elevator = { field = "actuator_servos.control[1]", scale = 0.4, offset = -0.1 }
 
 
 def message(kind, content):
-    """Return a message of a log: the size of its content, its kind, and the content."""
+    """Return the bytes of a message of a log: size of the content, kind, and content."""
     return struct.pack("<HB", len(content), ord(kind)) + content
 
 

@@ -1,6 +1,6 @@
-"""Small jets, each with one unusual construct, compared with JSBSim.
+"""Small jets that contain one unusual construct each, compared with JSBSim.
 
-The model agrees with JSBSim, a note reports the difference, or the file is refused.
+Either the model agrees with JSBSim, a note reports the difference, or the file is refused.
 """
 
 import importlib.util
@@ -63,7 +63,10 @@ QUICK = (
 
 @needs_jsbsim
 def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
-    """Each unusual construct agrees with JSBSim, is reported in a note, or is refused, as listed."""
+    """Each unusual construct agrees with JSBSim, is reported in a note, or is refused.
+
+    The test lists the expected verdict for each construct.
+    """
     verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
     assert verdicts == {
         "plain": "agrees",
@@ -128,7 +131,7 @@ def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
 
 
 def read_without_its_construct(folder):
-    """Return the plain jet instead of the jet in the folder, as a reader with a fault would."""
+    """Return the model of the plain jet instead of that in the folder, as a faulty reader would."""
     from hfa_jsbsim.reader import read_model
 
     path = folder / "aircraft" / "other" / "other.xml"

@@ -1,4 +1,4 @@
-"""Lags of engines as states: compared with JSBSim, and checked in trim."""
+"""Lags of engines as states of the model, compared with JSBSim, and their values in trim."""
 
 import importlib.util
 
@@ -28,7 +28,7 @@ SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
     ],
 )
 def test_jsbsims_flights_converge_to_ours_with_its_step(name):
-    """JSBSim's simulations converge to the model's as JSBSim's step decreases.
+    """JSBSim's simulations converge to the model's simulation as JSBSim's step decreases.
 
     With a quarter of the step the difference is four times smaller, within 15 %. Richardson's
     extrapolation to a step of 0 is ten times closer than the smaller step.

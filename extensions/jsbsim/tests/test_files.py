@@ -152,7 +152,9 @@ def test_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
 
 
 def test_switch_function_has_no_value_beyond_its_end(tmp_path):
-    """A <switch> function is not finite for an index below 0 or beyond its last value."""
+    """The value of a <switch> function is not finite for an index below 0 or beyond the last
+    value.
+    """
     of_speed = "<switch> <quotient> <p>velocities/vt-fps</p> <v>100</v> </quotient> {} </switch>"
     values = "<v>1</v> <v>2</v> <v>3</v>"
     model = model_of(tmp_path, glider(LIFT + REST + force("DRAG", of_speed.format(values))))
@@ -250,7 +252,10 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
 
 
 def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
-    """The output of an actuator equals its input without hysteresis, and a note reports this."""
+    """In equilibrium, the hysteresis of an actuator is ignored, and a note reports this.
+
+    The output of the actuator equals its input.
+    """
     actuator = (
         '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
         " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
@@ -269,9 +274,9 @@ def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
 
 
 def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
-    """If the stick acts through an integrator, the surface is the input, limited by <clipto>.
+    """If the stick acts through an integrator, the surface position is the input of the model.
 
-    In trim, the surface position is the angle of attack with the opposite sign.
+    The position is limited by <clipto>. In trim, it is the angle of attack with the opposite sign.
     """
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'

@@ -1,4 +1,4 @@
-"""Simulations with JSBSim's frames compared with JSBSim itself."""
+"""Simulations with JSBSim's integration frames, compared with JSBSim itself."""
 
 import importlib.util
 import json
@@ -24,7 +24,10 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.mark.parametrize("name", ["737", "c172p"])
 def test_frames_are_those_of_jsbsim(name):
-    """Over 5 s the states agree with JSBSim to 1e-9 of their typical magnitudes."""
+    """Over 5 s, the states of a simulation with JSBSim's frames agree with JSBSim.
+
+    The tolerance is 1e-9 of typical magnitudes.
+    """
     miss, state = frames.largest(name, count=1, seconds=5)
     assert miss < 1e-9, state
 
@@ -40,8 +43,8 @@ def test_other_frames_are_those_of_jsbsim(name):
 def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
     """Speed and pitch rate agree with JSBSim for an actuator with hysteresis, also behind a filter.
 
-    The equilibrium depends on the first frames, in which filters begin at 0 and actuators at their
-    input.
+    The equilibrium depends on the first frames, in which the output of filters begins at 0 and that
+    of actuators at their input.
     """
     state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
     changes = [[0.2, {"elevator": 0.1, "aileron": 0.1}]]
@@ -62,7 +65,7 @@ def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
 
 
 def played(source):
-    """Return an actuator with hysteresis whose input is this property."""
+    """Return the XML of an actuator with hysteresis whose input is this property."""
     return component(
         '<lag_filter name="fcs/slow"> <input>attitude/phi-rad</input> <c1>5</c1> </lag_filter>'
         f' <actuator name="fcs/probe"> <input>{source}</input> <lag>30</lag>'
@@ -71,7 +74,9 @@ def played(source):
 
 
 def test_frame_of_another_step_differs():
-    """A frame of twice the duration changes the pitch by more than 1e-6 rad."""
+    """With frames of twice the duration, the pitch after an elevator step differs by more than
+    1e-6 rad.
+    """
     model = read_model("jsbsim:737")
     coarse = _pulled(model, 1.0 / 60.0)
     fine = _pulled(model, 1.0 / 120.0)

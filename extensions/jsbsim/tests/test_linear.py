@@ -29,9 +29,9 @@ FAULTS = {("Vt", "Phi")}
 
 
 def differences(name, kcas):
-    """Return the largest relative differences from JSBSim's linear model.
+    """Return the largest relative differences of the model's A and B from JSBSim's linear model.
 
-    The entries are "A" without the column of beta, "beta" for this column, and "B".
+    The result has the keys "A" (without the column of beta), "beta" (this column), and "B".
 
     kcas: calibrated airspeed, kt
     """

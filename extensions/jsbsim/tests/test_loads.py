@@ -31,11 +31,12 @@ LIGHT = {"kcas": 90.0, "altitude": 3000.0}
 
 
 def residual(name, held, parameters, free=()):
-    """Return the largest acceleration in JSBSim at the model's trim, and both weights.
+    """Return the largest acceleration in JSBSim at the model's trim, and two weights of the
+    aircraft.
 
-    The weights are the model's and JSBSim's, lb.
+    The weights are those of the model and of JSBSim, lb.
 
-    held: imposed values
+    held: values imposed on the trim
     parameters: values of parameters, such as tank contents
     free: variables that are freed
     """
@@ -90,9 +91,10 @@ def residual(name, held, parameters, free=()):
     ],
 )
 def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
-    """At trims with loads, wind and failed engines, JSBSim has accelerations below 1e-9.
+    """At the model's trims with loads, wind and failed engines, JSBSim's accelerations are below
+    1e-9.
 
-    The weights agree.
+    The weights of the aircraft in both programs agree.
     """
     acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
     assert acceleration < 1e-9
@@ -142,9 +144,9 @@ WASHOUT = (
 
 
 def test_a_washout_is_state_where_that_is_asked(tmp_path):
-    """With the option filters=states a washout filter has a state with the expected derivatives.
+    """With the option filters=states, a washout filter has a state with the expected derivatives.
 
-    Without the option a note reports that the output of the filter is 0.
+    Without the option, a note reports that the output of the filter is 0.
     """
     control = CONTROL.replace(" </channel>", f"{WASHOUT} </channel>")
     damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
@@ -197,7 +199,9 @@ DAMPERS = {
     "kind", ["washout", *(pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS)]
 )
 def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
-    """With filter states, the yaw rate with a damper is ten times closer to JSBSim than without."""
+    """With filters as states, the yaw rate of an aircraft with a damper is ten times closer to
+    JSBSim's.
+    """
     text = DAMPERS[kind].format("velocities/r-rad_sec", "<output>fcs/probe</output>")
     axis = coefficient(slope(-0.3, "fcs/probe"), slope(0.1, "aero/beta-rad"), length="bw-ft")
     slots = {
@@ -218,7 +222,10 @@ def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
 
 
 def flown(model, state):
-    """Return the states after one second with closed throttle, by name."""
+    """Return the states after one second of flight with closed throttle, by name.
+
+    state: initial state by name
+    """
     x = np.array([state.get(name, 0.0) for name in model.states])
     u = [0.0] * len(model.inputs)
 

@@ -67,7 +67,7 @@ def random_points(model, count, seed=1):
 
 
 def ours_at(model, point, answer):
-    """Return the states, time derivatives and outputs of the model at a point of JSBSim.
+    """Return the states, time derivatives and outputs of the model at a point evaluated by JSBSim.
 
     answer: values computed by JSBSim at this point
     """
@@ -154,7 +154,10 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
 def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
-    """If the elevator is a surface input, the pitch acceleration at JSBSim's position agrees."""
+    """If the elevator position is an input, the pitch acceleration agrees with JSBSim.
+
+    The input is the elevator position in JSBSim.
+    """
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:

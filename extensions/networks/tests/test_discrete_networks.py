@@ -89,7 +89,7 @@ def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
 def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
     """A policy that is exact only at the origin fails.
 
-    With u = -1e-3 tanh(1e3 K x), the loop converges from no tested multiple of the box.
+    With u = -1e-3 tanh(1e3 K x), the loop does not converge from any tested multiple of the box.
     """
     problem = problem_of()
     u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
@@ -133,7 +133,7 @@ def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
 
 
 def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
-    """In discrete time, a wrong weight of a quartic function fails."""
+    """In discrete time, a critic with a wrong weight of a quartic basis function fails."""
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
@@ -146,10 +146,10 @@ def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
 
 
 def test_implied_policy_best_of_one_step_value_behind() -> None:
-    """The policy of a nonquadratic value is a saddle point of Q(u, w).
+    """The policy implied by a nonquadratic value is a saddle point of Q(u, w).
 
-    The policy has a lower cost than u ± 0.001, each with its worst w, and differs from the
-    linearized policy.
+    The policy has a lower cost than u ± 0.001, each with the worst w for this input. It differs
+    from the linearized policy.
     """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     step = problem.step
@@ -245,7 +245,7 @@ def test_command_says_how_network_read_on_discrete_plant() -> None:
 
 
 def test_linear_critic_in_discrete_time_judged_as_before() -> None:
-    """A linear critic in discrete time passes without a search in the box."""
+    """A linear critic in discrete time passes without a search for errors in the box."""
     problem = problem_of()
     exact = exact_of(problem)
     for critic in (

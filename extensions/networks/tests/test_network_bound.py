@@ -1,4 +1,4 @@
-"""Proved bounds on networks."""
+"""Proved bounds on the errors of networks in a box."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
 
 
 def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
-    """Return a random function of four inputs.
+    """Return a random function of four inputs: a network plus a linear and a quadratic part.
 
-    The function is the sum of a network with two hidden layers of 8, a linear and a quadratic part.
+    The network has two hidden layers of 8 units.
 
     of_gradient: whether the network is replaced by the gradient of its first output
     """
@@ -62,9 +62,10 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
-    """No sample in a box exceeds the upper bound over the box.
+    """No sample of a network in a box exceeds the upper bound over the box.
 
-    The lower bound is at most the upper bound. For small boxes, both bounds agree to 1 %.
+    The lower bound of the largest value is at most the upper bound. For small boxes, both bounds
+    agree to 1 %.
     """
     if of_gradient and activation in ("relu", "clip"):
         return  # its gradient has steps
@@ -87,7 +88,7 @@ def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool)
 
 
 def test_rounding_is_in_the_bound() -> None:
-    """The bound includes rounding errors.
+    """The bound of a function includes rounding errors.
 
     At single points, the bound is at least the value of Σ max(w'y, 0) - Σ w'y in rational
     arithmetic, for weights w of size 1e8.
@@ -175,7 +176,8 @@ def linear(game: Game, z: ca.SX) -> ca.SX:
 
 
 def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
-    """A linear policy as pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one box.
+    """A linear policy written with pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one
+    box.
 
     Without time for a proof, the headline reports the number of states searched.
     """
@@ -219,7 +221,7 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> None:
-    """A narrow error that the search alone misses is found with a proof.
+    """A narrow error of a policy that the search alone misses is found with a proof.
 
     The first input has an error of 300 % in a bump with 0.05 times the half-widths of the box.
     """
@@ -243,7 +245,7 @@ def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> Non
 
 
 def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
-    """The report states that the proof is of the expression as CasADi simplified it.
+    """The report states that the proof applies to the expression after CasADi's simplification.
 
     CasADi simplifies 1e20 (0.1 (10 x) - x) to 0.
     """
@@ -256,7 +258,7 @@ def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
 
 
 def test_a_fraction_ends_before_the_first_error() -> None:
-    """The proved fraction of the box excludes the nearest state with an error above the bound.
+    """The fraction of the box with a proved bound excludes the nearest state with a larger error.
 
     The printed fraction is rounded down. A bound that is true in the whole box is proved there.
     """
@@ -274,7 +276,7 @@ def test_a_fraction_ends_before_the_first_error() -> None:
 
 
 def test_where_there_is_no_bound_nothing_is_proved() -> None:
-    """Nothing is proved of an error that equals the bound at 0.
+    """No fraction of the box is proved if the error equals the bound at 0.
 
     A bound on an error that overflows double precision is not proved in the whole box.
     """
@@ -309,7 +311,7 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
 
 
 def with_hat(game: Game, of_abs: bool) -> Verdict:
-    """Return the verdict on the exact V plus a narrow hat between the samples.
+    """Return the verdict on a critic whose V is exact except for a narrow hat between the samples.
 
     The hat is three times as large as the largest V in the box and 1/250 of the box wide.
 
@@ -368,7 +370,7 @@ def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
 
 
 def test_numbers_that_lose_underflows_are_not_bounded() -> None:
-    """Nothing is proved of 1e300 (1e-320 y_1 - 1e-320 y_2).
+    """No bound is proved for 1e300 (1e-320 y_1 - 1e-320 y_2).
 
     The double closest to 1e-320 has a relative error of 1e-3.
     """

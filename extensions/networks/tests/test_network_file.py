@@ -152,7 +152,9 @@ def normal(h: np.ndarray) -> np.ndarray:
 def test_layer_norm_is_where_numbers_of_neighbours_leave(
     places: str, before: bool, chain: str
 ) -> None:
-    """The activation is at the missing number, before or after the LayerNorm."""
+    """In numbered layers, the activation takes the missing number, before or after the
+    LayerNorm.
+    """
     tensors = with_norm(*places)
     A, a, scale, shift, B, b = tensors.values()
     for path in (torch_file("a.pt", tensors), safetensors_file("a.safetensors", tensors)):

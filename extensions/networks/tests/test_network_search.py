@@ -72,9 +72,9 @@ def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
 def test_cost_in_flight_linear_loop_where_network_linear(
     game: Game,
 ) -> None:
-    """For a linear network, no simulated cost exceeds the worst cost of the linear loop.
+    """For a linear network, no simulated excess cost exceeds the worst one of the linear loop.
 
-    The largest of 40 simulated costs exceeds 10 % of the mean cost of the linear loop.
+    The largest of 40 simulated values exceeds 10 % of the mean of the linear loop.
     """
     critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
     check = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=40))
@@ -86,7 +86,7 @@ def test_cost_in_flight_linear_loop_where_network_linear(
 
 
 def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
-    """The exact gain with a constant of 1 % of the largest input fails and is named.
+    """The exact gain plus a constant of 1 % of the largest input fails, and the constant is named.
 
     The equilibrium is reported, and the cost relative to the equilibrium is optimal.
     """

@@ -49,7 +49,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 def on_the_box(flights: int) -> Scope:
     """Return the scope of a check over the box of ordinary deviations.
 
-    flights: number of simulations
+    flights: number of simulated flights
     """
     return Scope(box=ordinary_box(), flights=flights)
 
@@ -109,7 +109,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
 
 
 def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
-    """No constant is named for a policy with u(0) = 0 and a small error in the box."""
+    """No constant is named as a cause for a policy with u(0) = 0 and a small error in the box."""
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
     verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))
@@ -117,7 +117,7 @@ def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
 
 
 def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
-    """The report shows the layers as read, and one output for comparison."""
+    """The report shows the layers of a network as read, and one output for comparison."""
     layers = square_layers("first", "second", "third")
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("a.pt", layers), "--set", "activation=tanh"
@@ -227,7 +227,7 @@ FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i,
 
 
 def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
-    """A basis is accepted in words, or as a function with a constant.
+    """A basis of a critic is accepted in words, or as a function with a constant.
 
     Wrong weights fail. A wrong number of weights is refused.
     """

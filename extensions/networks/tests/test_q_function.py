@@ -60,7 +60,7 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
 
 
 def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
-    """For Q = cos x + e^x (u - tanh x)², the policy is u = tanh x."""
+    """For Q = cos x + e^x (u - tanh x)², quadratic in u, the policy is u = tanh x."""
     xu = ca.SX.sym("xu", 2)
     x, u = ca.vertsplit(xu)
     Q = ca.Function("Q", [xu], [ca.cos(x) + ca.exp(x) * (u - ca.tanh(x)) ** 2])

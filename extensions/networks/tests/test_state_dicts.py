@@ -20,8 +20,9 @@ pytestmark = pytest.mark.usefixtures("folder")
 def chain(prefix: str, names: tuple[str, ...], widths: tuple[int, ...]) -> dict[str, np.ndarray]:
     """Return random weights and biases of a chain of linear layers.
 
-    prefix: prefix of the names
-    widths: numbers of inputs and outputs, one more than names
+    prefix: prefix of the tensors' names
+    names: names of the layers
+    widths: numbers of inputs and outputs of the layers, one more than names
     """
     tensors = {}
     for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
@@ -118,7 +119,9 @@ def skrl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.ndarra
 
 
 def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.ndarray]]:
-    """Return the tensors of CleanRL's TD3, the actor's name, and its policy before the squash."""
+    """Return the tensors of CleanRL's TD3, the name of the actor, and the actor before its
+    squash.
+    """
     tensors = {"0.action_scale": np.array([2.0, 0.5]), "0.action_bias": np.array([1.0, -0.5])}
     tensors |= actor("0.", ("fc1", "fc2", "fc_mu"))
     tensors |= chain("1.", ("fc1", "fc2", "fc3"), (STATES + ACTIONS, 8, 8, 1))

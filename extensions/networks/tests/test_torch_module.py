@@ -92,7 +92,8 @@ def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
 
 
 def test_a_network_flies() -> None:
-    """A flight with a Sequential has the inputs of the network's formula at all times.
+    """In a flight with a Sequential as policy, the inputs follow the network's formula at all
+    times.
 
     A network with a wrong number of outputs is refused.
     """

@@ -111,9 +111,9 @@ def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
 
 
 def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
-    """The simulation confirms the proposal, and refutes wrong costs and wrong inputs.
+    """The simulation confirms a proposal, and refutes wrong costs and wrong inputs.
 
-    A proposal after which the linear policy leaves the limits must not end there.
+    The horizon of a proposal is too short if the linear policy leaves the limits after it.
     """
     proposal = gtm.found.proposal
     search = BestFlights(gtm.problem)
@@ -130,7 +130,7 @@ def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
 
 
 def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
-    """On eight equal intervals, IPOPT proposes a cost more than 1 % below the best found.
+    """On eight equal intervals, IPOPT proposes a cost more than 1 % below the best flight's cost.
 
     The simulation refutes this proposal.
     """
@@ -175,7 +175,9 @@ def test_initial_and_its_earlier_name_are_equal() -> None:
 
 
 def test_an_input_that_does_not_move() -> None:
-    """An unselected input is constant. With both inputs the cost is more than 10 % lower."""
+    """An input that is not selected is constant. With both inputs, the cost is more than 10 %
+    lower.
+    """
     forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
     model = replace(
         cart(),

@@ -25,7 +25,7 @@ PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> None:
     """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
 
-    Both policies cost more than four times the best flight found.
+    The exact policy and the linear optimum cost more than four times the best flight found.
     """
     assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -92,9 +92,9 @@ def test_a_run_goes_on_from_its_certificate(
 
 
 def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:
-    """`hfa prove cost` refuses the HFA, whose derivatives depend on the altitude.
+    """`hfa prove cost` refuses the HFA.
 
-    The cost omits the altitude.
+    The derivatives of its states depend on the altitude, which the cost omits.
     """
     assert main(["prove", "cost", "--dihedral", "10"]) == 2
     assert "depend on altitude, which the cost does not include" in capsys.readouterr().err
@@ -139,7 +139,7 @@ def test_a_table_shows_the_bracket_of_each_start(
 
 
 def test_an_initial_condition_beyond_level_is_named(statement: CostStatement) -> None:
-    """If W exceeds its level at the initial condition, the bound is the level.
+    """If W exceeds the certificate's level at the initial condition, the lower bound is the level.
 
     The sentence on the bounds reports initial conditions beyond the level.
     """

@@ -57,7 +57,7 @@ def test_a_speed_limit_in_closed_form() -> None:
 
 
 def test_another_integrator_arrives(moved: QuickestFlight) -> None:
-    """With the inputs of the quickest flight, SciPy's integrator arrives in the same box."""
+    """With the inputs of the quickest flight, SciPy's simulation ends in the same arrival box."""
 
     def rate(t: float, x: np.ndarray) -> list[float]:
         u = [np.interp(t, moved.time, column) for column in moved.inputs.T]

@@ -61,7 +61,7 @@ def test_a_condition_on_a_truth_value_is_smooth():
 
 
 def test_what_cannot_be_smooth_stays():
-    """Infinite branches and constant arguments are not changed.
+    """Comparisons with infinite branches or constant arguments are not changed.
 
     If the kink is far from the points, the function itself is returned.
     """
@@ -76,7 +76,7 @@ def test_what_cannot_be_smooth_stays():
 
 @pytest.mark.slow
 def test_an_aircraft_with_tables_flies_its_true_equations():
-    """For an aircraft with tables, the simulation with exact equations has the proposed cost.
+    """For an aircraft with tables, the simulation with exact equations confirms the proposed cost.
 
     The difference is at most 0.5 %. The smoothed rates differ from the exact rates by less than 5
     %.

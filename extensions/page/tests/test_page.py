@@ -1,5 +1,6 @@
-"""The page of `hfa report`: verdicts that can fail, stored results of studies, and plots with the
-models' numbers.
+"""The page of `hfa report`: verdicts, stored results of studies, and plots.
+
+The verdicts fail on planted errors. The plots contain the numbers of the models.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ from verification.critic.critic_check import check_critic
 
 @pytest.fixture(scope="module")
 def job(parameter_set: ParameterSet) -> MainJob:
-    """Return the results for a page without games: both printed pairs, and five angles, one of
-    which has no trim.
+    """Return the results for a page without games.
+
+    They contain both printed pairs and five angles, one of which has no trim.
     """
     return main_job(
         parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0])
@@ -84,7 +86,7 @@ def claims() -> Claims:
 
 
 def test_a_row_each_with_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
-    """The page has one row for each stored claim, with its verdict, and counts the unconfirmed
+    """The page has one row with the stored verdict for each claim, and counts the unconfirmed
     claims.
     """
     said, table = claims_section(claims, job.regeneration).parts
@@ -103,8 +105,9 @@ FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 
 
 def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
-    """The page shows costs and limits of the stored flights, and whether the aircraft is the
-    page's.
+    """The page shows the costs and limits of the stored flights.
+
+    The page also states whether these flights used the aircraft of the page.
     """
     flights = load_flights(FLIGHTS)
     drawn = any_angle(replace(job, flights=flights), Report("Any dihedral angle", ()))
@@ -179,9 +182,7 @@ def test_a_damaged_table_is_refused(
 
 
 def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
-    """Plotly accepts the front view. The arrows are to scale, and the panels have the dihedral
-    angle.
-    """
+    """Plotly accepts the front view. Arrows are to scale, and panels are at the dihedral angle."""
     plot = front_view(job.aircraft, job.points)
     assert plot is not None
     (spec,) = plot.figures

@@ -50,7 +50,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
 
 
 def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
-    """The folder contains the page, pictures and numbers, which equal those of other commands.
+    """The folder contains the page, pictures and numbers. The numbers equal those of other
+    commands.
 
     The page loads nothing from a network.
     """
@@ -126,7 +127,7 @@ def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> Non
 
 
 def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
-    """An angle without a trim is on the page with the reason. The command fails."""
+    """An angle without a trim is on the page with the reason, and the command fails."""
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
     assert (result.code, result.err) == (FAILED, "")
@@ -154,7 +155,7 @@ def test_without_plotly_page_is_refused_before_anything_computed(
 
 
 def test_every_angle_is_trimmed_as_asked() -> None:
-    """Requested and swept angles are trimmed at the condition of the options.
+    """Requested and swept angles are trimmed at the condition that the options specify.
 
     The printed pairs are regenerated at the paper's condition.
     """

@@ -126,7 +126,7 @@ def test_rest_is_where_flight_of_200_s_ends(name):
 
 
 def test_a_flight_is_that_of_its_equations():
-    """A simulated sample with a delay of 1.5 samples equals SciPy's integration."""
+    """One simulated sample of a policy with a delay of 1.5 samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
@@ -187,9 +187,8 @@ def test_flights_are_decided_by_their_seed():
 
 
 def test_normalizer_files_do_not_show_note_and_data(capsys):
-    """Files that do not show whether a normalizer was used cause a warning.
-
-    The warning is printed and is in the JSON.
+    """If the files do not show whether a normalizer was used, a warning is printed and in the
+    JSON.
     """
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
@@ -315,7 +314,7 @@ def kinked_model():
 
 
 def test_slopes_at_a_kink_are_those_of_linearize():
-    """At a kink, the equilibrium has the A and B of `linearize`.
+    """At a kink of the aircraft, the assessed equilibrium has the A and B of `linearize`.
 
     These A and B are those of the smooth model. At a kink of the policy, K is the mean of both
     slopes. A finding names the first kink.
@@ -395,7 +394,8 @@ def test_a_lost_flight_names_state_limit_and_time():
 def test_the_first_lost_flight_is_the_first():
     """The flight that leaves the envelope first is reported, with its initial state and its time.
 
-    Both agree with SciPy's integration, without and with a disturbance pulse of 33 samples.
+    Initial state and time agree with SciPy's integration, without and with a disturbance pulse of
+    33 samples.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])

@@ -50,7 +50,7 @@ def folder(tmp_path):
 
 
 def compiled(path):
-    """Load a deployment file and compile its command on the GTM."""
+    """Load a deployment file and return its command, compiled for the GTM."""
     return Deployment.load(path).on(model_of(GTM)).command
 
 
@@ -366,7 +366,7 @@ def test_a_zip_says_what_it_is():
 
 
 def test_a_card_in_python_is_that_of_file():
-    """A deployment constructed in Python has the box and the sample time of its file."""
+    """A deployment constructed in Python has the same box and sample time as its file."""
     loaded = card("ppo_gtm")
     again = Deployment(
         loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder
@@ -430,7 +430,7 @@ def test_a_file_does_not_name_its_own_class(folder):
 
 
 def test_stacks_of_frames_actors_crossq_refused_in_words():
-    """A policy for a stack of frames is refused with the `history` to give.
+    """A policy for a stack of frames is refused. The message states the required `history`.
 
     A CrossQ actor is refused.
     """

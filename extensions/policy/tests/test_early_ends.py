@@ -22,9 +22,9 @@ STARTS = 100
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
 def test_flights_that_end_early_are_classified_right(name, late):
-    """Flights that end early, continued to their full duration, stay within the limits.
+    """Flights that end early stay within the limits if they are continued to their full duration.
 
-    Exactly the flights that counted as converged end in the ball about the equilibrium.
+    Of these, exactly the flights that counted as converged end in the ball about the equilibrium.
     """
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})
@@ -55,7 +55,7 @@ def test_flights_that_end_early_are_classified_right(name, late):
 @pytest.mark.slow
 @pytest.mark.parametrize("stays", [True, False])
 def test_a_flight_that_has_converged_stays(stays):
-    """A flight that counts as converged stays in the ball.
+    """A flight that counts as converged stays in the convergence ball.
 
     Without the wait of half the slowest period, at least one flight leaves the ball. The example is
     the phugoid of a small aircraft with a weak gain.
@@ -88,7 +88,10 @@ def test_a_flight_that_has_converged_stays(stays):
 
 
 def test_the_equilibrium_follows_the_altitude():
-    """The slope of the equilibrium by altitude equals the difference between altitudes 100 m apart."""
+    """The derivative of the equilibrium with respect to altitude equals a finite difference.
+
+    The difference is between equilibria 100 m apart.
+    """
     model = load_model(f"{ROOT}/examples/uav.toml")
     deployment = gtm_card({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
@@ -109,8 +112,8 @@ def test_the_equilibrium_follows_the_altitude():
 def _flown_on(flown, window, chosen, seconds=HORIZON):
     """Simulate the chosen flights to the end of their full duration, and return their final rows.
 
-    Also returns, for each flight, the largest distance from the equilibrium, in half-widths of the
-    convergence ball, and the lowest and highest X.
+    For each flight, the function also returns the largest distance from the equilibrium, in
+    half-widths of the convergence ball, and the lowest and highest absolute state X.
     """
     X, _, low, high, *_ = flown.flight.slices
     rows, times = flown.rows.copy(), flown.times.copy()
@@ -129,7 +132,7 @@ def _flown_on(flown, window, chosen, seconds=HORIZON):
 
 
 def _distance(flown, rows, chosen):
-    """Return the largest distance of flights from their equilibrium in the last window.
+    """Return the largest distance of flights from the equilibrium in the last window.
 
     The unit is the half-widths of the convergence ball.
     """
@@ -144,7 +147,9 @@ def _distance(flown, rows, chosen):
 
 @pytest.mark.slow
 def test_states_lag_behind_an_equilibrium_that_climbs():
-    """In a climb, the speed lags behind the equilibrium by the predicted amount, to 10 %."""
+    """In a climb, the speed lags behind its changing equilibrium by the predicted amount, to 10
+    %.
+    """
     model = load_model(f"{ROOT}/examples/uav.toml")
     point = hfa.find_operating_point(model, hold={"gamma": np.radians(1.0)})
     o = ca.SX.sym("o", 2)
@@ -171,10 +176,11 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
 
 
 def test_modes_out_of_reach_take_flights_out_again():
-    """A flight that leaves the ball again, through a mode that no action moves, does not converge.
+    """A flight that leaves the convergence ball again does not count as converged.
 
-    For y' = .02 y and x' = -x + u + .02 y² with u = -x, the final state is x = .02 y² / 2.04. A
-    flight counts as converged if this x is inside the ball.
+    The flight leaves the ball through a mode that no action affects. For y' = .02 y and x' = -x + u
+    + .02 y² with u = -x, the final state is x = .02 y² / 2.04. A flight counts as converged if this
+    x is inside the ball.
     """
     signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)
     model = hfa.Model(

@@ -21,7 +21,7 @@ def noisy_columns(
     seed: int,
     sensors: Mapping[str, float] = SENSORS,
 ) -> dict[str, np.ndarray]:
-    """Return column name -> (N,): the time, the inputs, and the states in `sensors` with noise.
+    """Return the columns of a record by name: the time, the inputs, and noisy states, (N,) each.
 
     every: number of simulation steps between samples.
     seed: seed of the noise.

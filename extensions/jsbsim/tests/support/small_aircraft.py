@@ -17,9 +17,9 @@ CONTROL = f'<flight_control name="stick">\n{SURFACES}</flight_control>'
 
 
 def force(axis: str, *terms: str, length: str = "") -> str:
-    """Return an <axis> whose value is dynamic pressure times area times the sum of the terms.
+    """Return an XML <axis> whose value is dynamic pressure times area times the sum of the terms.
 
-    length: property of a length by which the value is multiplied, for a moment
+    length: property of a length by which the value of a moment is multiplied
     """
     return f'<axis name="{axis}"> {coefficient(*terms, length=length)} </axis>'
 

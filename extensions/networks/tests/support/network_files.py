@@ -125,7 +125,7 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
 
 
 def square_layers(*names: str) -> dict[str, np.ndarray]:
-    """Return the weights of layers 6-6-...-1 with these names.
+    """Return the weights of a network 6-6-...-1 whose layers have these names.
 
     The widths permit any order of the layers before the last.
     """
@@ -151,7 +151,7 @@ def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
 def refusal(path: str | Path, **how: Any) -> str:
     """Return the message with which `network_in` refuses a file.
 
-    Asserts that the message is one line and begins with the path.
+    The function asserts that the message is one line and begins with the path.
 
     how: keyword arguments of `network_in`
     """

@@ -31,20 +31,20 @@ model_of = cache(load_model)
 
 
 def aircraft(name):
-    """Return the aircraft of a policy."""
+    """Return the aircraft of the test policy with this name."""
     where = (AIRCRAFT | UNTRAINED)[name][0]
     return model_of(where) if where else hfa.aircraft()
 
 
 @cache
 def card(name):
-    """Return the deployment of a policy."""
+    """Return the deployment of the test policy with this name."""
     return Deployment.load(FOLDER / f"{name}.toml")
 
 
 @cache
 def trims(name):
-    """Return the trims of a policy."""
+    """Return the trims of the test policy with this name."""
     return trims_of(aircraft(name), AIRCRAFT[name][1])
 
 
