@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def region_report(region: Region) -> Report:
-    """Return the report of a proved region and of the obstacles to a larger one."""
+    """Return the report of a proved region, and of the obstacles to a larger region."""
     statement = region.proved.statement
     bounds = region.bounds
     reaches = extents_of(statement, region.T)
@@ -77,7 +77,7 @@ def region_report(region: Region) -> Report:
 
 
 def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
-    """Return the report of a checked certificate.
+    """Return the report of a checked certificate of a region.
 
     not_given: parts of the statement that were not compared, because the user did not give them
     """
@@ -117,9 +117,11 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
 
 
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
-    """Return a note that the user's policy agrees with the certificate's within a tolerance.
+    """Return a note that the user's policy agrees with the policy in the certificate within a
+    tolerance.
 
-    Return () if the policies were not compared or the loop has no inputs.
+    The note is in a tuple. The tuple is empty if the policies were not compared or the loop has no
+    inputs.
     """
     if "policy" in not_given or not statement.loop.inputs:
         return ()
@@ -134,7 +136,10 @@ _WITHOUT = "sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line: the claim, the parts not compared, and the effects not covered.
+    """Return the first line of a report.
+
+    The line states the claim, the parts of the statement that were not compared, and the effects
+    that the proof neglects.
 
     verdict: first words of the line
     not_given: parts of the statement that were not compared
@@ -165,7 +170,9 @@ def _sentence(statement: RegionStatement) -> str:
 
 
 def _sizes(statement: RegionStatement) -> str:
-    """Return the bounds of all disturbances as text: "|gust| <= 1 m/s and ..."."""
+    """Return the bounds of all disturbances as text, such as "|gust| <= 1 m/s and |shear| <= 0.1
+    1/s".
+    """
     model = statement.loop.model
     sizes = statement.loop.disturbances.items()
     return " and ".join(f"|{name}| <= {model.describe(name, size)}" for name, size in sizes)
@@ -194,7 +201,13 @@ def _not_covered(statement: RegionStatement) -> str:
 def _extents(
     statement: RegionStatement, reaches: Mapping[str, tuple[float, float]]
 ) -> tuple[Table, str]:
-    """Return a table of the extents of the set, and a note that the set does not fill their box."""
+    """Return a table of the deviations in the set, and the sentence `NO_BOX`.
+
+    Each row has the lowest and highest deviation of a state, its trim and its limits. The sentence
+    states that the set does not fill the box of these deviations.
+
+    reaches: state -> lowest and highest deviation in the set
+    """
     model = statement.loop.model
     rows = []
     for name, (low, high) in reaches.items():
@@ -217,12 +230,15 @@ def _extents(
 
 
 def _V(statement: RegionStatement) -> str:
-    """Return V with all of its terms as text, to six digits."""
+    """Return V with all of its terms as text, six digits for each coefficient."""
     return f"V(z) = {polynomial_in_words(statement.terms, statement.loop.states)}"
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
-    """Return a level of V and the state deviation there, or None if no state was found."""
+    """Return an obstacle for the data of the report, or None if no state was found.
+
+    found: level of V, and the state deviation at that level or None
+    """
     level, place = found
     if place is None:
         return None

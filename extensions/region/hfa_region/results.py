@@ -22,10 +22,10 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ProvedSet(ProvedResult):
-    """Set proved by sums of squares.
+    """Set proved by sums of squares, a region of attraction or an invariant set.
 
     statement: the proved statement.
-    parts: number of parts of the set, or of its edge, on which V' < 0 is proved.
+    parts: number of parts of the set, or of its boundary, on which V' < 0 is proved.
     reaches: state -> lowest and highest deviation in the set.
     """
 
@@ -50,7 +50,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def rho(self) -> float:
-        """Level of V: the set is {V(z) <= rho}, with z the deviation from the equilibrium."""
+        """Level of V. The set is {V(z) <= rho}, with z the deviation from the equilibrium."""
         return self.statement.rho
 
     @property
@@ -70,15 +70,14 @@ class ProvedSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> upper bound of the absolute deviation in the set.
-
-        The set is smaller than the box of these bounds.
+        """State -> largest absolute deviation in the set. The set does not fill the box of these
+        deviations.
         """
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property
     def terms(self) -> Sequence[Any]:
-        """Terms of V = Σ coefficient z^exponents, a list of [coefficient, exponents]."""
+        """Terms of V = Σ coefficient z^exponents, as a list of [coefficient, exponents]."""
         return self.statement.terms
 
     @property
@@ -88,7 +87,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """P (n, n) with V = z'P z, or None if V has a degree above 2."""
+        """Matrix P (n, n) of V = z'P z, or None if V has a degree above 2."""
         if self.degree > 2:
             return None
         n = len(self.states)
@@ -102,16 +101,18 @@ class ProvedSet(ProvedResult):
 
 @dataclass(frozen=True, eq=False)
 class FoundSet(ProvedSet):
-    """Set that a search has found and proved.
+    """Set that a search has found and proved by sums of squares.
 
     origin: origin of V.
-    decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
-    leaves_limits_at: the lowest V of an initial condition whose trajectory exceeds a limit, or
-        None.
-    lost_at: the lowest V of an initial condition whose trajectory diverges or converges to another
-        equilibrium, or None.
-    limits_that_bind: signals whose limits the set nearly touches.
-    stopped: "interrupted" after Ctrl-C, else "".
+    decrease_fails_at: lowest level of V at which V' >= 0 was found, with the state, or None.
+    leaves_limits_at: lowest level of V at an initial condition whose trajectory exceeds a limit,
+        with the
+        state, or None.
+    lost_at: lowest level of V at an initial condition whose trajectory diverges or converges to
+        another
+        equilibrium, with the state, or None.
+    limits_that_bind: signals whose limits the set nearly reaches.
+    stopped: "interrupted" after Ctrl-C, otherwise "".
     """
 
     schema = "hfa.region/1"
@@ -131,7 +132,7 @@ class FoundSet(ProvedSet):
 
 @dataclass(frozen=True)
 class NothingProved(Result):
-    """Result of a search that proved no set.
+    """Result of a search in which no set is proved.
 
     proved: False.
     """
@@ -141,7 +142,7 @@ class NothingProved(Result):
 
 @dataclass(frozen=True, eq=False)
 class WithRegion(Result):
-    """Fields that `--region S` adds to a result.
+    """Entries that `--region S` adds to a result.
 
     region: region of attraction of the saturated loop, or None without the option.
     """
@@ -151,7 +152,7 @@ class WithRegion(Result):
 
 @dataclass(frozen=True, eq=False)
 class CheckedSet(ProvedSet):
-    """Set that a certificate proves.
+    """Set that a certificate proves by sums of squares.
 
     written: version, command and date in the file, not verified.
     not_given: parts of the statement that were not compared, because no option gave them.

@@ -1,4 +1,7 @@
-"""V as a polynomial in the deviations, in doubles: values, gradients, and boundary points."""
+"""V as a polynomial in the state deviations, in double precision.
+
+The module computes values, gradients and boundary points.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +23,10 @@ Term = tuple[float, tuple[int, ...]]
 
 @dataclass(frozen=True, eq=False)
 class PolynomialFunction:
-    """Polynomial V(z) = Σ coefficient z^exponents.
+    """Polynomial V(z) = Σ coefficient z^exponents in the state deviations z.
 
     coefficients: (k,)
-    exponents: (k, n)
+    exponents: exponents of the states in each term, (k, n)
     """
 
     coefficients: np.ndarray
@@ -31,7 +34,7 @@ class PolynomialFunction:
 
     @classmethod
     def quadratic(cls, P: np.ndarray) -> PolynomialFunction:
-        """Return V = z'P z."""
+        """Return the quadratic polynomial V = z'P z, with P (n, n)."""
         n = len(P)
         rows, columns = np.triu_indices(n)
         exponents = np.eye(n, dtype=int)[rows] + np.eye(n, dtype=int)[columns]
@@ -48,7 +51,7 @@ class PolynomialFunction:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms in the form of a statement."""
+        """Terms of V in the form of a statement, pairs of a coefficient and exponents."""
         pairs = zip(self.coefficients.tolist(), self.exponents.tolist(), strict=True)
         return tuple((coefficient, tuple(powers)) for coefficient, powers in pairs)
 
@@ -71,7 +74,7 @@ class PolynomialFunction:
     def coordinates(self) -> np.ndarray:
         """Return T (n, n) of coordinates z = T y in which the unit ball is {z'P z <= 1.5²}.
 
-        P is the matrix of the quadratic part of V, so that {V <= 1} usually lies in this ball.
+        P is the matrix of the quadratic part of V. The set {V <= 1} usually lies in this ball.
         """
         return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(self.matrix())).T)
 
@@ -80,11 +83,11 @@ class PolynomialFunction:
         return PolynomialFunction(self.coefficients * factor, self.exponents)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Return V (N,) at deviations z (N, n)."""
+        """Return V (N,) at state deviations z (N, n)."""
         return np.asarray(_powers(z, self.exponents) @ self.coefficients)
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """Return ∂V/∂z (N, n) at deviations z (N, n)."""
+        """Return ∂V/∂z (N, n) at state deviations z (N, n)."""
         slopes = np.empty_like(z)
         for i in range(z.shape[1]):
             powers = self.exponents[:, i]
@@ -104,7 +107,7 @@ class PolynomialFunction:
         return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
 
     def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
-        """Return the lowest factor on each ray (N, n) at which V reaches a level, (N,).
+        """Return for each ray z (N, n) the lowest factor at which V reaches a level, (N,).
 
         The factor is inf if V does not reach the level at factors up to 2.
         """
@@ -128,9 +131,10 @@ class PolynomialFunction:
 
 
 def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
-    """Return the first point y of {V = level} on each of some random rays, (k, n), with z = T y.
+    """Return points y (k, n) with V = level, in coordinates z = T y.
 
-    Rays that do not reach the level are omitted.
+    The points are the first ones on random rays from the origin. Rays that do not reach the level
+    are omitted.
     """
     generator = np.random.default_rng(seed)
     directions = generator.normal(size=(_DIRECTIONS, len(T)))
@@ -141,7 +145,8 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 
 
 def ellipsoid(points: np.ndarray) -> np.ndarray:
-    """Return P of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N, n).
+    """Return P (n, n) of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N,
+    n).
 
     P is a multiple of the inverse of the weighted second moment of the points. The weights maximize
     the determinant of the moment (Khachiyan, Mathematics of Operations Research 21 (1996) 307).
@@ -183,7 +188,10 @@ def _monomial(
     M: np.ndarray,
     known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
 ) -> dict[tuple[int, ...], float]:
-    """Return (M y)^powers as exponents of y -> coefficient. Results are stored in `known`."""
+    """Return the polynomial (M y)^powers, exponents of y -> coefficient.
+
+    known: results for other powers, to which the result is added
+    """
     if not any(powers):
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:

@@ -38,10 +38,12 @@ _SHORTEST_STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """A matrix Q_k of a group: the Gram matrix of monomials, multiplied by a polynomial.
+    """A matrix Q_k of a group of equations.
+
+    Q_k is the Gram matrix of monomials, and the sum of squares is multiplied by a polynomial.
 
     products: products of the monomials
-    factor: (m, k), coefficient of each product in each equation
+    factor: coefficient of each product in each equation, (m, k)
     """
 
     products: Products
@@ -54,7 +56,10 @@ class Matrix:
 
     @cached_property
     def equations(self) -> sp.csr_matrix:
-        """A_k as a matrix (m, n²), symmetric in the two indices of an entry."""
+        """Linear map A_k from the entries of Q_k to the equations, (m, n²).
+
+        The map is symmetric in the two indices of an entry.
+        """
         return (self.factor @ self.products.sums).tocsr()
 
     @cached_property
@@ -65,11 +70,11 @@ class Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Equations that share matrices: E f + Σ_k A_k(Q_k) = b.
+    """Equations E f + Σ_k A_k(Q_k) = b that have matrices in common.
 
-    E: (m, k), coefficients of the free unknowns f
+    E: coefficients of the free unknowns f, (m, k)
     b: (m,)
-    matrices: A_k of each Q_k
+    matrices: each Q_k with its map A_k
     """
 
     E: np.ndarray
@@ -81,8 +86,8 @@ class Group:
 class Point:
     """Solution of the semidefinite problem.
 
-    f: (k,), free unknowns
-    matrices: Q_k of each group, in its order
+    f: free unknowns, (k,)
+    matrices: the Q_k of each group, in the order of the groups
     """
 
     f: np.ndarray
@@ -102,15 +107,15 @@ def minimized(
     tolerance: float = _TOLERANCE,
     seconds: float = np.inf,
 ) -> Point | None:
-    """Return the free unknowns and matrices of least cost, or of a sufficient cost.
+    """Return the solution of a semidefinite problem with the least cost, or with a sufficient cost.
 
     Return None if the residual of an equation remains above `_WORSE` times the tolerance.
 
     groups: groups of equations
-    cost: (k,), c
-    enough: (cost, lower bound) -> whether the iteration may stop early
+    cost: weights c of the free unknowns in the cost c'f, (k,)
+    enough: (cost, lower bound of the cost) -> whether the iteration may stop early
     tolerance: largest residual of an equation
-    seconds: processor time
+    seconds: limit of the processor time, s
     """
     search = _Search(groups, cost, tolerance)
     end = time.process_time() + seconds
@@ -131,7 +136,11 @@ def minimized(
 
 
 class _Cone:
-    """A matrix Q, its dual matrix Z, and the steps of both."""
+    """A matrix Q, its dual matrix Z, and the steps of both in the iteration.
+
+    matrix: Q with its map to the equations
+    Q, Z: initial values of Q and Z, as multiples of the identity
+    """
 
     def __init__(self, matrix: Matrix, Q: float, Z: float) -> None:
         self.matrix = matrix
@@ -143,7 +152,7 @@ class _Cone:
         self.target = np.zeros_like(self.Q)
 
     def adjoint(self, y: np.ndarray) -> np.ndarray:
-        """Return Σ_i y_i A_i, (n, n), for multipliers y (m,)."""
+        """Return Σ_i y_i A_i (n, n) for multipliers y (m,) of the equations."""
         n = self.matrix.size
         return np.asarray((self.matrix.transposed @ y).reshape(n, n))
 
@@ -166,12 +175,20 @@ class _Cone:
         return np.asarray(-(product + product.T) / 2)
 
     def room(self) -> tuple[float, float]:
-        """Return the longest steps that keep Q and Z positive semidefinite."""
+        """Return the longest step of Q and the longest step of Z that keep them positive
+        semidefinite.
+        """
         return _longest(self.root_Q, self.dQ), _longest(self.root_Z, self.dZ)
 
 
 class _Part:
-    """State of a group in the iteration: its cones, multipliers y and residuals."""
+    """State of a group of equations in the iteration.
+
+    The state consists of the matrices Q and Z, the multipliers y and the residuals.
+
+    group: the equations
+    Q, Z: initial values of the matrices, as multiples of the identity
+    """
 
     def __init__(self, group: Group, Q: float, Z: float) -> None:
         self.group = group
@@ -180,14 +197,17 @@ class _Part:
         self.dy = np.zeros(len(group.b))
 
     def measure(self, f: np.ndarray) -> None:
-        """Compute the residuals of the equations and of the dual equations Z = -Σ y_i A_i."""
+        """Compute the residuals of the equations and of the dual equations Z = -Σ y_i A_i.
+
+        f: free unknowns, (k,)
+        """
         self.missing = self.group.b - self.group.E @ f
         for cone in self.cones:
             self.missing = self.missing - cone.matrix.equations @ cone.Q.ravel()
             cone.slack = -cone.adjoint(self.y) - cone.Z
 
     def factor(self) -> np.ndarray:
-        """Return E'M⁻¹E, with M the sum of the Schur matrices of the cones."""
+        """Factor the sum M of the Schur matrices and return E'M⁻¹E (k, k)."""
         M = np.zeros((len(self.y), len(self.y)))
         for cone in self.cones:
             cone.factor()
@@ -201,7 +221,8 @@ class _Part:
         return np.asarray(scipy.linalg.cho_solve(self._factors, sides, check_finite=False))
 
     def aim(self, product: float, *, corrected: bool) -> np.ndarray:
-        """Return E'M⁻¹ r, with r the right side of the linear equations for Q Z = product I.
+        """Compute the right side r of the equations for the step toward Q Z = product I, and return
+        E'M⁻¹ r.
 
         corrected: whether to include the second-order term of the last step
         """
@@ -224,7 +245,7 @@ class _Part:
 
 
 class _Search:
-    """State of the iteration: free unknowns f and all groups."""
+    """State of the iteration: the free unknowns f and all groups of equations."""
 
     def __init__(self, groups: Sequence[Group], cost: np.ndarray, tolerance: float) -> None:
         self._cost = cost
@@ -249,7 +270,10 @@ class _Search:
         self._gap = sum(float(np.sum(cone.Q * cone.Z)) for cone in self._cones)
 
     def done(self, enough: Enough) -> bool:
-        """Return whether the least cost, or a sufficient cost, is reached."""
+        """Return whether the least cost, or a sufficient cost, is reached.
+
+        enough: (cost, lower bound of the cost) -> whether the cost is sufficient
+        """
         solved = self.missing < self._tolerance
         bounded = self._unbounded < 10.0 * _TOLERANCE
         if solved and bounded and self._gap < _TOLERANCE:
@@ -302,7 +326,7 @@ class _Search:
         return np.asarray(df)
 
     def _lengths(self, share: float) -> tuple[float, float]:
-        """Return the step lengths of all Q and of all Z, at most 1.
+        """Return the step length of all Q and the step length of all Z, at most 1 each.
 
         share: factor on the longest steps that keep the matrices positive semidefinite
         """
@@ -312,7 +336,9 @@ class _Search:
 
 
 def _longest(root: np.ndarray, step: np.ndarray) -> float:
-    """Return the largest s with root root' + s step positive semidefinite, which may be inf."""
+    """Return the largest s for which root root' + s step is positive semidefinite. It may be
+    inf.
+    """
     scaled = _solved(root, _solved(root, step).T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return np.inf if least >= 0.0 else -1.0 / least

@@ -54,14 +54,16 @@ class DisturbedPlant(Plant):
     """The closed loop under the disturbance that increases V fastest at each state.
 
     loop: the loop with its disturbances
-    V: the function
+    V: the polynomial V
     """
 
     V: PolynomialFunction
 
     @cached_property
     def _winds(self) -> ca.Function:
-        """Function z -> ∂z'/∂w (n d,), the columns below each other."""
+        """Function z -> ∂z'/∂w as a vector (n d,), one column of the matrix (n, d) below the
+        other.
+        """
         loop = self.loop
         z, v, states, inputs = self._symbols()
         w = ca.SX.sym("w", len(loop.disturbances))
@@ -75,7 +77,9 @@ class DisturbedPlant(Plant):
         return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at z (N, n) under the disturbance that increases V fastest."""
+        """Return z' (N, n) at state deviations z (N, n) under the disturbance that increases V
+        fastest.
+        """
         count, n = z.shape
         sizes = np.array(list(self.loop.disturbances.values()))
         by_wind = np.array(self._winds(z.T)).T.reshape(count, len(sizes), n)
@@ -85,13 +89,13 @@ class DisturbedPlant(Plant):
 
 
 class EdgeSearch(LevelSearch):
-    """Search for levels of one V on whose boundary V' < 0 under all disturbances."""
+    """Search for proved levels of one V on whose boundary V' < 0 under all disturbances."""
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-        """Return the parts of the inputs and the empty parts, extended by the disturbances.
+        """Return the parts on which V' < 0 is to be proved, and the parts to be proved empty.
 
-        Each part is combined with the lowest and the highest value of every disturbance. Empty
-        parts cover any value.
+        The parts of the inputs are combined with the lowest and the highest value of every
+        disturbance. An empty part covers all values of the disturbances.
         """
         names = self.statement.loop.disturbances
         parts, empty = super()._split()
@@ -102,7 +106,7 @@ class EdgeSearch(LevelSearch):
         return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return names and polynomials of the constraints of {V = share rho}.
+        """Return (name, polynomial) of the two constraints that define {V = share rho}.
 
         The polynomials are share - V / rho and V / rho - share.
         """
@@ -117,8 +121,9 @@ def invariant_region(
 
     region: proved region of the loop without disturbance
     disturbances: name -> largest absolute value
-    progress: called for each V that is tried. A KeyboardInterrupt from the callback ends the search
-        with the largest set proved so far.
+    progress: called for each V that is tried, or None. A KeyboardInterrupt from the callback ends
+        the
+        search with the largest set proved so far.
 
     Raises NoSolutionError if no set is proved.
     """
@@ -150,15 +155,15 @@ def invariant_region(
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A V with V' < 0 at samples of one of its levels.
+    """A V that decreases at samples of one of its levels, under the worst disturbance.
 
-    V: the function
+    V: the polynomial V
     origin: description of V
     plant: the loop under the worst disturbance
-    T: coordinates z = T y in which its sets are measured
-    level: the largest level at whose samples V' < 0 and the limits hold
+    T: coordinates z = T y in which the sets of V are measured, (n, n)
+    level: highest level found with V' < 0 and the limits satisfied at all samples
     size: size of the set of this level
-    beyond: the next level that was tried and a state on it with V' >= 0, or inf and None
+    beyond: the next level that was tried and a state on it with V' >= 0, or (inf, None)
     """
 
     V: PolynomialFunction
@@ -171,12 +176,14 @@ class _Candidate:
 
 
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
-    """Yield descriptions and candidates for V, in this order:
+    """Yield pairs of a description and a V, in this order:
 
     - V of the loop without disturbance
-    - the other V of the search for that V, because a V with a smaller set may prove more under a
-      disturbance
+    - the other V that the search for that V tried. A V with a smaller set may prove more under a
+      disturbance.
     - Lyapunov functions of the linear loop, scaled to similar sets
+
+    region: proved region of the loop without disturbance
     """
     yield region.origin, region.V.scaled(1.0 / region.rho)
     for V in region.tried:
@@ -188,7 +195,11 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
 
 
 def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
-    """Yield each candidate that has a level with V' < 0 at all samples."""
+    """Yield a candidate for each V that has a level with V' < 0 at all samples.
+
+    loop: the loop with its disturbances
+    region: proved region of the loop without disturbance
+    """
     for origin, V in _functions(region):
         plant = DisturbedPlant(loop, V)
         T = V.coordinates()
@@ -205,9 +216,12 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """Return the largest level with V' < 0 at all samples, and a slightly higher level without.
+    """Return the highest level at which the samples pass `_falls`, and a slightly higher level.
 
-    low: a level with V' < 0 at all samples, below the next of `_LEVELS`
+    The search is by bisection up to the next higher level of `_LEVELS`. The samples of the second
+    level do not pass.
+
+    low: a level at which the samples pass
     """
     above = low * float(_LEVELS[0] / _LEVELS[1])
     for _ in range(_FINER):
@@ -222,9 +236,9 @@ def _bisected(
 def _falls(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
 ) -> tuple[bool, np.ndarray | None]:
-    """Return whether V' < 0 and the limits hold at the samples of a level, and a state.
+    """Return whether V' < 0 and the limits hold at all samples of a level, and a state or None.
 
-    The state is the sample with the largest V' if this V' is not negative, else None.
+    The state is the sample with the largest V', if this V' is not negative.
     """
     points = edge_points(V, T, level) @ T.T
     if not len(points):
@@ -238,11 +252,10 @@ def _falls(
 
 
 def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
-    """Return the proof of the highest level that was found to pass the check, or None if none was
-    found.
+    """Return the proof of the largest level of a candidate, or None if no level is proved.
 
     The levels are fractions of the candidate's level. The fractions `_SHARES` are tried in order
-    until one passes. `_STEPS` bisections toward the next larger fraction follow.
+    until one is proved. `_STEPS` bisections toward the next larger fraction follow.
     """
     n = len(candidate.T)
     degree = candidate.V.degree
@@ -270,7 +283,7 @@ def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
 def _at(
     loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
 ) -> ProvedLevel | None:
-    """Return the proof for `share` times the level of a candidate, or None if there is no proof."""
+    """Return the proof of `share` times the level of a candidate, or None if there is no proof."""
     rho = share * candidate.level
     held = holding_ball(candidate.V, rho, candidate.T)
     if held is None:
@@ -282,7 +295,7 @@ def _at(
 
 
 def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
-    """Return the proved set and its obstacles.
+    """Return the proved set with the obstacles to a larger set.
 
     The obstacles are a state where V' >= 0 under a disturbance, and an initial condition from which
     the worst disturbance prevents convergence.

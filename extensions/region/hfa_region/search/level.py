@@ -1,4 +1,4 @@
-"""Search for the largest proved level of a given V, and its evidence."""
+"""Search for the largest proved level of a given V, and the proof of this level."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 class Setting:
     """Settings of a proof by sums of squares.
 
-    order: order of the Taylor polynomials
+    order: highest degree of the Taylor polynomials
     half: highest degree of the monomials in the Gram matrices of V'
     degree: highest degree of V
-    seconds: processor time that must remain for the attempt
+    seconds: processor time that must remain for the attempt, s
     reaches: factors on the radius of the ball up to which the set of the next V may extend, tried
         in order
     """
@@ -59,11 +59,11 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class ProvedLevel:
-    """A statement and its witness, accepted by the checker.
+    """A statement with its witness that the checker has accepted.
 
-    statement: V and rho
-    witness: evidence in the form of a certificate
-    parts: number of parts of the set
+    statement: V, rho and the loop
+    witness: data for the proof, as stored in a certificate
+    parts: number of parts of the set on which V' < 0 is proved
     """
 
     statement: RegionStatement
@@ -72,7 +72,9 @@ class ProvedLevel:
 
 
 def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
-    """Return T (n, n), z = T y, such that {z'P z <= rho} lies just inside the unit ball of y."""
+    """Return T (n, n) of coordinates z = T y in which {z'P z <= rho} lies just inside the unit
+    ball.
+    """
     L = np.linalg.cholesky(P)
     return np.asarray(np.sqrt(rho) * np.linalg.inv(L).T * (1.0 + _SLACK))
 
@@ -81,10 +83,10 @@ class LevelSearch:
     """Search for proved levels of one V in one ball.
 
     loop: the saturated loop
-    V: the function
-    rho: level whose set lies in the unit ball of y
-    T: (n, n), z = T y
-    setting: degrees and order
+    V: the polynomial V
+    rho: highest level. The set {V <= rho} lies in the unit ball of y.
+    T: matrix of the coordinates z = T y, (n, n)
+    setting: degrees of the proof
     """
 
     def __init__(
@@ -116,7 +118,7 @@ class LevelSearch:
         return split(self.ball)
 
     def target(self, part: Mapping[str, str]) -> Terms:
-        """Return a polynomial that is at most -V' / rho on a part of the ball."""
+        """Return a polynomial that is at most -V' / rho on a part of the unit ball."""
         key = tuple(part.values())
         if key not in self._targets:
             lowest = self._decrease_of(part).lowest(self.ball.n, 2 * self.setting.half)
@@ -124,14 +126,14 @@ class LevelSearch:
         return self._targets[key]
 
     def _decrease_of(self, part: Mapping[str, str]) -> Taylor:
-        """Return the Taylor polynomial of -V' / rho on a part."""
+        """Return the Taylor polynomial of -V' / rho on a part of the unit ball."""
         key = tuple(part.values())
         if key not in self._decreases:
             self._decreases[key] = self.ball.decrease(part)
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """Return the term c |y|^degree that `target` subtracts for higher degrees and the
+        """Return the term c |y|^degree that `target` subtracts in place of higher degrees and the
         remainder.
         """
         degree = 2 * self.setting.half
@@ -143,10 +145,11 @@ class LevelSearch:
     def decrease(
         self, part: Mapping[str, str], share: float, enough: float | None = None
     ) -> dict[str, Any] | None:
-        """Return evidence that V' < 0 on a part of {V <= share rho}, or None if none is found.
+        """Return Gram matrices that prove V' < 0 on a part of {V <= share rho}, or None if none are
+        found.
 
         share: the level as a share of rho
-        enough: a margin at which the solver may stop
+        enough: margin at which the solver may stop, or None
         """
         low = lowest_degree(part)
         half = self.setting.half
@@ -160,12 +163,18 @@ class LevelSearch:
         return _evidence(self.target(part), constraints, (low, half), self.ball.n, enough)
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return name and polynomial of the constraint of {V <= share rho}: share - V / rho."""
+        """Return (name, polynomial) of the constraint that defines {V <= share rho}.
+
+        The polynomial is share - V / rho.
+        """
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
-        """Parts of {V <= rho} with evidence that V' < 0, or None if a part has no evidence."""
+        """Pairs of a part of {V <= rho} and Gram matrices that prove V' < 0 on the part.
+
+        The value is None if no Gram matrices are found for a part.
+        """
         found = []
         for part in self.parts:
             evidence = self.decrease(part, 1.0)
@@ -175,7 +184,7 @@ class LevelSearch:
         return found
 
     def holds(self, share: float) -> bool:
-        """Return whether V' < 0 is found on every part of {V <= share rho}.
+        """Return whether Gram matrices for V' < 0 are found on every part of {V <= share rho}.
 
         A part that fails is tried first in the next call.
         """
@@ -186,7 +195,9 @@ class LevelSearch:
         return True
 
     def largest(self, known: float = 0.0) -> float:
-        """Return the largest share of rho for which `holds` is true, by bisection, or 0.
+        """Return the largest share of rho for which `holds` is true, or 0 if none is found.
+
+        The search is by bisection.
 
         known: a share for which `holds` is known to be true, or 0
         """
@@ -205,7 +216,7 @@ class LevelSearch:
         return low
 
     def evidence(self) -> dict[str, Any] | None:
-        """Return the witness of {V <= rho}, or None if evidence for a part is not found."""
+        """Return the witness of {V <= rho}, or None if the proof of a part is not found."""
         if self.proofs is None:
             return None
         parts = [{"inputs": list(part.values()), "evidence": found} for part, found in self.proofs]
@@ -229,10 +240,10 @@ class LevelSearch:
         }
 
     def _extents(self) -> dict[str, Any]:
-        """Return evidence for the extents of the set, and store the extents in the statement.
+        """Return the proofs of the extents of the set, and store the extents in the statement.
 
-        The extents are measured along rays. A state without evidence keeps the extent of the ball.
-        A V of degree 2 needs no evidence.
+        The extents are the lowest and highest deviations at boundary points, slightly enlarged. A
+        state without proof keeps the extent of the unit ball. A V of degree 2 needs no proofs.
         """
         if self.V.degree == 2:
             return {}
@@ -253,7 +264,11 @@ class LevelSearch:
         return found
 
     def _extent(self, index: int, low: float, high: float) -> dict[str, Any] | None:
-        """Return evidence that a state's deviation in the set is from low to high, or None."""
+        """Return Gram matrices that prove a state's deviation in the set to be from low to high, or
+        None.
+
+        index: index of the state
+        """
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
         level = ONE + self.V_terms.scaled(-1.0)
@@ -280,9 +295,9 @@ def lowest_degree(part: Mapping[str, str]) -> int:
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return the parts that may have points in the unit ball, and the parts that have none.
+    """Return the parts that may have points in the unit ball of y, and the parts that have none.
 
-    In the second list, inputs that need no distinction are `ANY`.
+    In a part of the second list, inputs that need no distinction are `ANY`.
     """
     names = list(ball.statement.loop.inputs)
     met: list[dict[str, str]] = []
@@ -310,12 +325,12 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
 def limits_within(
     ball: RegionLoop, part: Mapping[str, str], low: int, half: int
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
-    """Return the constraints of a part: name, polynomial, and the degrees of its multiplier.
+    """Return the constraints that define a part: name, polynomial, and degrees of the multiplier.
 
-    Constraints whose degree is too high for a multiplier are omitted.
+    Constraints with too high a degree for a multiplier are omitted.
 
     low: lowest degree of the multiplier's monomials
-    half: half of the highest degree of the product
+    half: half of the highest degree of the product of constraint and multiplier
     """
     constraints = []
     for name, polynomial in limits_of(ball, part).items():
@@ -326,7 +341,7 @@ def limits_within(
 
 
 def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polynomial]:
-    """Return the constraints of a part that are linear in y."""
+    """Return name -> constraint of a part, for the constraints that are linear in y."""
     limits = limits_of(ball, part)
     return {name: polynomial for name, polynomial in limits.items() if polynomial.degree == 1}
 
@@ -336,6 +351,8 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
     The shortest y with G y >= h is found by nonnegative least squares (Lawson and Hanson, Solving
     Least Squares Problems, chapter 23).
+
+    done: input -> FREE, LOWEST or HIGHEST, for the inputs that are distinguished
     """
     rows = []
     sides = []
@@ -360,9 +377,10 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return evidence that a part's linear constraints exclude the unit ball, or None.
+    """Return a proof that a part has no point in the unit ball, from its linear constraints, or
+    None.
 
-    None does not imply that a point of the ball fulfills the constraints.
+    None does not imply that a point of the ball satisfies the constraints.
 
     ball: the loop on the unit ball
     part: input -> FREE, LOWEST, HIGHEST or ANY
@@ -380,7 +398,7 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, or None without a sufficient margin."""
+    """Return the Gram matrices found by `positive`, or None if the margin is below `MARGIN`."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None
@@ -399,7 +417,8 @@ def _length(variables: int) -> Terms:
 
 
 def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
-    """Return evidence that {V <= 1} lies in the open unit ball, or None if none is found.
+    """Return Gram matrices that prove {V <= rho} to lie in the open unit ball, or None if none are
+    found.
 
     V: V / rho as a polynomial in y
     degree: degree of V
@@ -413,11 +432,11 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
 
 
 def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
-    """Return T (n, n), z = T y, such that {V <= rho} lies in the unit ball of y.
+    """Return T (n, n) of coordinates z = T y in which {V <= rho} lies in the unit ball, or None.
 
-    The property is tested in floating point only. Return None if the test fails.
+    The property is tested in double precision only. The result is None if the test fails.
 
-    T: coordinates in which the set is measured
+    T: coordinates in which boundary points are searched
     """
     if V.degree == 2:
         return ball_of(V.matrix(), rho)
@@ -437,13 +456,13 @@ def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray
 def proved_level(
     loop: SaturatedLoop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
 ) -> ProvedLevel | None:
-    """Return the proof of the largest level of V up to rho that passes the check, or None.
+    """Return the proof of the largest level of V up to rho that the checker accepts, or None.
 
     loop: the saturated loop
-    V: the function
-    rho: largest level to be tried
-    setting: degrees and order
-    T: coordinates in which {V <= rho} can be measured
+    V: the polynomial V
+    rho: highest level to be tried
+    setting: degrees of the proof
+    T: coordinates in which the boundary of {V <= rho} is searched
     """
     share = 0.0
     for _ in range(_SMALLER):
