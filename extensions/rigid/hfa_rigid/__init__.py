@@ -2,6 +2,6 @@
 
 - `motion.py` contains the equations of motion.
 - `atmosphere.py` contains the standard atmosphere.
-- `tables.py` interpolates.
-- `aircraft.py` makes the `Model` from forces, moments and masses.
+- `tables.py` interpolates in tables.
+- `aircraft.py` creates the `Model` from forces, moments and masses.
 """

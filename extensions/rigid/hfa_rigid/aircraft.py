@@ -38,11 +38,13 @@ _FASTEST = 5.0
 class Motion:
     """Motion of a rigid aircraft at a state with the fields of `STATES`.
 
+    Quantities are in the units of the aircraft, ft, slug and lbf or SI units.
+
     air: standard air at the altitude.
     pressure: dynamic pressure.
     mach: Mach number.
-    velocity: (3,), velocity through the air, in body axes.
-    rates: (3,), angular velocity in body axes.
+    velocity: velocity through the air in body axes, (3,).
+    rates: angular velocity in body axes, (3,), rad/s.
     """
 
     def __init__(self, x: Any, gravity: Any, system: str) -> None:
@@ -62,9 +64,9 @@ class Motion:
         self._down = rotation(x.roll, x.pitch, x.yaw)[2, :].T
 
     def acceleration(self, specific_force: Any) -> Any:
-        """Return the rate of the body-axis velocity, (3,).
+        """Return the rate of the body-axis velocity, (3,), in body axes.
 
-        specific_force: (3,), force without weight, divided by mass
+        specific_force: force without weight, divided by mass, in body axes, (3,)
         """
         weight = self._gravity * self._down
         return acceleration(self.velocity, self.rates, specific_force, weight)
@@ -72,11 +74,12 @@ class Motion:
     def rates_and_outputs(
         self, specific_force: Any, moment: Any, inertia: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the rates of `STATES` and the common outputs of rigid aircraft, by name.
+        """Return the rates of `STATES` and the common outputs of rigid aircraft, each as name ->
+        value.
 
-        specific_force: (3,), force without weight, divided by mass
-        moment: (3,), about the center of gravity
-        inertia: (3, 3)
+        specific_force: force without weight, divided by mass, in body axes, (3,)
+        moment: moment about the center of gravity, in body axes, (3,)
+        inertia: inertia matrix, (3, 3)
         """
         turning = angular_acceleration(self.rates, moment, inertia)
         climb = -ca.dot(self._down, self.velocity)
@@ -105,14 +108,18 @@ def rigid_aircraft(
     holds_beta: bool,
     extras: Extras,
 ) -> Model:
-    """Return the `Model` of a rigid aircraft, whose default trim is straight and level.
+    """Return the `Model` of a rigid aircraft, with a straight and level default trim.
 
+    name: name of the model.
+    equations: (x, u, p, w) -> (rates, outputs).
     system: system of units, english or si.
     speed, altitude: values of the default trim.
     alpha: lowest, initial and highest angle of attack, rad.
     beta: lowest and highest sideslip, rad.
-    outputs: outputs in addition to those of `Motion`.
-    holds_beta: whether a trim imposes the sideslip.
+    inputs: name -> signal.
+    parameters: name -> signal.
+    outputs: name -> signal, for the outputs in addition to those of `Motion`.
+    holds_beta: whether the default trim imposes the sideslip.
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M

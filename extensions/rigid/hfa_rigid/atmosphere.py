@@ -1,6 +1,7 @@
 """The U.S. Standard Atmosphere 1976 up to 47 km, in ft, slug, lbf and degrees Rankine.
 
-The constants are those of JSBSim (`FGStandardAtmosphere`), so results agree within rounding.
+The constants are those of JSBSim (`FGStandardAtmosphere`). Results agree with JSBSim within
+rounding.
 """
 
 from __future__ import annotations
@@ -81,11 +82,11 @@ def air_at(altitude: Any, system: str = "english") -> Air:
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
-    """Return the ratio of the pressure at the height `climb` above the bottom of a layer to that at
-    the bottom.
+    """Return the pressure in a layer of the atmosphere, relative to the pressure at its bottom.
 
     warmth: temperature at the bottom, degrees Rankine
     lapse: temperature gradient, degrees Rankine per ft
+    climb: height above the bottom, ft
     """
     if lapse == 0.0:
         return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))

@@ -51,6 +51,8 @@ def wind_axes(alpha: Any, beta: Any) -> Any:
     """Return the matrix (3, 3) from wind axes to body axes.
 
     The first column is the direction of the velocity through the air.
+
+    alpha, beta: angle of attack and sideslip, rad
     """
     cos_alpha = ca.cos(alpha)
     sin_alpha = ca.sin(alpha)
@@ -64,34 +66,36 @@ def wind_axes(alpha: Any, beta: Any) -> Any:
 
 
 def angular_velocity(x: Any) -> Any:
-    """Return the angular velocity in body axes, (3,), rad/s."""
+    """Return the angular velocity of a state in body axes, (3,), rad/s."""
     return ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate)
 
 
 def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -> Any:
-    """Return v' = f + g - ω × v, (3,), the rate of the body-axis velocity.
+    """Return v' = f + g - ω × v, the rate of the body-axis velocity, (3,).
 
-    velocity: (3,) v
-    rates: (3,) ω
-    specific_force: (3,) f, force without weight, divided by mass
-    gravity: (3,) acceleration of gravity in body axes
+    All vectors are in body axes.
+
+    velocity: velocity v, (3,)
+    rates: angular velocity ω, (3,), rad/s
+    specific_force: force without weight, divided by mass, f, (3,)
+    gravity: acceleration of gravity g, (3,)
     """
     return specific_force + gravity - ca.cross(rates, velocity)
 
 
 def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
-    """Return ω' = I⁻¹ (M - ω × I ω), (3,), in body axes, rad/s².
+    """Return the angular acceleration ω' = I⁻¹ (M - ω × I ω) in body axes, (3,), rad/s².
 
-    rates: (3,) ω
-    moment: (3,) M about the center of gravity
-    inertia: (3, 3) I, symmetric
+    rates: angular velocity ω, (3,), rad/s
+    moment: moment M about the center of gravity, (3,)
+    inertia: symmetric inertia matrix I, (3, 3)
     """
     spin = ca.cross(rates, ca.mtimes(inertia, rates))
     return ca.mtimes(_inverse(inertia), moment - spin)
 
 
 def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
-    """Return the inertia matrix (3, 3).
+    """Return the inertia matrix (3, 3) in body axes.
 
     moments: moments of inertia xx, yy, zz
     products: products of inertia xy, zx, yz, with xy = ∫ x y dm
@@ -102,10 +106,10 @@ def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
 
 
 def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
-    """Return the rates of speed, alpha and beta.
+    """Return the rate of the speed, and the rates of alpha and beta, rad/s.
 
-    velocity: (3,), in body axes
-    acceleration: (3,), in body axes
+    velocity: velocity through the air in body axes, (3,)
+    acceleration: rate of this velocity in body axes, (3,)
     """
     u, v, w = ca.vertsplit(velocity)
     in_plane = u**2 + w**2
@@ -117,18 +121,19 @@ def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
 
 
 def turn_rate(x: Any) -> Any:
-    """Return the rate of the yaw angle, rad/s."""
+    """Return the rate of the yaw angle at a state, rad/s."""
     return (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
 
 
 def state_rates(
     x: Any, velocity: Any, velocity_rate: Any, rotation_rate: Any, climb: Any
 ) -> dict[str, Any]:
-    """Return the rates of `STATES` by name.
+    """Return name -> rate of each state in `STATES`.
 
-    velocity: (3,), velocity through the air, in body axes
-    velocity_rate: (3,), rate of `velocity` (`acceleration`)
-    rotation_rate: (3,), rate of the angular velocity (`angular_acceleration`)
+    x: state
+    velocity: velocity through the air, in body axes, (3,)
+    velocity_rate: rate of `velocity` (`acceleration`), (3,)
+    rotation_rate: rate of the angular velocity (`angular_acceleration`), (3,)
     climb: rate of the altitude
     """
     speed_rate, alpha_rate, beta_rate = flow_rates(velocity, velocity_rate)

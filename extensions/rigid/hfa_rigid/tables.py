@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Interpolator:
-    """Interpolates tables at expressions.
+    """Linear interpolation of tables at CasADi expressions.
 
     Tables are constant beyond the first and last breakpoint. At a breakpoint, the slope is that of
     the cell to the right.
@@ -46,10 +46,11 @@ class Interpolator:
         return _between(ca.SX(ca.DM(lines.ravel())), cells)
 
     def cell(self, argument: ca.SX, points: np.ndarray) -> tuple[ca.SX, ca.SX]:
-        """Return the indicator (n - 1,) of the argument's cell, and the argument relative to the
-        middle breakpoint.
+        """Return an indicator of the argument's cell, and the argument relative to the middle
+        breakpoint.
 
-        The argument is clipped to the breakpoints.
+        The indicator (n - 1,) is 1 in the cell and 0 elsewhere. The argument is limited to the
+        range of the breakpoints.
 
         points: breakpoints, (n,)
         """
@@ -64,12 +65,13 @@ class Interpolator:
 
 
 def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
-    """Return the levels at the middle breakpoint, and the slopes, of the lines between values.
+    """Return the lines that interpolate a table in its cells, as levels and slopes.
 
-    Both are (n - 1, ...).
+    The level is the value of the line at the middle breakpoint. Both arrays have the shape (n - 1,
+    ...).
 
-    values: (n, ...), an array, or expressions as a column
-    points: (n,), breakpoints
+    values: values at the breakpoints, (n, ...), an array, or expressions as a column
+    points: breakpoints, (n,)
     """
     column = (-1, *[1] * (len(values.shape) - 1))
     widths = np.diff(points).reshape(column)
@@ -79,15 +81,15 @@ def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
 
 
 def _middle(points: np.ndarray) -> float:
-    """Return the middle breakpoint, to which the arguments of lines are relative."""
+    """Return the middle breakpoint, relative to which the arguments of lines are measured."""
     return float(points[len(points) // 2])
 
 
 def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return the interpolated value of a table of lines, in row-major order.
+    """Return the interpolated value of a table of lines.
 
-    lines: (2, n1 - 1, 2, n2 - 1, ...), levels and slopes on each axis
-    cells: for each axis, the result of `Interpolator.cell`
+    lines: levels and slopes on each axis, (2, n1 - 1, 2, n2 - 1, ...), in row-major order
+    cells: result of `Interpolator.cell` for each axis
     """
     if not cells:
         return lines

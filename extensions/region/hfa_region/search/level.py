@@ -490,7 +490,9 @@ def proved_level(
 
 
 def accepted(tried: LevelSearch) -> ProvedLevel | None:
-    """Return the level of a search with its evidence if the checker accepts it, else None."""
+    """Return the statement of a search with its witness, if the checker accepts them, otherwise
+    None.
+    """
     evidence = tried.evidence()
     if evidence is None:
         return None

@@ -1,4 +1,7 @@
-"""The saturated loop in doubles: rates at many states at once, samples and simulations."""
+"""The saturated loop in double precision.
+
+The module computes rates at many states at once, samples and simulations.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +37,9 @@ ValueOf = Callable[[np.ndarray], np.ndarray]
 def saturated_loop(
     linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
 ) -> SaturatedLoop:
-    """Return the closed loop of a gain about the trim of a linear model.
+    """Return the closed loop of a polynomial policy about the trim of a linear model.
 
-    K: (m, n)
+    K: gain of the linear part of the policy, (m, n)
     policy: input -> terms of the nonlinear part of the policy
     """
     model = linear.point.model
@@ -57,41 +60,43 @@ def saturated_loop(
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """Evaluation of the loop in deviations z from its trim.
+    """Evaluation of the closed loop at deviations z of the states from its trim.
 
-    loop: the loop with its limits
+    loop: the closed loop with its limits
     """
 
     loop: SaturatedLoop
 
     @cached_property
     def nominal(self) -> np.ndarray:
-        """Nominal values of the states, (n,)."""
+        """Nominal values of the moving states, (n,)."""
         signals = self.loop.model.signals
         return np.array([signals[name].nominal for name in self.loop.states])
 
     @cached_property
     def input_ends(self) -> np.ndarray:
-        """Lowest and highest deviation of each input from the trim, (m, 2)."""
+        """Lowest and highest permitted deviation of each input from the trim, (m, 2)."""
         pairs = [self.loop.limits.get(name, (-np.inf, np.inf)) for name in self.loop.inputs]
         at = np.array(list(self.loop.inputs.values()))
         return np.array(pairs).reshape(-1, 2) - at[:, None]
 
     @cached_property
     def limited(self) -> tuple[str, ...]:
-        """Names of the moving states and of the outputs that have limits."""
+        """Names of the moving states and outputs that have limits."""
         loop = self.loop
         return tuple(name for name in (*loop.states, *loop.model.outputs) if name in loop.limits)
 
     @cached_property
     def limited_rows(self) -> np.ndarray:
-        """Gradients (k, n) in z of the limited signals at the trim."""
+        """Gradients (k, n) in z of the signals `limited`, at the trim."""
         rows = np.vstack([np.eye(len(self.loop.states)), self._outputs[1]])
         return np.asarray(rows[[self._signals.index(name) for name in self.limited]])
 
     @cached_property
     def room(self) -> np.ndarray:
-        """Lowest and highest deviation of each limited signal from the trim, (k, 2)."""
+        """Lowest and highest permitted deviation of each signal in `limited` from the trim,
+        (k, 2).
+        """
         at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
         pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
         return np.array(pairs).reshape(-1, 2)
@@ -102,9 +107,9 @@ class Plant:
 
     @cached_property
     def _outputs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (p,) of all outputs at the trim, and their Jacobian (p, n).
+        """Values (p,) of all outputs at the trim, and their Jacobian (p, n) in z.
 
-        The inputs are not saturated.
+        The inputs follow the policy without saturation.
         """
         z, v, states, inputs = self._symbols()
         names = tuple(self.loop.model.outputs)
@@ -118,7 +123,9 @@ class Plant:
         return np.array(values).ravel(), np.array(slopes)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
-        """Symbols of z and of the input deviations, and expressions of all states and inputs."""
+        """Return symbols of z and of the input deviations, and expressions of all states and all
+        inputs.
+        """
         loop = self.loop
         z = ca.SX.sym("z", len(loop.states))
         v = ca.SX.sym("v", len(loop.inputs))
@@ -129,7 +136,7 @@ class Plant:
         return z, v, states, [at + part for at, part in parts]
 
     def command(self, z: ca.SX) -> ca.SX:
-        """Return the unsaturated u - u0, (m,)."""
+        """Return the deviation u - u0 (m,) that the policy commands at z, before saturation."""
         curved = ca.SX.zeros(len(self.loop.inputs))
         for index, name in enumerate(self.loop.inputs):
             for coefficient, exponents in self.loop.policy.get(name, ()):
@@ -138,7 +145,7 @@ class Plant:
         return curved - ca.DM(self.loop.K) @ z
 
     def saturated(self, command: ca.SX) -> ca.SX:
-        """Return u - u0 limited to the input limits, (m,)."""
+        """Return a command u - u0 (m,) limited such that the inputs are within their limits."""
         low = ca.DM(self.input_ends[:, 0])
         high = ca.DM(self.input_ends[:, 1])
         return ca.fmin(ca.fmax(command, low), high)
@@ -163,7 +170,8 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) with a state or output beyond a limit.
+        """Return the mask (N,) of the state deviations z (N, n) at which a state or output exceeds
+        a limit.
 
         Outputs are linearized at the trim.
         """
@@ -172,19 +180,20 @@ class Plant:
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) beyond a limit or `_FAR` nominal values.
+        """Return the mask (N,) of the state deviations z (N, n) beyond a limit or `_FAR` nominal
+        values.
 
         Deviations that are not finite are included.
         """
         return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at deviations z (N, n)."""
+        """Return z' (N, n) at state deviations z (N, n)."""
         return self._rates(z)[0]
 
     @cached_property
     def closed_matrix(self) -> np.ndarray:
-        """Matrix A - B K of the linear loop at the trim."""
+        """Matrix A - B K (n, n) of the linear loop at the trim."""
         _, A, B = self._function(np.zeros(len(self.loop.states)))
         return np.array(A) - np.array(B) @ self.loop.K
 
@@ -192,10 +201,10 @@ class Plant:
 def first_rise(
     plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
 ) -> tuple[float, np.ndarray | None]:
-    """Return the lowest V found with V' >= 0, and the state z (n,), or inf and None.
+    """Return the lowest V found with V' >= 0, and the state deviation z (n,) there, or (inf, None).
 
-    V, slope: V and its gradient as functions of deviations (N, n)
-    T: z = T y, with samples in the unit ball of y
+    V, slope: V and its gradient as functions of state deviations (N, n)
+    T: matrix of the coordinates z = T y, (n, n), with samples in the unit ball of y
     quick: whether to use fewer samples
     """
     n = len(T)
@@ -228,7 +237,7 @@ def first_rise(
 
 
 def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Return the lowest factor of each ray (N, n) at which V' >= 0 is found, or inf, (N,).
+    """Return for each ray z (N, n) the lowest factor at which V' >= 0 is found, or inf, (N,).
 
     slope: z (N, n) -> gradients (N, n) of V
     radii: increasing factors that are tried before the bisection
@@ -251,7 +260,7 @@ def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) ->
 
 
 def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
-    """Return the mask of the points at which V' >= 0 or V' is not a number.
+    """Return the mask (N,) of the points z (N, n) at which V' >= 0 or V' is not a number.
 
     slope: z (N, n) -> gradients (N, n) of V
     """
@@ -285,16 +294,16 @@ NOT_RETURNED = {
 def outcomes(
     plant: Plant, starts: np.ndarray, holds: Callable[[np.ndarray], np.ndarray], seconds: float
 ) -> np.ndarray:
-    """Return the `Outcome` of each initial condition, (N,).
-
-    starts: (N, n), deviations from the trim
-    holds: deviations (N, n) -> mask (N,) of those in the proved set
-    seconds: longest duration of each simulation
+    """Return the `Outcome` of a simulation from each initial condition, (N,).
 
     Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
     a state is not finite, or exceeds both `_FAR` nominal values and `_FAR_OF_STARTS` times the
     largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
     another equilibrium.
+
+    starts: initial deviations from the trim, (N, n)
+    holds: deviations (N, n) -> mask (N,) of those in the proved set
+    seconds: longest duration of each simulation, s
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
     far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)
@@ -322,7 +331,7 @@ def outcomes(
 
 
 def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
-    """Return the states (N, n) after one Runge-Kutta step."""
+    """Return the state deviations (N, n) after one Runge-Kutta step of `step` seconds."""
     k1 = plant.rates(z)
     k2 = plant.rates(z + step / 2 * k1)
     k3 = plant.rates(z + step / 2 * k2)

@@ -19,24 +19,29 @@ _ENTRIES = 60_000
 
 @cache
 def packed(key: int) -> int:
-    """Return the exponents of a key packed into one number, Σ α_i 16^i."""
+    """Return the exponents α of a monomial's key packed into one number, Σ α_i 16^i."""
     return sum(power * BASE**i for i, power in enumerate(exponents_of(key)))
 
 
 @lru_cache(maxsize=64)
 def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
-    """Return the monomials of `monomials` as packed numbers, in the same order."""
+    """Return the monomials of `monomials` as packed numbers, in the same order.
+
+    low, high: lowest and highest degree
+    """
     return np.array([packed(key) for key in monomials(variables, low, high)], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Products of one degree, and the n monomials that occur in products of this degree or higher.
+    """Consecutive products of one degree, restricted to the monomials that can occur in them.
 
-    start: index of the first of these monomials
-    first, last: range of the indices of the k products
-    stacked: (k n, n), the matrices of the products below each other
-    sums: (l, n²), the entries of each product from `first` on
+    n is the number of these monomials, and k the number of products.
+
+    start: index of the first monomial
+    first, last: range of the indices of the products
+    stacked: matrices of the products, one below the other, (k n, n)
+    sums: entries that each product from `first` on has in the matrix of monomials, (l, n²)
     """
 
     start: int
@@ -48,11 +53,11 @@ class _Block:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Products of pairs of n monomials m.
+    """Different products of pairs of n monomials m.
 
-    size: n
-    keys: (k,), packed keys of the different products, by degree
-    sums: (k, n²), 1 where an entry of m m' equals the product
+    size: number of monomials n
+    keys: packed keys of the products, by degree, (k,)
+    sums: (k, n²), 1 where an entry of the matrix m m' equals the product
     blocks: products of one degree each, in blocks whose matrices fit in the processor's cache
     """
 
@@ -62,9 +67,12 @@ class Products:
     blocks: Sequence[_Block]
 
     def schur(self, Q: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-        """Return the matrix (k, k) of tr(H_i Z⁻¹ H_j Q), with H_i the matrix of product i.
+        """Return the matrix (k, k) with entries tr(H_i Z⁻¹ H_j Q).
 
-        Q, inverse: (n, n), symmetric, Q and Z⁻¹
+        H_i is the matrix (n, n) of product i, with entries 1 where m m' equals the product.
+
+        Q: symmetric matrix, (n, n)
+        inverse: Z⁻¹, symmetric, (n, n)
         """
         M = np.zeros((len(self.keys), len(self.keys)))
         for block in self.blocks:
@@ -80,7 +88,10 @@ class Products:
 
 @lru_cache(maxsize=64)
 def products_of(variables: int, low: int, high: int) -> Products:
-    """Return the products of pairs of monomials of degree low to high."""
+    """Return the products of pairs of monomials of the degrees low to high.
+
+    variables: number of variables
+    """
     own = packed_monomials(variables, low, high)
     counts = [len(monomials(variables, degree, degree)) for degree in range(low, high + 1)]
     degrees = np.repeat(np.arange(low, high + 1), counts)

@@ -1,4 +1,6 @@
-"""Search for a large region: choice of V, its largest proved level, and the obstacles beyond it."""
+"""Search for a large region: choice of V, its largest proved level, and obstacles to a larger
+set.
+"""
 
 from __future__ import annotations
 
@@ -58,11 +60,11 @@ _WIDEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Obstacles to a set larger than the proved one.
+    """Obstacles to a set larger than the proved set.
 
-    rises: the lowest V found with V' >= 0 and the state there, or inf and None
-    starts: outcome -> the lowest V of an initial condition with this outcome, and the state
-    limits: signals whose limits the set nearly touches
+    rises: lowest V found with V' >= 0 and the state deviation there, or (inf, None)
+    starts: outcome -> lowest V of an initial condition with this outcome, and the initial condition
+    limits: signals whose limits the set nearly reaches
     """
 
     rises: tuple[float, np.ndarray | None]
@@ -72,16 +74,16 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Region(Reported):
-    """A proved region, and the obstacles to a larger one.
+    """A proved region, with the obstacles to a larger region.
 
     proved: statement and witness
-    V: the function
+    V: the polynomial V
     origin: description of V
     bounds: the obstacles
-    plant: the loop in doubles
-    T: coordinates z = T y in which the set lies in the unit ball
-    stopped: "interrupted" after Ctrl-C, else ""
-    tried: V of the search, each with a floating-point proof of level 1
+    plant: the loop in double precision
+    T: matrix of the coordinates z = T y in which the set lies in the unit ball, (n, n)
+    stopped: "interrupted" after Ctrl-C, otherwise ""
+    tried: all V of the search, each with a proof of level 1 in double precision
     """
 
     proved: ProvedLevel
@@ -100,7 +102,7 @@ class Region(Reported):
 
     @property
     def extents(self) -> dict[str, tuple[float, float]]:
-        """State -> lowest and highest deviation in the region."""
+        """State -> lowest and highest deviation in the proved region."""
         return extents_of(self.proved.statement, self.T)
 
     def report(self) -> Report:
@@ -149,9 +151,9 @@ class RegionSearch:
     def found(self, known: PolynomialFunction | None = None) -> Region:
         """Return the largest proved region.
 
-        known: V of an earlier run, scaled to level 1, from which the search continues
+        known: V of an earlier run, scaled to level 1, from which the search continues, or None
 
-        Raises NoSolutionError if no region is proved or the linear loop is unstable. Raises
+        Raises NoSolutionError if no region is proved or the linear loop is not Hurwitz. Raises
         BadInputError if the equations cannot be enclosed.
         """
         refuse_unstable(self.plant.closed_matrix)
@@ -168,7 +170,10 @@ class RegionSearch:
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
-        """Return V of the largest region so far, scaled to level 1, or else the given V."""
+        """Return V of the largest region proved so far, scaled to level 1.
+
+        If no region is proved, the given V is returned.
+        """
         if self.best is None:
             return V
         statement = self.best.statement
@@ -182,9 +187,9 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _tell(self, what: str) -> None:
-        """Report the current step.
+        """Call the progress function with the current step.
 
-        After an interruption the remaining time is 0.
+        If the function raises KeyboardInterrupt, the remaining time of the search is set to 0.
         """
         if self._progress is None:
             return
@@ -196,16 +201,17 @@ class RegionSearch:
             self._stopped = "interrupted"
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield descriptions and positive definite matrices P of candidates V = z'P z."""
+        """Yield pairs of a description and a positive definite P, candidates V = z'P z."""
         if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
             yield "P of the game", (self._P + self._P.T) / 2
         for P in lyapunov_matrices(self.plant, _CANDIDATES):
             yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
-        """Return the first candidate with a proved level, in the order of decreasing sampled sets.
+        """Return the first candidate V with a proved level, scaled to level 1.
 
-        If no level is proved, the candidate with the largest sampled set is returned.
+        The candidates are tried in descending order of their sampled sets. If no level is proved,
+        the candidate with the largest sampled set is returned.
         """
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:
@@ -216,7 +222,8 @@ class RegionSearch:
     def _sampled(self) -> list[tuple[float, PolynomialFunction, str]]:
         """Return (size of the sampled set, V scaled to level 1, description) of each candidate.
 
-        The candidate with the largest set is first.
+        The sampled set is the largest level set in which samples find no obstacle. The candidate
+        with the largest set is first.
         """
         found = []
         for origin, P in self._candidates():
@@ -229,9 +236,9 @@ class RegionSearch:
         return sorted(found, key=lambda candidate: -candidate[0])
 
     def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the largest level of z'P z within the limits, and T (n, n) of its ball.
+        """Return the largest level of z'P z within the limits, and T (n, n) of coordinates z = T y.
 
-        z = T y, with |y| <= 1 in the ball.
+        The level set is the unit ball of y.
         """
         inverse = np.linalg.inv(P)
         rows = np.vstack([self.plant.limited_rows, np.eye(self._n)])
@@ -242,18 +249,23 @@ class RegionSearch:
         return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
 
     def _prove(self, V: PolynomialFunction, rho: float, origin: str, setting: Setting) -> float:
-        """Prove the largest level of V up to rho, and return the size of its set, or 0.
+        """Prove the largest level of V up to rho, and return the size of its set, or 0 if none is
+        proved.
 
-        The level is kept if its set is the largest so far.
+        The result is stored if its set is the largest so far.
 
         origin: description of V
-        setting: degrees and order
+        setting: degrees of the proof
         """
         self._tell(f"proving {origin}")
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
-        """Return the size of a proved set, or 0 for None, and keep the largest set."""
+        """Return the size of a proved set, or 0 for None, and store the set if it is the largest so
+        far.
+
+        origin: description of V
+        """
         if proved is None:
             return 0.0
         size = measured(V, proved.statement.rho, V.coordinates())
@@ -266,9 +278,11 @@ class RegionSearch:
         return size
 
     def _climb(self, V: PolynomialFunction, setting: Setting) -> PolynomialFunction:
-        """Return V, scaled to level 1, after optimizing multipliers and V alternately.
+        """Return V, scaled to level 1, after alternate optimization of multipliers and V.
 
-        The largest proved level of this V is kept.
+        The largest proved level of the result is stored if its set is the largest so far.
+
+        setting: degrees of the proof
         """
         turn = self._turn(V, setting)
         if turn is None:
@@ -290,10 +304,11 @@ class RegionSearch:
         return turn.V
 
     def _turn(self, V: PolynomialFunction, setting: Setting, least: float = 0.0) -> _Turn | None:
-        """Return V with a floating-point proof of level 1, or None if no proof is found.
+        """Return V with a proof of level 1 in double precision, or None if no proof is found.
 
         V is scaled to slightly lower levels if level 1 is not proved.
 
+        setting: degrees of the proof
         least: size that the set must exceed
         """
         begin = time.process_time()
@@ -317,7 +332,10 @@ class RegionSearch:
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """Return the highest level, at least 1, at whose samples V' < 0 and the limits hold."""
+        """Return the highest level, at least 1, at which samples find no obstacle.
+
+        An obstacle is a state with V' >= 0, or a boundary point beyond a limit.
+        """
         T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         highest = 1.0
@@ -329,7 +347,7 @@ class RegionSearch:
         return highest
 
     def _region(self) -> Region:
-        """Return the proved set and the obstacles to a larger one."""
+        """Return the proved set with the obstacles to a larger set."""
         proved = self.best
         assert proved is not None
         statement = proved.statement
@@ -351,12 +369,12 @@ class RegionSearch:
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A V with a floating-point proof of level 1.
+    """A V with a proof of level 1 in double precision.
 
-    V: the function
-    search: the search in a ball around the set
+    V: the polynomial V
+    search: search in a ball around the set {V <= 1}
     size: size of the set
-    seconds: processor time of the step
+    seconds: processor time of the proof, s
     """
 
     V: PolynomialFunction
@@ -371,7 +389,7 @@ def origin_of(V: PolynomialFunction) -> str:
 
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
-    """Yield positive definite P (n, n) with A'P + P A = -diag(w²), A of the linear loop.
+    """Yield positive definite P (n, n) with A'P + P A = -diag(w²), A the matrix of the linear loop.
 
     The first weights w (n,) are 1 / nominal. Each entry of the other weights is this value times a
     random factor from 0.1 to 10.
@@ -397,10 +415,12 @@ def bounds_of(
     T: np.ndarray,
     rises: tuple[float, np.ndarray | None],
 ) -> Bounds:
-    """Return the obstacles around {V <= rho}, from simulations that begin on rays from the trim.
+    """Return the obstacles around {V <= rho}.
 
-    T: z = T y, with the set in the unit ball of y
-    rises: the lowest V where V' >= 0 was found, and the state
+    Simulations begin on random rays from the trim.
+
+    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
+    rises: lowest V found with V' >= 0, and the state deviation there, or (inf, None)
     """
     generator = np.random.default_rng(1)
     directions = generator.normal(size=(_RAYS, len(T)))
@@ -419,14 +439,14 @@ def bounds_of(
 def gone_starts(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
 ) -> dict[Outcome, np.ndarray]:
-    """Return outcome -> initial conditions (k, n) with this outcome.
+    """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
 
     - `LEFT`, `LOST`: approximately the first initial condition with this outcome on each ray
     - `UNKNOWN`: every simulated initial condition without an outcome in the time limit
 
     V, rho: the proved set {V <= rho}
-    T: z = T y, with the set in the unit ball of y
-    rays: (N, n), with ends near the boundary of the set
+    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
+    rays: rays from the trim with ends near the boundary of the set, (N, n)
     """
     rates = np.linalg.eigvals(plant.closed_matrix).real
     seconds = _TIMES / float(np.min(np.abs(rates)))
@@ -459,16 +479,16 @@ def gone_starts(
 def _first_lost(
     rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays on which a factor fails to converge, the factors before, and the first such
-    factors.
+    """Return the rays with a factor that fails to converge, and two factors for each of these rays.
 
-    The factor before is the one from the next lower shell, or from `low` for the first shell. A
-    factor times a ray is an initial condition.
+    The second factor is the first that fails to converge. The first factor is the factor before:
+    the one of the next lower shell, or `low` for the first shell. A factor times a ray is an
+    initial condition.
 
     rays: (N, n)
-    low: (N,), factors that converge
-    shells: (k, N), increasing factors
-    gone: (k, N), mask of the factors that fail to converge
+    low: factors that converge, (N,)
+    shells: increasing factors, (k, N)
+    gone: mask of the factors that fail to converge, (k, N)
     """
     hit = gone.any(axis=0)
     first = gone.argmax(axis=0)[hit]
@@ -482,7 +502,7 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
     The result is 0 if no sampled ray reaches the boundary of the set.
 
-    T: coordinates z = T y in which the boundary is sampled
+    T: matrix of the coordinates z = T y in which the boundary is sampled, (n, n)
     """
     n = len(T)
     points = edge_points(V, T, rho)
@@ -493,7 +513,7 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:
-    """Return the settings to try, in order.
+    """Return the settings of proofs to try, in order.
 
     n: number of states
     degree: highest degree of V

@@ -1,7 +1,7 @@
 """Step to a better V: with the multipliers of the level fixed, V of smallest mean over the ball.
 
 V and multipliers are optimized alternately (Jarvis-Wloszek, Lyapunov based analysis and controller
-synthesis for polynomial systems using sum-of-squares optimization, 2003). Each step nearly keeps
+synthesis for polynomial systems using sum-of-squares optimization, 2003). Each step nearly contains
 the last set and extends it where V' < 0 permits.
 """
 
@@ -29,18 +29,23 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """Return a V, scaled to level 1, with a larger set than the search's V, or None.
+    """Return a V, scaled to level 1, with a larger set than the search's V, or None if none is
+    found.
 
-    search: the search with the present V, whose level is proved in floating point
-    rows: (k, n), gradients of the limited signals
-    room: (k, 2), lowest and highest deviation of each limited signal
+    search: search with the present V, whose level is proved in double precision
+    rows: gradients of the signals with limits, (k, n)
+    room: lowest and highest permitted deviation of each of these signals, (k, 2)
     reach: largest radius of the next set, relative to the ball, above 1
     """
     return _Step(search, reach).solved(rows, room)
 
 
 class _Step:
-    """Semidefinite problem for the coefficients θ of V = Σ θ_α y^α."""
+    """Semidefinite problem for the coefficients θ of the next V = Σ θ_α y^α.
+
+    search: search with the present V
+    reach: largest radius of the next set, relative to the ball
+    """
 
     def __init__(self, search: LevelSearch, reach: float) -> None:
         self.search = search
@@ -54,10 +59,11 @@ class _Step:
         self.theta = self.problem.free(len(keys))
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
-        """Return the next V in z, scaled to level 1, or None if the problem is not solved.
+        """Return the next V as a polynomial in z, scaled to level 1, or None if the problem is not
+        solved.
 
-        rows: (k, n), gradients of the limited signals
-        room: (k, 2), lowest and highest deviation of each limited signal
+        rows: gradients of the signals with limits, (k, n)
+        room: lowest and highest permitted deviation of each of these signals, (k, 2)
         """
         proofs = self.search.proofs
         if proofs is None:
@@ -77,9 +83,13 @@ class _Step:
         return in_y.substituted(np.linalg.inv(self.search.T))
 
     def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
-        """Require that -V' - σ (1 - V) minus further multipliers is a sum of squares on a part.
+        """Require that -V' - σ (1 - V) minus products with further multipliers is a sum of squares
+        on a part.
 
-        σ is the multiplier of the level in the evidence for the present V.
+        σ is the multiplier of the level in the proof for the present V.
+
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`
+        evidence: Gram matrices of the proof for the present V
         """
         search = self.search
         half = search.setting.half
@@ -112,7 +122,7 @@ class _Step:
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
         """Return packed keys (k,) and coefficients (n, k) of the polynomials y' = T⁻¹ z' on a part.
 
-        highest: degree below which terms are kept
+        highest: degree below which terms are included
         """
         polynomials = [Terms.of(rate.polynomial) for rate in self.search.ball.rates(part)]
         keys = np.unique(np.concatenate([terms.keys for terms in polynomials]))
@@ -147,7 +157,8 @@ class _Step:
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
         """Return (s - low) (s - high) / |low high| as a polynomial in y, with s = row z.
 
-        If only one limit is finite, the other limit is its negative.
+        The polynomial is >= 0 where the signal s reaches a limit. If only one limit is finite, the
+        other limit is replaced by its negative.
         """
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
@@ -166,10 +177,12 @@ def _ball(n: int, radius: float) -> PolynomialFunction:
 
 
 def _means(exponents: np.ndarray) -> np.ndarray:
-    """Return the mean of each monomial over the unit ball of y.
+    """Return the mean of each monomial over the unit ball of y, (k,).
 
     For even exponents α of sum k the mean is n / (n + k) times the mean over the unit sphere,
     Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)). For other exponents the mean is 0.
+
+    exponents: exponents of the monomials, (k, n)
     """
     n = exponents.shape[1]
     means = []
@@ -185,7 +198,10 @@ def _means(exponents: np.ndarray) -> np.ndarray:
 
 
 def _square(n: int, low: int, high: int, Q: np.ndarray) -> Terms:
-    """Return the polynomial m'Q m, with m the monomials of degree low to high."""
+    """Return the polynomial m'Q m, with m the monomials of the degrees low to high.
+
+    n: number of variables
+    """
     keys = packed_monomials(n, low, high)
     sums = (keys[:, None] + keys[None, :]).ravel()
     known, place = np.unique(sums, return_inverse=True)
@@ -199,7 +215,7 @@ def _padded(exponents: list[int], n: int) -> list[int]:
 
 
 def _degrees(keys: np.ndarray) -> np.ndarray:
-    """Return the degrees of packed keys."""
+    """Return the degree of each monomial from its packed key."""
     total = np.zeros_like(keys)
     rest = keys.copy()
     while np.any(rest):

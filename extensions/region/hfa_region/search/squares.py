@@ -1,4 +1,4 @@
-"""Sum-of-squares problems in floating point, with Gram matrices and free unknowns."""
+"""Sum-of-squares problems in double precision, with Gram matrices and free unknowns."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _NEAR = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Polynomial Σ value y^exponents in doubles.
+    """Polynomial Σ value y^exponents in double precision.
 
-    keys: exponents packed into one number, Σ α_i 16^i
+    keys: exponents of each term packed into one number, Σ α_i 16^i
     values: coefficients
     """
 
@@ -37,7 +37,7 @@ class Terms:
 
     @classmethod
     def of(cls, polynomial: Polynomial) -> Terms:
-        """Return a polynomial whose coefficients are the midpoints of balls."""
+        """Return the polynomial whose coefficients are the midpoints of a polynomial's balls."""
         keys = []
         values = []
         for key, _, coefficient in polynomial.terms():
@@ -47,7 +47,7 @@ class Terms:
 
     @classmethod
     def packed(cls, V: PolynomialFunction) -> Terms:
-        """Return a polynomial with packed exponents."""
+        """Return a polynomial with its exponents packed into keys."""
         base = BASE ** np.arange(V.exponents.shape[1], dtype=np.int64)
         return cls(V.exponents.astype(np.int64) @ base, V.coefficients)
 
@@ -71,7 +71,7 @@ ONE = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
 
 @dataclass(frozen=True, eq=False)
 class Gram:
-    """A Gram matrix Q of a problem, with Q - margin I positive semidefinite.
+    """A Gram matrix Q of a problem, for which Q - margin I must be positive semidefinite.
 
     low, high: lowest and highest degree of the monomials of Q
     size: number of monomials
@@ -91,9 +91,9 @@ class Identity:
     """A polynomial that must be 0: constants + Σ value x_column y^key - Σ m'Q m factor.
 
     number: index of the identity in its problem
-    keys, columns, values: terms of the free unknowns x, as parallel lists
-    constants: the constant polynomials
-    grams: Gram matrices, each with its factor
+    keys, columns, values: terms with free unknowns x, as parallel lists
+    constants: polynomials without unknowns
+    grams: Gram matrices Q, each with its factor
     """
 
     number: int
@@ -105,7 +105,7 @@ class Identity:
 
 
 class Squares:
-    """A problem with Gram matrices and free unknowns, of which unknown 0 is the margin.
+    """A sum-of-squares problem with Gram matrices and free unknowns. Unknown 0 is the margin.
 
     variables: number of variables of the polynomials
     """
@@ -117,19 +117,22 @@ class Squares:
         self._costs: dict[int, float] = {}
 
     def free(self, count: int) -> np.ndarray:
-        """Add free unknowns of any sign and return their columns."""
+        """Add free unknowns of any sign and return their column indices."""
         start = self._count
         self._count += count
         return np.arange(start, self._count)
 
     def identity(self, target: Terms) -> Identity:
-        """Add the identity target + further terms = 0 and return it."""
+        """Add the identity that a polynomial plus terms to be added is 0, and return the identity.
+
+        target: the polynomial
+        """
         identity = Identity(len(self._identities), constants=[target])
         self._identities.append(identity)
         return identity
 
     def subtract(self, identity: Identity, low: int, high: int, factor: Terms = ONE) -> Gram:
-        """Add -m'Q m factor to an identity and return the new Gram matrix Q.
+        """Add the term -m'Q m factor to an identity and return the new Gram matrix Q.
 
         low, high: lowest and highest degree of the monomials m
         """
@@ -141,25 +144,32 @@ class Squares:
     def add(
         self, identity: Identity, keys: np.ndarray, columns: np.ndarray, values: np.ndarray
     ) -> None:
-        """Add terms value x_column y^key to an identity."""
+        """Add the terms value x_column y^key to an identity.
+
+        keys: packed exponents of each term
+        columns: column index of the free unknown of each term
+        values: coefficient of each term
+        """
         identity.keys.append(keys)
         identity.columns.append(columns)
         identity.values.append(values)
 
     def cost(self, columns: np.ndarray, values: np.ndarray) -> None:
-        """Add Σ value x_column to the objective, which is minimized."""
+        """Add Σ value x_column to the cost, which is minimized."""
         for column, value in zip(columns.tolist(), values.tolist(), strict=True):
             self._costs[column] = self._costs.get(column, 0.0) + value
 
     def solve(
         self, margin: float | None = None, seconds: float = np.inf, enough: float | None = None
     ) -> Solution | None:
-        """Return the optimal unknowns, or None if the solver finds no solution.
+        """Return the solution of the problem, or None if the solver finds no solution.
 
-        margin: fixed margin of the Gram matrices, with which the cost is minimized to the relative
-            tolerance `_NEAR`, or None to maximize the margin
-        seconds: longest processor time
-        enough: a sufficient margin, which ends the search when it is reached or proved unreachable
+        margin: fixed margin of the Gram matrices, or None to maximize the margin. With a fixed
+            margin, the
+            cost is minimized to the relative tolerance `_NEAR`.
+        seconds: limit of the processor time, s
+        enough: a sufficient margin, or None. The search ends when this margin is reached or proved
+            unreachable.
         """
         groups = [self._group(identity) for identity in self._identities]
         cost = np.zeros(self._count)
@@ -217,16 +227,16 @@ class Squares:
 
 
 def _with_margin(group: Group, margin: float) -> Group:
-    """Return the equations with the margin, unknown 0, fixed."""
+    """Return a group of equations with the margin, unknown 0, fixed at a value."""
     return Group(group.E[:, 1:], group.b - margin * group.E[:, 0], group.matrices)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Solution of a problem.
+    """Solution of a sum-of-squares problem.
 
-    x: the free unknowns, of which x[0] is the margin
-    matrices: matrices of each identity, without the margin
+    x: the free unknowns, with the margin x[0]
+    matrices: Gram matrices of each identity, without the margin on their diagonals
     """
 
     x: np.ndarray
@@ -255,8 +265,9 @@ def positive(
     The target is positive where all constraints are >= 0. The margin is relative to the largest
     coefficient of the target. Return None if the solver fails.
 
-    constraints: name, polynomial, and degrees of the monomials of its multiplier
-    degrees: degrees of the monomials of the target's Gram matrix
+    target: the polynomial
+    constraints: (name, polynomial, lowest and highest degree of its multiplier's monomials)
+    degrees: lowest and highest degree of the monomials of the target's Gram matrix
     variables: number of variables
     enough: a margin at which the solver may stop, or None to maximize the margin
     """
