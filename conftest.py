@@ -1,4 +1,4 @@
-"""Pytest configuration: load the shared fixtures in the processes that run tests."""
+"""Pytest configuration: the shared fixtures are loaded only in the processes that run tests."""
 
 from __future__ import annotations
 

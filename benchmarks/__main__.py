@@ -21,7 +21,9 @@ _RUNS = 3
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run the named jobs, or all jobs, and return the exit code: 0, or 1 if no run was finished.
+    """Run the named jobs, or all jobs, and return the exit code.
+
+    The exit code is 0, or 1 if no run was finished.
 
     words: arguments of the command line, None for those in `sys.argv`
     """
@@ -55,11 +57,13 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(names: list[str], number: int, quick: bool) -> report.Results:
-    """Run these jobs once and return their rows, by job.
+    """Run jobs once and return their results, name of the job -> its comparisons and measurements.
 
-    The growing jobs (subject "scale") have no rows in later runs than the first.
+    The growing jobs (subject "scale") are measured only in the first run.
 
+    names: names of the jobs
     number: number of the run, from 1
+    quick: whether the jobs have a toy size
     """
     rows: dict[str, list[report.Row | report.Growth]] = {}
     for name in names:
@@ -75,9 +79,9 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
 
 
 def _asked(names: list[str]) -> list[str]:
-    """Return the jobs selected by names of jobs or subjects, in the order of the table.
+    """Return the names of the selected jobs, in the order of the table.
 
-    Without names, all jobs are returned.
+    names: names of jobs or subjects; empty for all jobs
     """
     jobs = report.jobs()
     return [job for job, subject in jobs.items() if not names or {job, subject} & set(names)]

@@ -1,4 +1,4 @@
-"""Least time of a certified game solution: the matrix algebra of its certificate."""
+"""Least time of a certified game solution: the time of its matrix operations alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OF_RESIDUAL = 6
 
 
 def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
-    """Return the time of one game's matrix decompositions and products alone, as a limit.
+    """Return the least time of a certified game solution: that of its matrix operations alone.
 
     These operations are timed:
 

@@ -44,11 +44,13 @@ _EFFICIENCY = 0.85
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the largest relative difference of two histories (N, states and weights).
+    """Return the largest relative difference of two histories of the same simulation.
 
     A state is relative to its largest magnitude in `other`, a weight to the largest magnitude of
     all weights. The power 1 - eta in Eq. (46) has an infinite slope where a residual is 0. A
     rounding error of 1e-16 there becomes 1e-16 to the power 1 - eta.
+
+    one, other: (N, states and weights)
     """
     largest = np.abs(other).max(axis=0)
     largest[6:] = largest[6:].max()
@@ -56,9 +58,10 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
 
 
 class FlightCase:
-    """The closed loop of paper Section 5.1 at 5 degrees of dihedral, with data for the C program.
+    """Simulation of the closed loop of paper Section 5.1 at 5 degrees of dihedral, while a critic
+    learns.
 
-    The learning law has settings for which its weights remain bounded.
+    The settings of the learning law keep the weights bounded.
     """
 
     def __init__(self) -> None:
@@ -92,7 +95,12 @@ class FlightCase:
         self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
-        """Simulate the project's loop and return its states and weights, (steps + 1, n)."""
+        """Return the states and weights of the project's simulation, (steps + 1, states and
+        weights).
+
+        compile_code: whether machine code is used
+        steps: number of steps
+        """
         flight = self.compiled(compile_code, steps).fly()
         return np.hstack([flight.states, flight.memory])
 
@@ -106,7 +114,10 @@ class FlightCase:
         )
 
     def data(self) -> dict[str, Any]:
-        """Return name -> array or number, in the order of the fields of the C struct."""
+        """Return the data of the simulation for the C program, name -> array or number.
+
+        The order is that of the fields of the C struct.
+        """
         law = self.law
         game = self.law.game
         equations = law.equations
@@ -133,9 +144,9 @@ class FlightCase:
 
 
 def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
-    """Compile the hand-written C loop and return a function that runs it.
+    """Return a function that runs the simulation with the hand-written C program.
 
-    The function returns the states and weights at all steps, (steps + 1, n).
+    The function returns the states and weights at all steps, (steps + 1, states and weights).
     """
     compiler = c_compiler()
     assert compiler is not None
@@ -174,7 +185,12 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
 
 
 def _loop(quick: bool) -> list[Row]:
-    """Return the row of the project's loop and hand-written C, or no row without a C compiler."""
+    """Return the comparison of the project's simulation with hand-written C.
+
+    The list is empty without a C compiler.
+
+    quick: whether the simulation has a toy size
+    """
     if c_compiler() is None:
         return []
     case = FlightCase()
@@ -200,8 +216,8 @@ def _loop(quick: bool) -> list[Row]:
 def critic_plan(members: int, duration: float) -> MonteCarlo:
     """Return a Monte Carlo run of the simulation of `FlightCase`, with uncertain parameters.
 
-    The critic has 25 weights and 50 samples. The aircraft has seven states. The limits on the
-    states are so wide that every member is simulated to the end.
+    The critic has 25 weights and 50 samples. The aircraft has seven states. The limits of the
+    states are so wide that every simulation runs to the end.
 
     members: number of simulations
     duration: s
@@ -222,9 +238,12 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """Return the row of a Monte Carlo run on several processes and its members one by one.
+    """Return the comparison of a Monte Carlo run on several processes with its simulations in
+    sequence.
 
     The time includes the start of the processes, the compilation of the loop and the storage.
+
+    quick: whether the run has a toy size
     """
     cores = os.cpu_count() or 1
     workers = max(2, cores)

@@ -54,7 +54,7 @@ _DIVERGED = 1e6
 
 
 class RecordCase:
-    """A record of a small aircraft, and the least-squares problem of its identification.
+    """Identification of a small aircraft from a record, as data for `hfa.identify` and for SciPy.
 
     samples: number of samples of the record.
     off: factor on the true parameters at the start of the search.
@@ -92,7 +92,7 @@ class RecordCase:
         self.noise = np.array([each.noise for each in self.found.quantities.values()])
 
     def _integrated(self, start: np.ndarray) -> np.ndarray:
-        """Return the states (N, n) at the samples, integrated with SciPy's LSODA.
+        """Return the states (N, n) at the times of the record, integrated with SciPy's LSODA.
 
         start: initial state, (n,)
         """
@@ -110,7 +110,7 @@ class RecordCase:
         return np.asarray(solved.y.T)
 
     def unknown(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the initial state (n,) and the parameters θ contained in the unknowns v.
+        """Return the initial state (n,) and the parameters θ that a vector of unknowns contains.
 
         v: parameters θ, then the measured components of the initial state
         """
@@ -119,9 +119,9 @@ class RecordCase:
         return start, v[: len(FREE)]
 
     def by_hand(self, v: np.ndarray) -> np.ndarray:
-        """Return the residuals, in standard deviations, with Runge-Kutta steps in plain Python.
+        """Return the residuals of the record, in standard deviations, simulated in plain Python.
 
-        If the simulation fails, all residuals are `_DIVERGED`.
+        The simulation uses Runge-Kutta steps. If it fails, all residuals are `_DIVERGED`.
 
         v: unknowns, as in `unknown`
         """
@@ -136,7 +136,9 @@ class RecordCase:
         return np.asarray(((self.measured - y) / self.noise).ravel())
 
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Return a function v -> residuals that uses the compiled simulation of `hfa.identify`."""
+        """Return a function v -> residuals of the record that uses `hfa.identify`'s compiled
+        simulation.
+        """
         responses, record = self._responses()
 
         def residuals(v: np.ndarray) -> np.ndarray:
@@ -150,7 +152,11 @@ class RecordCase:
         return residuals
 
     def limit(self) -> Limit:
-        """Return the time of a simulation with sensitivities for each step and the covariance."""
+        """Return the least time of the identification: one simulation with sensitivities for each
+        step.
+
+        One further simulation is added for the covariance.
+        """
         responses, record = self._responses()
         start, theta = self.unknown(self.begin)
         seconds = shortest(partial(responses.of, record, start, theta))
@@ -158,13 +164,13 @@ class RecordCase:
         return Limit(count * seconds, f"{count} simulations with sensitivities, one each step")
 
     def _responses(self) -> tuple[Responses, Record]:
-        """Return the compiled responses of the model, and the record."""
+        """Return the compiled simulation of the model with sensitivities, and the record."""
         responses = Responses(self.model, FREE, tuple(SENSORS))
         responses.compile()
         return responses, record_of(self.model, self.columns, {})
 
     def ours(self) -> Any:
-        """Identify the parameters with `hfa.identify`."""
+        """Return the result of `hfa.identify` for the record."""
         return identify(self.model, self.columns, FREE)
 
     def fitted(
@@ -270,13 +276,22 @@ def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> li
 
 
 def _3211(units: np.ndarray) -> np.ndarray:
-    """Return a 3-2-1-1 input: steps 1, -1, 1, -1 that last 3, 2, 1 and 1 units of time, else 0."""
+    """Return a 3-2-1-1 input of amplitude 1: values 1, -1, 1, -1 that last 3, 2, 1 and 1 units of
+    time.
+
+    The input is 0 before and after.
+
+    units: times since the beginning of the input, in units of the shortest pulse
+    """
     place = np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], units, side="right")
     return np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[place]
 
 
 def _record(quick: bool) -> list[Row]:
-    """Return the rows with the times of the identification of 11 parameters, one for each peer."""
+    """Return comparisons of the identification of 11 parameters, one for each use of SciPy.
+
+    quick: whether the record has a toy size
+    """
     case = RecordCase(1600 if quick else 3000, 1.1)
     job = f"{len(FREE)} unknowns from a record of {len(case.time)} samples"
     rows = []
@@ -308,9 +323,12 @@ _GOAL = 20.0
 
 
 def _large(quick: bool) -> list[Row]:
-    """Return the row with the time to identify 33 coefficients from four records of 20 s.
+    """Return the comparison of the time to identify 33 coefficients from four records with a goal.
 
-    The records have 50 samples a second. The search begins with each coefficient 50 % off.
+    Each record lasts 20 s, with 50 samples a second. The search begins with each coefficient 50 %
+    off.
+
+    quick: whether the records have a toy size
     """
     table = read_toml(_UAV)
     true = from_derivatives(table | {"more": _FLAP | _MORE})

@@ -36,9 +36,12 @@ _ROWS = 256
 
 
 def _sweeps(quick: bool) -> list[Row]:
-    """Return the rows of trims and linear models over airspeed and altitude.
+    """Return comparisons of trims and linear models of the 737 over airspeed and altitude.
 
-    One row is without a compiler, one with generated C. Without jsbsim there are no rows.
+    One comparison is without a compiler, and one with generated C. Without jsbsim the list is
+    empty.
+
+    quick: whether the sweeps have a toy size
     """
     if importlib.util.find_spec("jsbsim") is None:
         return []
@@ -69,9 +72,12 @@ def _sweeps(quick: bool) -> list[Row]:
 
 
 def _environments(quick: bool) -> list[Row]:
-    """Return the rows of one and of 256 environments of the c172p, with one frame or six in a step.
+    """Return comparisons of environments of the c172p with JSBSim: one or 256, with one frame or
+    six a step.
 
-    Without jsbsim there are no rows.
+    Without jsbsim the list is empty.
+
+    quick: whether the runs have a toy size
     """
     if importlib.util.find_spec("jsbsim") is None:
         return []
@@ -80,10 +86,12 @@ def _environments(quick: bool) -> list[Row]:
 
 
 def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
-    """Return the row of steps of `count` environments of the c172p with random actions.
+    """Return the comparison of environments of the c172p, under random actions, with JSBSim.
 
     frames: frames in a step, at JSBSim's 120 Hz
+    count: number of environments
     target: required ratio of the times
+    quick: whether the run has a toy size
     """
     import jsbsim
 
@@ -146,9 +154,10 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
 
 
 def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:
-    """Trim and linearize at all points, and assert that each point is trimmed.
+    """Trim and linearize a model at all points, and assert that each point is trimmed.
 
     grid: calibrated airspeed and altitude of each point, (points, 2)
+    compiled: whether machine code is used
     """
     points = trim_points(model, ("kcas", "altitude"), grid, compile_code=compiled)
     assert (points.status == TRIMMED).all()

@@ -48,11 +48,10 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """Return the rows of `hfa trim` and `hfa --help` in new processes.
+    """Return comparisons of `hfa trim` and `hfa --help`, in new processes, with `import control`.
 
-    The peer is the import of python-control. The first round, which writes the bytecode of the
-    modules, is not counted. The limits are the times of Python processes in which NumPy starts no
-    threads, as in `hfa`.
+    The first round, which writes the bytecode of the modules, is not counted. The limits are the
+    times of Python processes in which NumPy starts no threads, as in `hfa`.
     """
     repeats = 1 if quick else 5
     environment = dict(os.environ)
@@ -81,9 +80,9 @@ def _start(quick: bool) -> list[Row]:
 
 
 def _games(quick: bool) -> list[Row]:
-    """Return the row of certified game solutions of the HFA from 0 to 20 degrees of dihedral.
+    """Return the comparison of certified game solutions of the HFA with SciPy's solver.
 
-    The peer is SciPy's solver, which computes no certificate.
+    The games are those from 0 to 20 degrees of dihedral. SciPy's solver computes no certificate.
     """
     from scipy.linalg import block_diag, solve_continuous_are
 
@@ -115,7 +114,9 @@ def _games(quick: bool) -> list[Row]:
 
 
 def _one_game(quick: bool) -> list[Row]:
-    """Return a row for each number of states, with certified solutions of random games."""
+    """Return comparisons of certified solutions of random games with SciPy's, for several state
+    numbers.
+    """
     from benchmarks.jobs_scale import random_game
 
     rows = []
@@ -149,7 +150,8 @@ def scipy_value(game: Game) -> np.ndarray:
 
 
 def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]:
-    """Return a function (t, x (6,), u (5,), params) -> x' (6,) of the published dynamics.
+    """Return the rates of the published dynamics as a function (t, x (6,), u (5,), params) -> x'
+    (6,).
 
     The function is plain Python, as a user of python-control would write it. A test compares it
     with the project's model.
@@ -266,11 +268,12 @@ def evaluations(
     condition: TrimCondition | None,
     compile_code: bool,
 ) -> Limit:
-    """Return the least time of a trim with its linear model at these points.
+    """Return the least time of a trim with its linear model, as a limit for a sweep.
 
     The time is that of two evaluations: the equations with their Jacobian for a step of Newton's
     method, and A and B.
 
+    model: model of the aircraft
     variables: names of the variables of the sweep
     values: values of the variables, (points, variables)
     condition: trim condition, or None for the usual one
@@ -297,9 +300,10 @@ def evaluations(
 
 
 def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
-    """Return a CasADi function of (z, c) as machine code that evaluates many rows.
+    """Return a function of rows (z, c) in machine code that evaluates a CasADi function.
 
     residual: trim equations, which are compiled too
+    function: the function of (z, c)
     """
     flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
     one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
@@ -309,9 +313,8 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """Return the row of one trim with its linear model, called from Python.
-
-    The peer is python-control.
+    """Return the comparison of one trim with its linear model, called from Python, with
+    python-control.
     """
     flexible = aircraft()
     system = peer_system()
@@ -344,9 +347,11 @@ def _trim(quick: bool) -> list[Row]:
 
 
 def _angles(quick: bool) -> list[Row]:
-    """Return the rows of trims and linear models of the HFA at many dihedral angles.
+    """Return comparisons of trims and linear models of the HFA with python-control, at many
+    dihedrals.
 
-    The last row adds tracked modes. Without a C compiler the row of generated C is missing.
+    The last comparison adds tracked modes. Without a C compiler, the one with generated C is
+    missing.
     """
     count, peer_count = _counts(quick)
     flexible = aircraft()
@@ -380,7 +385,9 @@ def _angles(quick: bool) -> list[Row]:
 
 
 def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
-    """Return the limit of trims and linear models plus the time of the eigenvectors of A.
+    """Return the least time of trims, linear models and modes, at many dihedral angles.
+
+    The time of the eigenvectors of A is added to the limit of the trims and linear models.
 
     angles: dihedral angles, rad
     limit: limit of the trims and linear models
@@ -399,8 +406,7 @@ _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rud
 def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
     """Return the trim condition of the F-16, the varied variable, and its lowest and highest value.
 
-    If `turning`, the turn rate varies from 0 to 0.2 rad/s. Otherwise the speed varies from 300 to
-    700 ft/s.
+    turning: True for turn rates from 0 to 0.2 rad/s, False for speeds from 300 to 700 ft/s
     """
     model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
     usual = usual_condition(model)
@@ -421,9 +427,13 @@ def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
 
 
 def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
-    """Return a function (name, values of this variable) -> python-control's linear models.
+    """Return a function that trims and linearizes the F-16 with python-control.
 
-    Each search starts from the preceding operating point. The equations are compiled by CasADi.
+    The function (name, values of this variable) returns (operating point, linear model) at each
+    value. Each search starts from the preceding operating point. The equations are compiled by
+    CasADi.
+
+    condition: trim condition
     """
     import casadi as ca
     import control
@@ -482,12 +492,17 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
 
 def _f16(quick: bool) -> list[Row]:
-    """Return the rows of the F-16 in straight flight (5 unknowns) and in a turn (12 unknowns)."""
+    """Return comparisons of trims of the F-16: straight flight (5 unknowns) and a turn (12
+    unknowns).
+    """
     return [row for turning in (False, True) for row in _f16_flights(turning, *_counts(quick))]
 
 
 def _counts(quick: bool) -> tuple[int, int]:
-    """Return the number of points at which the project is timed, and the number for the peer."""
+    """Return the number of points of a sweep for the project, and the number for the peer.
+
+    quick: whether the sweep has a toy size
+    """
     return (500, 2) if quick else (10_000, 100)
 
 

@@ -43,9 +43,11 @@ _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")
 
 
 def _best_flight(quick: bool) -> list[Row]:
-    """Return the row with the times of both solutions, or no row without rockit.
+    """Return the comparison of the project's best flight of the GTM with rockit's.
 
-    Functions that are built once for an aircraft are not timed.
+    Functions that are built once for an aircraft are not timed. The list is empty without rockit.
+
+    quick: whether the functions are called only once
     """
     if importlib.util.find_spec("rockit") is None:
         return []
@@ -61,7 +63,7 @@ def _best_flight(quick: bool) -> list[Row]:
 
 
 def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
-    """Return a function that solves the problem with the project's transcription.
+    """Return a function that finds the best flight with the project's transcription.
 
     start: initial deviation from the trim, (states,)
     """
@@ -78,10 +80,15 @@ def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
 
 
 def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int) -> Limit:
-    """Return the time of IPOPT's function evaluations plus one factorization per iteration.
+    """Return the least time of the project's solution: IPOPT's function evaluations and
+    factorizations.
 
-    The times of the evaluations are those that CasADi reports. The factorization is that of a
-    sparse KKT matrix with the problem's sparsity.
+    The times of the evaluations are those that CasADi reports. One factorization per iteration is
+    added, of a sparse KKT matrix with the problem's sparsity.
+
+    transcription: the optimization problem
+    solve: function that solves the problem
+    repeats: number of solutions
     """
     solver = transcription._solver
     times = []
@@ -101,13 +108,13 @@ def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int)
 
 
 def _drawn(pattern: ca.Sparsity) -> sp.csc_matrix:
-    """Return a matrix with this sparsity pattern and normally distributed entries."""
+    """Return a sparse matrix with a given sparsity pattern and normally distributed entries."""
     values = np.random.default_rng(0).normal(size=pattern.nnz())
     return sp.csc_matrix((values, pattern.row(), pattern.colind()), shape=pattern.shape)
 
 
 def _rockit(problem: FlightProblem, start: np.ndarray) -> Callable[[], Any]:
-    """Return a function that solves the problem with rockit.
+    """Return a function that finds the best flight with rockit.
 
     The lengths of rockit's intervals increase geometrically, and its inputs are constant in each
     interval.

@@ -23,9 +23,12 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """Return the row of one proof of the GTM's region of attraction by the command.
+    """Return the comparison of one proof of the GTM's region of attraction with a goal for the
+    time.
 
     The limit is the time of the Cholesky factorizations of the interior-point method.
+
+    quick: whether a smaller system takes the place of the GTM
     """
     name = "pendulum.py:VAN_DER_POL" if quick else "gtm.py:GTM"
     aircraft = Path(__file__).parents[1] / "examples" / name
@@ -41,7 +44,8 @@ def _gtm_region(quick: bool) -> list[Row]:
 
 
 def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
-    """Return a context manager that appends the size of each matrix factored by `cho_factor`.
+    """Return a context manager that records the size of each matrix that `cho_factor` factors in
+    it.
 
     sizes: list to which the sizes are appended
     """
@@ -55,7 +59,10 @@ def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
 
 
 def _factorizations(sizes: list[int]) -> float:
-    """Return the total time of Cholesky factorizations of matrices of these sizes by LAPACK, s."""
+    """Return the total time in which LAPACK factors matrices of given sizes (Cholesky), s.
+
+    sizes: numbers of rows
+    """
     total = 0.0
     for size, count in Counter(sizes).items():
         M = np.eye(size) + 1.0

@@ -54,8 +54,11 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 def _growth(job: str, quick: bool) -> list[Growth]:
-    """Return the measurements of a job at all its sizes, each in a new process.
+    """Return the measured times and memories of a growing job at all its sizes.
 
+    Each size is measured in a new process.
+
+    job: name of the job
     quick: whether only the first two sizes are measured
     """
     name, unit, sizes = _GROWING[job]
@@ -70,14 +73,21 @@ def _growth(job: str, quick: bool) -> list[Growth]:
 
 
 def _points(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that stores trims at `count` dihedral angles from 0 to 20 degrees."""
+    """Return a function that stores trims of the HFA at `count` dihedral angles from 0 to 20
+    degrees.
+
+    folder: folder of the store
+    """
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     plan = SweepPlan({"dihedral": steps}, hfa.aircraft())
     return lambda: stream_sweep(plan, folder / "store.zarr")
 
 
 def _flights(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that stores `count` flights in turbulence with the exact gain."""
+    """Return a function that stores `count` simulated flights in turbulence with the exact gain.
+
+    folder: folder of the store
+    """
     plan = gain_plan(count, duration=0.1)
     return lambda: stream_members(plan, folder / "store.zarr")
 
@@ -109,6 +119,9 @@ def random_game(states: int, seed: int = 0) -> hfa.Game:
     """Return a random game with one input for every three states and two disturbances.
 
     A game of one or two states has one input.
+
+    states: number of states
+    seed: the same seed gives the same game
     """
     rng = np.random.default_rng(seed)
     inputs = max(1, states // 3)
@@ -119,7 +132,8 @@ def random_game(states: int, seed: int = 0) -> hfa.Game:
 
 
 def _networks(width: int, folder: Path) -> Callable[[], object]:
-    """Return a function that checks a policy network in the usual box, without simulations.
+    """Return a function that checks a policy network in the usual box of states, without
+    simulations.
 
     The network has two hidden layers of `width` units and random weights.
     """
@@ -138,11 +152,12 @@ def _networks(width: int, folder: Path) -> Callable[[], object]:
 
 
 def _sized(job: str, count: int) -> Size:
-    """Return the time and memory of one job of this size.
+    """Return the measured time and memory of a growing job at one size.
 
     A job of the smallest size is run before, so that all modules are loaded.
 
-    count: size of the job
+    job: name of the job
+    count: size
     """
     prepared = {"points": _points, "flights": _flights, "states": _states, "networks": _networks}
     smallest = _GROWING[job][2][0]

@@ -1,4 +1,4 @@
-"""Timing of two functions in turn, and the report of comparisons as tables, file and picture."""
+"""Timing of two functions in turn, and report of the comparisons as tables, file and picture."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
 class Comparison(NamedTuple):
-    """Times of the project and its peer.
+    """Times of the project and its peer for the same work.
 
     ours: median time of the project for one unit of work, s
     peer: median time of the peer for one unit of work, s
@@ -70,10 +70,12 @@ def in_turn(
     *,
     repeats: int = 7,
 ) -> Comparison:
-    """Time two functions alternately and return their comparison, after one uncounted call of each.
+    """Return the times of two functions, called alternately after one uncounted call of each.
 
     A drift of the machine's speed then affects both functions equally.
 
+    ours: function of the project
+    peer: function of the peer
     units: units of work in one call of `ours`
     peer_units: units of work in one call of `peer`
     repeats: timed calls of each
@@ -103,7 +105,7 @@ class Size(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A job measured at increasing sizes.
+    """Measured times and memories of a job at increasing sizes.
 
     job: description of the job
     unit: unit of the sizes
@@ -134,7 +136,7 @@ class Limit(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One comparison.
+    """Result of one comparison of the project with a peer.
 
     job: description of the job
     peer: description of the peer
@@ -153,10 +155,10 @@ class Row(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Verdict on the ratio of the times.
+        """Verdict on the ratio of the times, peer / ours.
 
         - "yes": the ratio reaches the target.
-        - "limit": the project's time is at most `AT_LIMIT` times the limit.
+        - "limit": the project's time is at most `AT_LIMIT` times the least possible time.
         - "NO": neither.
         """
         if self.timing.ratio >= self.target:
@@ -171,12 +173,16 @@ Results = Mapping[str, Sequence[Row | Growth]]
 
 
 def jobs() -> dict[str, str]:
-    """Return name of a job -> its module, in the order of the table."""
+    """Return the jobs in the order of the table, name of a job -> its subject."""
     return {name: module for module, names in SUBJECTS.items() for name in names}
 
 
 def rows_of(job: str, quick: bool) -> list[Row | Growth]:
-    """Measure one job and return its rows."""
+    """Return the results of one job: its comparisons or its measurements.
+
+    job: name of the job
+    quick: whether the job has a toy size
+    """
     module = importlib.import_module(f"benchmarks.jobs_{jobs()[job]}")
     found: list[Row | Growth] = module.JOBS[job](quick)
     return found
@@ -197,9 +203,11 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
 
 
 def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
-    """Return the run with the median ratio, and the extreme ratios of all runs, for JSON.
+    """Return the results of one comparison in several runs, for JSON.
 
-    runs: the same row in each run
+    They contain the run with the median ratio, and the smallest and largest ratio of all runs.
+
+    runs: the same comparison in each run
     name: name of the job
     """
     by_ratio = sorted(runs, key=lambda run: run.timing.ratio)
@@ -222,7 +230,7 @@ def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
 
 
 def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
-    """Return the figures of all comparisons, ready for JSON.
+    """Return the results of all comparisons in several runs, for JSON.
 
     runs: results of the same jobs in each run
     """
@@ -234,7 +242,10 @@ def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
 
 
 def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
-    """Return the measurements of the growing jobs in the first run, ready for JSON."""
+    """Return the measurements of the growing jobs in the first run, for JSON.
+
+    runs: results of the same jobs in each run
+    """
     return [
         {
             "set": name,
@@ -250,7 +261,10 @@ def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
 
 
 def markdown(figures: Iterable[dict[str, Any]]) -> str:
-    """Return the comparisons as a Markdown table."""
+    """Return the results of comparisons as a Markdown table.
+
+    figures: results from `figure`
+    """
     rows = []
     for each in figures:
         times = (value_text(each[name]) for name in ("ours", "peers"))
@@ -263,7 +277,10 @@ def markdown(figures: Iterable[dict[str, Any]]) -> str:
 
 
 def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
-    """Return the growing jobs as a Markdown table."""
+    """Return the measurements of growing jobs as a Markdown table.
+
+    grown: measurements from `growths`
+    """
     rows = []
     for each in grown:
         first, last = each["sizes"][0], each["sizes"][-1]
@@ -275,7 +292,13 @@ def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
 
 
 def limit_text(figure: Mapping[str, Any]) -> str:
-    """Return the ratio of our time to the limit, and what the limit is, or "–" without a limit."""
+    """Return the project's time relative to the least possible time as text, or "–" if it is
+    unknown.
+
+    The text also describes the work of the least time.
+
+    figure: result from `figure`
+    """
     limit = figure["limit"]
     if limit is None:
         return "–"
@@ -299,7 +322,9 @@ def ratio_text(ratio: float) -> str:
 
 
 def machine() -> dict[str, str]:
-    """Return the processor, the number of cores and the versions of Python and of the packages."""
+    """Return the processor, the number of cores, and the versions of Python and some packages, by
+    name.
+    """
     lines = (
         Path("/proc/cpuinfo").read_text("utf-8").splitlines()
         if Path("/proc/cpuinfo").exists()
@@ -313,9 +338,9 @@ def machine() -> dict[str, str]:
 
 
 def store(runs: Sequence[Results]) -> dict[str, Any]:
-    """Write results.json and return its content.
+    """Write the results of the jobs to results.json, and return the content of the file.
 
-    Stored figures of jobs without new figures are kept if they were measured on the same machine
+    Stored results of other jobs are kept if they were measured on the same machine
     with the same versions.
 
     runs: results of the same jobs in each run; growing jobs have results in the first run only
@@ -333,10 +358,12 @@ def store(runs: Sequence[Results]) -> dict[str, Any]:
 
 
 def show(data: Mapping[str, Any]) -> None:
-    """Write the tables into both documents.
+    """Write the tables of results into the two documents `PAGES`.
 
     The first document receives the comparisons that it already contains and those with a missed
     target. The second document receives the other comparisons and the growing jobs.
+
+    data: content of results.json
     """
     first, second = (page.read_text("utf-8") for page in PAGES)
     on_first = [
@@ -351,7 +378,11 @@ def show(data: Mapping[str, Any]) -> None:
 
 
 def with_table(page: str, table: str) -> str:
-    """Return the page with this table in place of its table with the same header."""
+    """Return a Markdown page with one table replaced.
+
+    page: text of the page
+    table: new table; it replaces the table of the page with the same header
+    """
     heads = table.splitlines()[0]
     before, found, after = page.partition(heads)
     assert found, f"the page has no table {heads}"
@@ -361,13 +392,19 @@ def with_table(page: str, table: str) -> str:
 
 
 def stored() -> dict[str, Any]:
-    """Return the content of results.json."""
+    """Return the results of the benchmarks, the content of results.json."""
     result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
     return result
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Draw bars of the ratios, and curves of time and memory versus size, and return the path."""
+    """Draw the results of the benchmarks, and return the path of the picture.
+
+    The picture shows bars of the ratios, and curves of time and memory versus size.
+
+    data: content of results.json
+    path: path of the picture
+    """
     bars = data["figures"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
     parts = picture.subfigures(2, 1, squeeze=False, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
