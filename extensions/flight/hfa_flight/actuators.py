@@ -64,7 +64,7 @@ class ActuatorBank:
     rate: largest |U'|, per s, possibly infinite
     order: 1 or 2, for all inputs
     damping: ζ, for all inputs
-    faults: changes of ω, ζ and the effectiveness λ, which is 1 without a fault
+    faults: changes of ω, ζ and the effectiveness λ. Without a fault, λ is 1
 
     Raises BadInputError if a lag or a rate is not positive, a lowest position is not below the
     highest, the order is neither 1 nor 2, the damping is not positive, or a fault names an unknown
@@ -170,7 +170,7 @@ class ActuatorBank:
         return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return the actuator positions a, (m,), which are the inputs of the aircraft.
+        """Return the actuator positions a, (m,), the inputs of the aircraft.
 
         For order 2, the positions are clipped to the position limits.
 

@@ -89,7 +89,7 @@ def _moves(result: Flight, index: int) -> bool:
 
 
 def _widened(axes: Axes, nominal: float, unit: str) -> None:
-    """Widen the vertical range of a panel, so that it does not show rounding errors.
+    """Widen the vertical range of a panel to hide rounding errors.
 
     The range is at least 2 % of the nominal size of the variable.
     """

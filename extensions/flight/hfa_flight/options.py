@@ -211,7 +211,7 @@ def numbers(
     number.
 
     form: description of the text for error messages
-    otherwise: default values of the last numbers, which may then be missing in the text
+    otherwise: default values of the last numbers. The text may omit these numbers
     """
 
     def convert(text: str) -> tuple[float, ...]:
@@ -611,7 +611,7 @@ def actuators_of(
 ) -> ActuatorBank | None:
     """Return the actuators that --actuators and --fault specify, or None without --actuators.
 
-    Rate limit and fault apply to the surfaces, which are the inputs in rad or deg.
+    Rate limit and fault apply to the surfaces. These are the inputs in rad or deg.
 
     typed: lag in s, rate limit in deg/s, order
     fault: factor on the command, bandwidth in rad/s, start in s

@@ -69,8 +69,8 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     """Return the compiled loop of a JSBSim aircraft that JSBSim's own integration advances.
 
-    Raises BadInputError if the scenario has actuators, a policy with memory, a gust, a delay or a
-    disturbance, which are not supported.
+    Raises BadInputError for actuators, a policy with memory, a gust, a delay or a disturbance.
+    These are not supported.
     """
     model: Model = loop.plant.point.model
     make: Callable[[float], Any] = model.equations.jsbsim_steps  # type: ignore[attr-defined]

@@ -49,7 +49,7 @@ class Policy(Reported):
       last row afterwards
     start: (l,), initial memory
     identity: JSON data that identify the policy
-    fastest: magnitude of the policy's fastest mode, 1/s, which determines the number of substeps
+    fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
     is_held: whether u is constant during a tick
     """
 
@@ -73,7 +73,7 @@ class Policy(Reported):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Return the time derivative of the memory, (l,), which is empty without memory.
+        """Return the time derivative of the memory, (l,). It is empty without memory.
 
         t: s
         measurements: measured values at t
@@ -145,7 +145,7 @@ class GainPolicy(Policy):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """Gain K (m, k), or None for several gains."""
+        """Gain K (m, k), or None if the gain changes from tick to tick."""
         return self.gains[0] if len(self.gains) == 1 else None
 
     def data(self, model: Model) -> dict[str, Any]:
@@ -206,7 +206,7 @@ def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> 
 
 
 def column_by_column(matrix: np.ndarray) -> np.ndarray:
-    """Return the entries of a matrix column by column, which is CasADi's order."""
+    """Return the entries of a matrix in CasADi's order, column by column."""
     return np.asarray(matrix, dtype=float).ravel(order="F")
 
 

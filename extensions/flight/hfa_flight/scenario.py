@@ -40,8 +40,8 @@ class Uncertainty:
     """Random quantities of the members of a simulation. By default there are none.
 
     errors: parameter -> relative standard deviation about the nominal value
-    noise: state of the linear model -> standard deviation of the sensor noise, which is drawn every
-      tick and constant during the tick
+    noise: state of the linear model -> standard deviation of the sensor noise. The noise is drawn
+        every tick and constant during the tick
     turbulence: `Turbulence`, or None
 
     Errors, noise and turbulence of member k = 0, 1, ... use three independent streams from (seed,
@@ -106,7 +106,7 @@ class Scenario(Reported):
     duration: s
     step: integration step, s
     tick: interval at which the held inputs change, s, a whole number of steps
-    initial: (n,), deviation from trim; () for none
+    initial: (n,), deviation from trim, or () for none
     reference, disturbance, noise: signals (k,) for the states of the linear model, or None for 0
     errors: parameter -> factor on the parameter of the simulated aircraft only
     actuators: dynamics of the actuators, or None

@@ -116,9 +116,9 @@ class CompiledLoop:
     ) -> Deviations:
         """Simulate a flight and return its time history.
 
-        scenario: used in place of the loop's scenario, from which it may differ only in numbers
+        scenario: used in place of the loop's scenario. Only its numbers may differ
         parameters: parameters of the plant, for an uncertain plant
-        policy: used in place of the loop's policy, from which it may differ only in its held inputs
+        policy: used in place of the loop's policy. Only its held inputs may differ
         ticks: number of ticks, or None for that of the scenario
         stop: function from the time history of some steps to a mask of these steps. The flight ends
             with the tick of the first step that is True

@@ -81,8 +81,8 @@ class Turbulence:
 
     level: light, moderate or severe, with the intensities and scales of the specification; or
       (intensity, scale) of u, v and w, in the model's units.
-    altitude: altitude at which a level is evaluated, in the model's unit of length; default: that
-      of the trim.
+    altitude: altitude at which a level is evaluated, in the model's unit of length. Default: that
+        of the trim.
     span: wing span, in the model's unit of length. Without a span, p, q and r are 0.
     spectrum: dryden or karman.
 

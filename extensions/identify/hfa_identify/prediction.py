@@ -1,7 +1,7 @@
 """One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
 
 White noise drives the speed and the flow angles, and rotates the air (`rotating_air.py`). Gusts are
-random walks, which approximate Dryden turbulence below its scale length. At each sample a
+random walks. These approximate Dryden turbulence below its scale length. At each sample a
 steady-state gain K corrects the states to x + K (z - y) (`filter_gain.py`). Between samples the
 states advance as in `response.py`. The first unknowns are the logarithms of the turbulence and of
 the sensor noise.
@@ -161,7 +161,7 @@ class Predictions(Responses):
         return Responses(self._still, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
-        """Return the predictor with additional unknowns, which are parameters or column errors."""
+        """Return the predictor with additional unknowns: parameters or column errors."""
         free = (*self.free[self.turbulent :], *names)
         return Predictions(self._still, free, self.measured, self.condition)
 

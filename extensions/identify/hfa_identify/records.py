@@ -379,7 +379,7 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
 
 
 def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of values far beyond a signal's limits, which indicate a wrong unit."""
+    """Return a mask (N,) of values so far beyond a signal's limits that the unit is wrong."""
     half = 0.5 * (signal.max - signal.min)
     middle = 0.5 * (signal.max + signal.min)
     if not 0.0 < half < math.inf:

@@ -81,7 +81,7 @@ class Responses:
     """Simulation of a model with free parameters.
 
     model: the model. Parameters that are not free keep their values.
-    free: names of the unknowns θ, which are parameters and column errors.
+    free: names of the unknowns θ: parameters and column errors.
     measured: names of the measured states and outputs.
     """
 
@@ -153,7 +153,7 @@ class Responses:
         return 0
 
     def wider(self, names: Sequence[str]) -> Responses:
-        """Return the simulation with additional unknowns, which are parameters or column errors."""
+        """Return the simulation with additional unknowns: parameters or column errors."""
         return Responses(self.model, (*self.free, *names), self.measured)
 
     def has_error(self, error: SensorError) -> bool:

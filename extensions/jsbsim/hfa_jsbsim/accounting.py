@@ -217,7 +217,7 @@ def _of_writers(equations: Equations) -> list[Note]:
 
 
 def _is_zero(writer: Writer) -> bool:
-    """Return whether a writer sets the constant 0, which has no effect."""
+    """Return whether a writer sets the constant 0 and therefore has no effect."""
     value = writer.compute()
     return is_constant(value) and float(value) == 0.0
 

@@ -155,7 +155,7 @@ class Equations:
         self.notes += self.properties.notes
 
     def _planet_rates(self) -> Any:
-        """Return the angular velocity of the earth in body axes, rad/s, which is neglected: 0."""
+        """Return 0 as the angular velocity of the earth, rad/s. These equations neglect it."""
         return 0.0
 
     def _throttles(self) -> list[str]:
@@ -521,7 +521,7 @@ class Equations:
         """Solve for the time derivatives of alpha and beta, and substitute them.
 
         Forces may depend on these derivatives. One Newton step is exact for linear equations.
-        Otherwise three steps are made, which suffices for quadratic equations.
+        Otherwise three steps are made. They suffice for quadratic equations.
         """
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())

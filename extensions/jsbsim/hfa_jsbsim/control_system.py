@@ -297,7 +297,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
     - Filters have no states: the value, with a note that the lag is omitted.
     - Otherwise: a new state y with y' = rate (value - y).
 
-    name: name of the child; its text is the rate, 1/s, or names a property
+    name: name of the child. Its text is the rate, 1/s, or names a property
     value: input of the lag
     """
     child = component.find(name)

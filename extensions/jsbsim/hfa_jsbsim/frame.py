@@ -106,7 +106,7 @@ class _FrameEquations(Equations):
 
 
 class Frames:
-    """Simulation of an aircraft with JSBSim's frames, which are the time steps of JSBSim."""
+    """Simulation of an aircraft with the time steps of JSBSim, called frames."""
 
     def __init__(
         self,

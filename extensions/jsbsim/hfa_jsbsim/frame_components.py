@@ -202,7 +202,7 @@ def _refuse_delay(component: Element) -> None:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the position of a <kinematic>, which moves between detents at given rates."""
+    """Return the position of a <kinematic> that moves between detents at given rates."""
     detents(component)
     settings = list(component.need("traverse").all("setting"))
     positions = [setting.need("position").number() for setting in settings]

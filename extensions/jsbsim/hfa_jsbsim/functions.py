@@ -182,7 +182,7 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
 def function_value(element: Element, properties: Properties, number: int | None = None) -> Any:
     """Return the value of a <function>, a number or an expression.
 
-    number: index of the engine, which replaces # in names of properties
+    number: index of the engine. It replaces # in names of properties
 
     Raises BadInputError for a function that is not supported.
     """
@@ -391,7 +391,7 @@ _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis
 def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
     """Return the value of a <table> at its independent variables.
 
-    number: index of the engine, which replaces # in names of properties
+    number: index of the engine. It replaces # in names of properties
 
     Raises BadInputError if the table or its independent variables are wrong.
     """

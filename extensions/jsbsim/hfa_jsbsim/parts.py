@@ -31,14 +31,13 @@ LOADED = (
 class Choices:
     """Options for reading an aircraft.
 
-    partial: whether to omit motors, rotors and gas cells, which are not supported. Otherwise they
-        are refused.
+    partial: whether to omit unsupported motors, rotors and gas cells. Otherwise they are refused.
     filters: whether lags, washouts, integrators and other dynamic components have states. Otherwise
         their steady-state output is used.
     throttles: whether each engine has a separate throttle.
     engines: whether the lags of engines are states. Otherwise engines follow their throttles at
         once.
-    step: duration of JSBSim's frame, s, or 0 if the equations are not those of a frame.
+    step: duration of JSBSim's frame (time step), s, or 0 for equations in continuous time.
     """
 
     partial: bool = False

@@ -251,7 +251,7 @@ class Properties:
         A component reads the value set by an earlier component, or else the last value of the
         previous pass. In steady state the two are equal.
 
-        name: name of the property, which may begin with a minus sign
+        name: name of the property. It may begin with a minus sign
         where: file and line, for messages
 
         Raises LoopError if the value depends on itself or on all forces, and BadInputError for text

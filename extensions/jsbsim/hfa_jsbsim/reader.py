@@ -170,7 +170,7 @@ def data_folder() -> Path | None:
     """Return the folder of JSBSim's data, or None.
 
     The folder contains `aircraft`, `engine` and `systems`. It is $JSBSIM_ROOT, else the folder of
-    the installed package jsbsim, which is not imported. Without both the result is None.
+    the installed package jsbsim. The package is not imported. Without both the result is None.
 
     Raises BadInputError if $JSBSIM_ROOT contains no folder `aircraft`.
     """

@@ -28,7 +28,7 @@ class PilotInput:
 def names_read_by(element: Element) -> list[str]:
     """Return the names of the properties that functions and tables of a section read.
 
-    Names of angles, which end in -rad or -deg, come first.
+    Names of angles come first. They end in -rad or -deg.
     """
     names: dict[str, None] = {}
     pending = [element]

@@ -120,10 +120,10 @@ class ChangeFlights:
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
 
     def flown_by_optimum(self, sample: Sample) -> Flown | None:
-        """Return the results of flights with the sampled optimum of the first trim, without delay.
+        """Return the results of flights with the sampled optimal gain of the first trim.
 
-        The result is None if the optimum does not exist. Each flight within the limits counts as
-        `back` and `into_box`.
+        The flights have no delay. The result is None if the optimum does not exist. Each flight
+        that stays within the limits counts as a flight that converges.
         """
         gain = self._optimum()
         if gain is None:

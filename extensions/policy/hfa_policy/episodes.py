@@ -312,7 +312,7 @@ def _outcome(changing: int, n: int) -> ca.Function:
     aircraft leaves the limits, the cost of the sample is also counted for each remaining sample.
 
     changing: number of entries that change
-    n: number of states, which are the first of these entries
+    n: number of states. They are the first of these entries
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
     least = ca.SX.sym("least", n)

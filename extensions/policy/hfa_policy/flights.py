@@ -96,9 +96,9 @@ class SampledFlight:
     deployed: the policy on its aircraft.
     dt, delay: sample time and delay, s.
     parts: number of integration steps in a sample.
-    extra: number of further entries of a row, which are arguments of `steered` after the trim.
+    extra: number of extra entries of a row. They are arguments of `steered` after the trim.
     other: another policy, or None for the policy of the deployment.
-    winds: disturbances of the aircraft, which follow the push in a row.
+    winds: disturbances of the aircraft. They follow the push in a row.
     """
 
     deployed: Deployed

@@ -43,7 +43,7 @@ _RULE = "a formula may contain numbers, names, + - * / ** and " + ", ".join(_FUN
 
 
 class Formula(NamedTuple):
-    """Parsed formula of supported operations, which is never executed as Python code.
+    """Parsed formula of supported operations, never executed as Python code.
 
     text: the formula as written.
     tree: syntax tree of the formula.

@@ -70,7 +70,7 @@ class Normalizer:
 
     @property
     def deviation(self) -> np.ndarray:
-        """sqrt(variance + epsilon), (k,)."""
+        """Divisor of the observations in the normalizer, sqrt(variance + epsilon), (k,)."""
         return np.asarray(np.sqrt(self.variance + self.epsilon))
 
     def before_clip(self, observation: Any) -> Any:

@@ -340,7 +340,7 @@ class _Trial:
         return self._misfit(self.card)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Return the difference of the observations in size from those in the training.
+        """Return how much the observations differ in size from those in the training.
 
         The misfit is Σ |log(size of the initial observations / size in training)| over the
         observations, at the trim with the worst flights. A size is the root mean square about the

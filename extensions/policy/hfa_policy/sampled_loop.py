@@ -216,7 +216,7 @@ def margins(chain: Chain) -> Margins:
 def _closed_loop(chain: Chain) -> ClosedLoop:
     """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s.
 
-    z is replaced by (1 + s) / (1 - s), which maps the axis s = jω to the unit circle.
+    z is replaced by (1 + s) / (1 - s). This maps the axis s = jω to the unit circle.
     """
     closed = chain.closed
     one = np.eye(len(closed))

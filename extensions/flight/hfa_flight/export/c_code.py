@@ -71,7 +71,7 @@ def c_function(
     Matrices are stored column by column. The source of a called Function comes first. The code
     compiles without warnings about empty or unused variables.
 
-    function: the Function, which may call one other SX Function with one argument and one result
+    function: the Function. It may call one other SX Function with one argument and one result
     real: number type in C
     operations: C expression of each CasADi operation for this type
 

@@ -58,7 +58,7 @@ class Argument:
         return int(self.value.numel())
 
     def at(self, _: Any) -> ca.SX:
-        """Return the symbols of the input, which are independent of time."""
+        """Return the symbols of the input. They do not depend on t."""
         return self.value
 
 
@@ -125,7 +125,7 @@ class ExportedLoop:
 
     function: (y, v) -> (f, g). g is empty if u is part of v
     states, outputs, inputs: channels of y, u and v
-    flown: number of aircraft states, which are the first states
+    flown: number of aircraft states. They are the first of `states`
     longest_step: largest Runge-Kutta step, s
     """
 

@@ -84,7 +84,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
 
 
 def _source(loop: ExportedLoop, origin: Provenance) -> str:
-    """Return the C source of the function `fmu_loop`, which evaluates the loop."""
+    """Return the C source of a function `fmu_loop` that evaluates the loop."""
     results = ("dy", "u") if loop.outputs else ("dy",)
     one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
     function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])

@@ -113,7 +113,7 @@ def network_in(
         names of its tensors, joined by +. For an ONNX graph, a part is an output. "policy" with the
         part "" selects all tensors that do not belong to a critic.
     features: size of the basis. A single layer with this number of inputs acts on the basis.
-    inputs: number of inputs of the plant, which follow the states in a Q
+    inputs: number of inputs of the plant. They follow the states in a Q
 
     Raises a BadInputError of one line that names the file.
     """

@@ -122,7 +122,7 @@ def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 
 
 def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return constant enclosures of the step of t, which is 1 for t > 0 and 0 for t < 0.
+    """Return constant enclosures of the step function of t: 1 for t > 0 and 0 for t < 0.
 
     If low <= 0 <= high, the enclosure is [0, 1].
     """
