@@ -13,6 +13,7 @@ UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 
 
 def test_trims_models_and_games_have_the_lag_states() -> None:
+    """Trims, linear models and games with unsteady dynamics contain the lag states."""
     trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
     assert list(trimmed["states"])[7:] == list(LAG_STATES)
     model = answer("linearize", *UNSTEADY_11)
@@ -27,11 +28,13 @@ def test_trims_models_and_games_have_the_lag_states() -> None:
     assert game["states"] == model["states"]
 
 
-def test_the_help_names_them() -> None:
+def test_the_help_lists_unsteady_dynamics() -> None:
+    """The help of `hfa trim` lists the unsteady dynamics."""
     assert "the same air loads), unsteady" in " ".join(hfa("trim", "--help").out.split())
 
 
-def test_effects_are_parameters_and_sweeps_have_them() -> None:
+def test_unsteady_effects_are_parameters() -> None:
+    """With all effects at 0 the linear model is that of `newton`. Sweeps vary the effects."""
     off = [
         word
         for name in ("local_motion", "apparent_mass", "lift_lag")

@@ -39,7 +39,11 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
-def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
+def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
+    """With all effects at 0, the rates equal those of `newton`.
+
+    A change of any effect by 1e-6 (planted error) is detected.
+    """
     plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
     as_record = plain.layout.record
     for x, u, w in points(200, 3):
@@ -150,9 +154,12 @@ def test_energies_give_same_rates_and_power_of_loads() -> None:
 
 
 @pytest.mark.parametrize(("name", "factor"), [("mass", 1 + 1e-7), ("half_chord", 1 + 1e-4)])
-def test_energies_see_a_planted_error(
+def test_energies_detect_a_planted_error(
     name: str, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The comparison with a derivation from energies detects plates with another mass or chord
+    (planted error).
+    """
     plates = source._plates
 
     def planted(p: Any, air: Any) -> tuple[Any, ...]:
@@ -252,6 +259,10 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
 def test_steps_in_motion_and_gust(
     of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float
 ) -> None:
+    """The step responses of the lags approximate those of Theodorsen and Sears.
+
+    A doubled rate (planted error) exceeds the limit.
+    """
     s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
     exact = step(of, end, s)
 

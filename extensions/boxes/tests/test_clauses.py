@@ -89,7 +89,8 @@ def _decrease(
     return Decrease(statement.loop, at, piece or statement.piece, extents, witness.multipliers)
 
 
-def test_the_tank_is_proved() -> None:
+def test_the_true_certificate_is_accepted() -> None:
+    """The certificate from which the forgeries are made is accepted."""
     assert 0 < checked(tank()) < 1000
 
 
@@ -296,6 +297,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
 
 @pytest.mark.parametrize("name", FORGED)
 def test_each_clause_refuses_its_forgery(name: str) -> None:
+    """Each clause of the checker refuses the forgery that violates it."""
     change, message = FORGED[name]
     made = copy.deepcopy(tank())
     change(made)

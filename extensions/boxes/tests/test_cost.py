@@ -83,6 +83,7 @@ def proved() -> CostBound:
 
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
+    """The checker verifies the bound with the boxes of the prover."""
     assert check_cost(proved.statement, proved.witness) == proved.boxes
 
 
@@ -188,6 +189,7 @@ FORGED: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", FORGED)
 def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
+    """Each forgery of a bound is refused."""
     content = content_of(proved)
     for each in (content["statement"]["pieces"], content["witness"]["boxes"]):
         del each[1:-1]  # the proofs of the others are similar
@@ -223,7 +225,8 @@ def test_a_limit_of_an_output_is_refused() -> None:
         CostStatement.read(content | {"limits": {"load": [-1.0, 1.0]}}, model)
 
 
-def test_an_entry_of_no_claim_is_refused(proved: CostBound) -> None:
+def test_unknown_entries_of_certificates_are_refused(proved: CostBound) -> None:
+    """A certificate with an unknown entry is refused."""
     with pytest.raises(NoSolutionError, match="unknown entry"):
         read_cost(content_of(proved) | {"note": "x"}, PENDULUM)
 
@@ -319,6 +322,7 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 @pytest.mark.parametrize("limits", [(-1.0, -0.1), (0.1, 1.0)])
 def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -> None:
+    """An equilibrium outside the state limits is refused."""
     still = {"position": 0.0, "speed": 0.0}
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": limits})
     statement = CostStatement(plant, still, ONE, ONE, cart_bound(0.9).pieces)
@@ -355,6 +359,7 @@ def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
 
 
 def test_a_bound_with_slope_at_trim_is_refused() -> None:
+    """A bound W with a nonzero gradient at the trim is refused."""
     content = cart_bound(0.5).content()
     CostStatement.read(copy.deepcopy(content), CART)
     content["pieces"][0]["W"].append([0.01, [1]])
@@ -454,6 +459,7 @@ def test_inputs_reach_their_limits_from_all_equilibria() -> None:
 
 @pytest.mark.parametrize("ends", [(-1e-4, 0.1), (-0.1, 1e-4)])
 def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]) -> None:
+    """An equilibrium that is not proved to be within the limits is refused."""
     with pytest.raises(NoSolutionError, match="speed is not proved to be within its limits"):
         _ = _on_a_line(CART, 0.75, 1e-3, ends).ends
 
@@ -595,6 +601,7 @@ def _still(inequality: CostInequality, boxes: Boxes) -> Any:
 
 
 def test_shapes_of_boxes_of_earlier_versions_are_read(proved: CostBound) -> None:
+    """Certificates in the format of an earlier version are read."""
     content = content_of(proved)
     content["witness"]["longer"] = [[0, 2]] * len(proved.boxes)
     statement, witness = read_cost(content, PENDULUM)

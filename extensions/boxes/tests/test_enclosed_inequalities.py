@@ -151,6 +151,7 @@ def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> Non
 
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 def test_the_curvature_is_below_all_second_derivatives(radius: float) -> None:
+    """The enclosed curvature is a lower bound of the second derivatives at random points."""
     places = _places(radius, 7)
     inequality = _inequality(radius)
     count = len(places.s)
@@ -169,6 +170,7 @@ def test_the_curvature_is_below_all_second_derivatives(radius: float) -> None:
 
 
 def test_the_inequality_holds_in_the_hole() -> None:
+    """The inequality is satisfied at random points and inputs inside the hole."""
     share = 0.25
     places = _places(0.0, 9)
     reach = 2.0 ** -_inequality(0.0, share).hole

@@ -41,7 +41,8 @@ def every_operation() -> ca.Function:
 
 
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
-def test_taylor_models_hold_every_operation(half_width: float) -> None:
+def test_taylor_models_enclose_every_operation(half_width: float) -> None:
+    """For each operation, the Taylor models enclose the function at random points of random boxes."""
     generator = np.random.default_rng(0)
     function = every_operation()
     centres = generator.uniform(-0.5, 0.5, (100, 3))
@@ -170,7 +171,8 @@ def test_squared_squares_hold_the_ends_of_boxes() -> None:
     assert np.all(lowest(models, 1) <= 0.0)
 
 
-def test_the_chain_rule_holds_every_slope() -> None:
+def test_the_chain_rule_encloses_every_derivative() -> None:
+    """The enclosed Jacobian contains the derivatives of CasADi at 100 random points."""
     generator = np.random.default_rng(1)
     function = every_operation()
     y = ca.SX.sym("y", 3)
@@ -223,7 +225,8 @@ def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
         assert np.all(slopes.high >= slope(t) - 1e-13 * (1.0 + np.abs(slope(t))))
 
 
-def test_elementary_functions_are_as_near_as_stated() -> None:
+def test_elementary_functions_meet_their_error_bounds() -> None:
+    """The errors of the elementary functions remain below their stated bounds."""
     generator = np.random.default_rng(2)
     angles = generator.uniform(-16.0, 16.0, 300)
     positive = 10.0 ** generator.uniform(-6.0, 6.0, 300)
@@ -291,6 +294,7 @@ def test_rounding_of_a_long_sum_is_covered() -> None:
 
 
 def test_an_operation_without_enclosure_is_named() -> None:
+    """A function with an operation that has no enclosure is refused, and the operation is named."""
     y = ca.SX.sym("y")
     with pytest.raises(BadInputError, match="uses erf, which is not supported"):
         Program(ca.Function("f", [y], [ca.erf(y)]), "policy")

@@ -196,6 +196,7 @@ def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, car
 
 
 def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
+    """A network with other weights than the certificate's policy is refused."""
     linear = linearize(cart, find_operating_point(cart))
     gains = [Gain(gain, {}).function(("force",)) for gain in (K, 1.001 * K)]
     loops = [loop_of(linear, ProvedPolicy(gain, "a network")) for gain in gains]

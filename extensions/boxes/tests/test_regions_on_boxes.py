@@ -83,7 +83,11 @@ def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Positive
     )
 
 
-def test_a_planted_negative_place_is_found() -> None:
+def test_a_planted_negative_value_is_found() -> None:
+    """A function that is negative near one point is refuted at that point.
+
+    Without it, it is proved positive.
+    """
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.3) ** 2 + (y[1] + 0.4) ** 2
     assert cover(inequality(bump + 1e-3, y), 10**5) >= 1
@@ -92,7 +96,8 @@ def test_a_planted_negative_place_is_found() -> None:
     assert np.linalg.norm(found.value.place - [0.3, -0.4]) < 0.04
 
 
-def test_what_may_be_zero_is_not_positive() -> None:
+def test_functions_with_zeros_are_not_proved_positive() -> None:
+    """A function with a zero is not proved positive, unless the zero lies in a hole."""
     y = ca.SX.sym("y", 2)
     with pytest.raises(OpenBoxError):
         cover(inequality(ca.SX(0), y), 10**4)
@@ -139,6 +144,7 @@ def proved(
 
 
 def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """The region of a network is proved and checked. It includes angles up to more than 20 deg."""
     content, words = proved
     assert main(["prove", "region", *words]) == 0
     out = capsys.readouterr().out
@@ -148,16 +154,16 @@ def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixt
     assert content["statement"]["extents"]["angle"][1] > np.radians(20.0)
 
 
-def test_another_network_is_not_what_was_proved(proved: Any, tmp_path: Path) -> None:
+def test_another_network_is_refused(proved: Any, tmp_path: Path) -> None:
+    """A certificate is refused for another network."""
     _, words = proved
     other = imitation(tmp_path / "other.npz", K, np.array([1.0, 4.0]), hidden=(8,), seed=1)
     swapped = [str(other) if word.endswith("network.npz") else word for word in words]
     assert main(["prove", "region", *swapped]) == 2
 
 
-def test_a_recurrent_network_is_refused_by_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recurrent_network_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recurrent network is refused, and its tensor is named."""
     path = tmp_path / "lstm.npz"
     names = ("weight_ih_l0", "weight_hh_l0", "bias_ih_l0", "bias_hh_l0")
     shapes = ((16, 2), (16, 4), (16,), (16,))
@@ -168,6 +174,7 @@ def test_a_recurrent_network_is_refused_by_name(
 
 
 def test_a_network_too_large_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A network with too many operations is refused with the supported number."""
     path = imitation(tmp_path / "wide.npz", K, np.array([1.0, 4.0]), hidden=(120, 170))
     assert main(_words_of(path)) == 2
     assert "operations, but at most 40000 are supported" in capsys.readouterr().err
@@ -180,6 +187,7 @@ def _words_of(network: Path) -> list[str]:
 
 
 def test_the_checker_needs_the_users_network(proved: Any) -> None:
+    """A certificate that concerns a network is refused if the user gives no network."""
     _, words = proved
     assert main(["prove", *words[-2:]]) == 2
 
@@ -210,6 +218,7 @@ def linear(gain: np.ndarray) -> ca.Function:
 
 
 def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
+    """A certificate with the digest of another policy is refused."""
     content = copy.deepcopy(proved[0])
     model = load_model(PENDULUM)
     assert check_region(*read_content(copy.deepcopy(content), model, _same_policy(proved))) > 0
@@ -233,7 +242,11 @@ def _same_policy(proved: Any) -> ca.Function:
     return scalars(critic_in(path, game, Reading(None, "policy=", "tanh", None)).policy)
 
 
-def test_a_level_that_is_unstable_is_refused() -> None:
+def test_an_unstable_loop_is_refused() -> None:
+    """The claim for a stable loop is verified.
+
+    The same claim with the sign of the gain reversed is refused.
+    """
     assert check_region(*statement_of(linear(K))) > 0
     with pytest.raises(NoSolutionError):
         check_region(*statement_of(linear(-K)))
@@ -491,6 +504,7 @@ def test_each_v_is_proved_in_own_coordinates(degree: int) -> None:
 
 
 def test_an_indefinite_v_keeps_the_coordinates() -> None:
+    """If V is not positive definite, its coordinates are not changed."""
     shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
     saddle = replace(shape, coefficients=shape.basis.quadratic(np.diag([1.0, -1.0])))
     assert saddle.diagonal(-np.eye(2)) is saddle

@@ -51,6 +51,7 @@ def formula(text: str, x: float, folder: Path) -> float:
 
 
 def test_the_example_passes_its_check_cases() -> None:
+    """The example passes its check cases and has twelve outputs."""
     checked = checked_document(read_document(str(UAV)))
     assert checked.ok
     assert len(checked.outputs) == 12
@@ -77,7 +78,8 @@ def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
     assert checked_document(read_document(path)).ok
 
 
-def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
+def test_a_file_without_check_cases_fails(tmp_path: Path) -> None:
+    """For a file without check cases, the exit code is 1."""
     path = tmp_path / "bare.dml"
     path.write_text(re.sub(r"<checkData>.*</checkData>", "", TEXT, flags=re.S), encoding="utf-8")
     result = run("daveml", str(path))
@@ -181,6 +183,7 @@ def test_an_ungridded_table_is_linear_on_delaunay_triangles(tmp_path: Path) -> N
 
 
 def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
+    """An ungridded table of one argument is interpolated between its sorted points."""
     found = surface(POINTS[:, :1], VALUES, tmp_path)
     order = np.argsort(POINTS[:, 0])
     for place in (-2.0, -0.3, 0.4, 2.0):
@@ -196,7 +199,10 @@ def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
         (np.eye(3), "one or two arguments, the same number for all"),
     ],
 )
-def test_a_bad_ungridded_table_is_named(points: np.ndarray, message: str, tmp_path: Path) -> None:
+def test_a_faulty_ungridded_table_is_refused(
+    points: np.ndarray, message: str, tmp_path: Path
+) -> None:
+    """An ungridded table with collinear or equal points, or too many arguments, is refused."""
     with pytest.raises(BadInputError, match=f"function for y: .*{message}"):
         surface(points, np.ones(3), tmp_path)
 
@@ -218,6 +224,7 @@ def test_a_bad_ungridded_table_is_named(points: np.ndarray, message: str, tmp_pa
     ],
 )
 def test_a_formula_has_its_value(text: str, expected: float, tmp_path: Path) -> None:
+    """Formulas in MathML have their analytical values."""
     assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
 
 
@@ -235,9 +242,10 @@ def test_a_formula_has_its_value(text: str, expected: float, tmp_path: Path) -> 
         ("<uncertainty/>", "", "uncertainty"),
     ],
 )
-def test_what_is_not_understood_is_named(
+def test_unsupported_definitions_are_refused(
     body: str, more: str, message: str, tmp_path: Path
 ) -> None:
+    """Unknown operators, undefined variables and circular definitions are refused."""
     path = tmp_path / "one.dml"
     path.write_text(_ONE.format(body, more))
     with pytest.raises(BadInputError, match=message):
@@ -272,6 +280,7 @@ def checked_and_loaded(path: str) -> None:
     ],
 )
 def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    """A file with a faulty entry is refused, and the entry is named."""
     path = changed(tmp_path, old, new)
     with pytest.raises(BadInputError, match=message):
         checked_and_loaded(path)

@@ -228,6 +228,7 @@ def test_the_navion_has_its_published_modes(mode):
 
 
 def test_the_747_is_at_its_published_density():
+    """The atmosphere gives the published density and speed of sound of the 747."""
     assert float(air_at(_ALTITUDE).density) == pytest.approx(_DENSITY, rel=1e-6)
     assert float(air_at(_ALTITUDE).sound) == pytest.approx(774.0 / _MACH, rel=1e-5)
 
@@ -497,13 +498,15 @@ def test_a_spreadsheet_is_the_same_aircraft(folder):
         ({"span": 30.0}, "'span' is given twice"),
     ],
 )
-def test_a_bad_entry_is_named(change, message):
+def test_faulty_entries_are_refused(change, message):
+    """A faulty entry of a table of derivatives is refused with its name."""
     with pytest.raises(hfa.BadInputError, match="the table") as caught:
         from_derivatives({**NAVION, **change})
     assert message in str(caught.value)
 
 
-def test_a_bad_row_is_named(folder):
+def test_faulty_rows_are_refused(folder):
+    """A faulty row of a CSV file is refused with its number."""
     Path("uav.csv").write_text("units,si\nwing_area,0.5,s\n")
     with pytest.raises(hfa.BadInputError, match=r"uav.csv, row 2: wing_area is in s; give it in"):
         from_derivatives("uav.csv")

@@ -79,6 +79,7 @@ def test_lqr_of_matrices_refuses_a_disturbance() -> None:
         ({"A": A, "B": B, "E": B}, "cannot have disturbances"),
     ],
 )
-def test_wrong_matrices_are_named(arguments: dict[str, object], said: str) -> None:
+def test_inconsistent_matrices_are_refused(arguments: dict[str, object], said: str) -> None:
+    """Matrices and names of inconsistent sizes are refused."""
     with pytest.raises(BadInputError, match=said):
         hfa.LinearModel(**arguments)  # type: ignore[arg-type]

@@ -119,7 +119,8 @@ def test_continuous_game_without_solution_not_end_discounted_verdict() -> None:
     assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok
 
 
-def test_a_verdict_in_discrete_time_is_printed() -> None:
+def test_discrete_verdicts_are_printed() -> None:
+    """A verdict in discrete time is printed with its first line and matrices."""
     game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     exact = solve_discounted(game, 0.9)
     verdict = check_discounted(game, from_value(game, exact.P), 0.9)

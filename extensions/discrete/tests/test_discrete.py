@@ -72,7 +72,10 @@ def test_one_state_without_disturbance_is_root_of_quadratic():
     assert solution.disturbance_gain[0, 0] == 0.0
 
 
-def test_fast_sampling_without_discount_is_continuous_time():
+def test_fast_sampling_approaches_continuous_time():
+    """With fast sampling and no discount, P approaches the continuous-time solution with first
+    order.
+    """
     game = _game(3)
     exact = solve_game(game)
     off = [np.abs(solve_discounted(game, 1.0, dt).P - exact.P).max() for dt in (2e-3, 1e-3)]
@@ -93,6 +96,7 @@ def test_sampling_integrates_the_held_input_and_scales_weights():
 
 
 def test_units_of_the_states_do_not_matter():
+    """P in other units of the states is the transformed P."""
     game = _game(4)
     units = np.array([1e-6, 1.0, 1e5, 30.0])
     other_game = Game(
@@ -107,6 +111,7 @@ def test_units_of_the_states_do_not_matter():
 
 
 def test_a_wrong_value_fails():
+    """Wrong values of P, also by 1e-9, fail the checks."""
     game = _game(5)
     P = solve_discounted(game, 1.0).P
     assert all(check.ok for check in value_checks(DiscreteGame(game), P))
@@ -119,7 +124,8 @@ def test_a_wrong_value_fails():
         assert not all(check.ok for check in value_checks(DiscreteGame(game), wrong))
 
 
-def test_what_has_no_value_is_refused_by_name():
+def test_games_without_solution_are_refused():
+    """Games without a solution, and wrong discounts and sample times, are refused with the reason."""
     with pytest.raises(
         NoSolutionError,
         match=r"no certified value of .*; delta = 0\.5 is below delta_min",
@@ -150,7 +156,8 @@ def test_units_of_inputs_and_costs_do_not_matter(size):
     assert pytest.approx(exact, rel=SAME_SOLUTION) == solve_discounted(scaled, 1.0).P
 
 
-def test_without_disturbance_nobody_is_advised_to_raise_delta():
+def test_refusals_without_disturbance_name_the_mode():
+    """Without a disturbance, the refusal names the mode that prevents a solution, not delta."""
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 1\.2 of"):
         solve_discounted(unreached, 1.0)
@@ -219,7 +226,8 @@ def test_where_nothing_is_paid_for_value_is_0():
     assert minimum_delta_discrete(DiscreteGame(step)).value == 0.0
 
 
-def test_bad_cross_weights_are_refused():
+def test_wrong_cross_weights_are_refused():
+    """Cross weights of wrong shape or sign and an asymmetric H are refused."""
     step = _game()
     with pytest.raises(BadInputError, match="N is 2 x 4; with this B it must be 4 x 2"):
         DiscreteGame(step, 1.0, np.zeros((2, 4)))
@@ -230,7 +238,8 @@ def test_bad_cross_weights_are_refused():
 
 
 @pytest.mark.usefixtures("folder")
-def test_the_commands_take_a_plant_in_discrete_time():
+def test_commands_accept_discrete_plants():
+    """`solve`, `learn` and `verify` work with a discrete-time plant in a file."""
     step = _game(2, delta=40.0)
     parts = {name: getattr(step, name) for name in ("A", "B", "E", "Q", "R", "delta")}
     plant = stored("plant.json", **parts, time="discrete", discount=0.98)
@@ -293,7 +302,8 @@ def test_h_and_l_judged_and_other_problems_named():
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_time_that_fits_is_asked_for():
+def test_the_other_time_is_suggested():
+    """If a critic is exact for the same plant in the other time, this time is suggested."""
     step = Game([[1.0, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[1.0]], np.inf)
     parts = {name: getattr(step, name) for name in ("A", "B", "Q", "R")}
     plant = stored("plant.json", **parts)

@@ -53,7 +53,8 @@ def test_noise_in_steps_moves_gain_by_its_size():
     assert 1e-6 < error < 0.05
 
 
-def test_what_has_no_value_and_poor_steps_refused():
+def test_unusable_games_and_steps_are_refused():
+    """Games without a solution and recorded steps without excitation are refused."""
     problem = _problem(2)
     smallest = minimum_delta_discrete(problem).value
     with pytest.raises(NoSolutionError, match="delta"):

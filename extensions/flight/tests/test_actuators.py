@@ -44,6 +44,9 @@ def flown(actuators: ActuatorBank, *command: float) -> Deviations:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
+    """Positions and rates of actuators of both orders remain within their limits, which the
+    commands exceed.
+    """
     limited, free = (
         flown(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE)
     )
@@ -71,7 +74,8 @@ def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
     assert Scenario(step=0.0005, actuators=fast).actuators is fast
 
 
-def test_of_order_2_it_is_second_order_response() -> None:
+def test_order_2_gives_the_second_order_response() -> None:
+    """Actuators of order 2 have the analytical step response of a second-order lag."""
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
     w = 10.0

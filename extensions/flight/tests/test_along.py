@@ -61,7 +61,11 @@ def test_along_a_flight_small_deviations_follow_linear_model() -> None:
     assert small < 0.2 * large < 0.1 * large_frozen
 
 
-def test_one_model_is_that_of_python_control() -> None:
+def test_a_model_equals_python_control() -> None:
+    """The linear model at a state of a flight equals that of `control.linearize`.
+
+    Wrong shapes are refused.
+    """
     model = F16.with_parameters(xcg=0.3)
     x = np.array(trimmed(model).states) + 0.01
     u = np.array([0.2, -1.5, 0.5, 0.5])

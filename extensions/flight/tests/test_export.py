@@ -61,7 +61,8 @@ def test_the_c_files_have_the_numbers_of_commands(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
-def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
+def test_an_fmu_contains_its_origin(tmp_path: Path) -> None:
+    """An FMU contains the command line and the trim condition from which it was exported."""
     path = tmp_path / "aircraft.fmu"
     result = hfa("export", "-o", str(path), "--dihedral", "16", "--law", "exact")
     assert result.code == 0
@@ -76,7 +77,10 @@ def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
-def test_a_controller_in_both(tmp_path: Path, published_aircraft: Model) -> None:
+def test_a_controller_is_exported_to_c_and_fmu(tmp_path: Path, published_aircraft: Model) -> None:
+    """A controller with actuators is exported as an FMU and as C files, which name the controller
+    file.
+    """
     save_controller(tmp_path / "servo.npz", integrating_controller(published_aircraft))
     words = (
         "--controller",
@@ -126,9 +130,8 @@ def test_a_controller_in_both(tmp_path: Path, published_aircraft: Model) -> None
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_an_fmu_without_a_compiler_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_fmu_needs_a_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a C compiler, the export of an FMU fails with exit code 1 and writes no file."""
     # The compiler is searched only once in a process.
     monkeypatch.setattr(fmu, "c_compiler", lambda: None)
     assert_refused(

@@ -21,5 +21,6 @@ def test_held_inputs_cost_what_they_hold(is_held: bool, cost: float) -> None:
     assert cost_of_flight(TIMES, ZEROS, INPUTS, ONE, ONE, is_held) == cost
 
 
-def test_states_are_priced_by_trapezoids() -> None:
+def test_cost_integrates_by_the_trapezoidal_rule() -> None:
+    """The cost of a flight with held inputs equals a trapezoidal sum computed by hand."""
     assert cost_of_flight(TIMES, INPUTS, ZEROS, ONE, ONE, is_held=True) == 28.5

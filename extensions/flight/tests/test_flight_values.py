@@ -22,6 +22,7 @@ POINT = hfa.find_operating_point(CART)
 
 
 def test_steps_of_an_input_give_the_step_response() -> None:
+    """A step of an input gives the analytical step response, and outputs follow the states."""
     flight = hfa.fly(CART, POINT, {"force": [(0.0, 1.0)]}, 2.0)
     np.testing.assert_allclose(flight["speed"], 1.0 - np.exp(-flight.times), atol=1e-10)
     np.testing.assert_allclose(flight["twice"], 2.0 * flight["speed"], atol=1e-12)
@@ -52,7 +53,8 @@ def test_every_kind_of_policy_flies(kind: str) -> None:
     np.testing.assert_allclose(flight.states, flight.predicted.states, atol=1e-12)
 
 
-def test_a_deployment_flies() -> None:
+def test_a_deployment_is_simulated() -> None:
+    """A policy with its deployment file gives the analytical closed-loop response."""
     import casadi as ca
 
     o = ca.SX.sym("o", 2)
@@ -79,12 +81,17 @@ def test_a_deployment_flies() -> None:
         ([[1.0, 2.0, 3.0]], "needs 1 x 2"),
     ],
 )
-def test_what_is_no_policy_is_refused(policy: object, said: str) -> None:
+def test_unusable_policies_are_refused(policy: object, said: str) -> None:
+    """Objects that are not a policy of this aircraft are refused with the reason."""
     with pytest.raises(BadInputError, match=said):
         hfa.fly(CART, POINT, policy, 1.0)
 
 
-def test_a_flight_is_a_table_and_a_picture() -> None:
+def test_a_flight_is_exported_and_drawn() -> None:
+    """A flight is converted to pandas, xarray, a picture and HTML.
+
+    An unknown variable is refused.
+    """
     from matplotlib import pyplot
 
     flight = hfa.fly(CART, POINT, {"force": [(0.0, 1.0)]}, 0.1)

@@ -33,7 +33,8 @@ def _in_a_folder(folder: Path) -> None:
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
-def test_command_says_that_flight_held_and_writes_it() -> None:
+def test_a_flight_is_reported_and_written() -> None:
+    """A flight inside the envelope gives PASS, and the JSON contains its scenario and history."""
     words = (
         *FLY,
         "--duration",
@@ -168,7 +169,11 @@ def _there(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_controller_flies_commands_and_says_what_it_missed() -> None:
+def test_commands_of_a_controller_are_reported() -> None:
+    """A controller follows commands during an actuator fault.
+
+    The errors and the fault are in the JSON.
+    """
     result = hfa(
         *FLOWN,
         "--command",
@@ -190,7 +195,8 @@ def test_controller_flies_commands_and_says_what_it_missed() -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_controllers_that_do_not_fit_are_refused() -> None:
+def test_unsuitable_controllers_and_options_are_refused() -> None:
+    """Controllers of other dynamics, wrong faults and wrong commands are refused."""
     for words, named in (
         ("--dynamics newton", "designed for published dynamics"),
         ("--fault 0:0.5", "effectiveness after a fault is 0"),
@@ -204,7 +210,11 @@ def test_controllers_that_do_not_fit_are_refused() -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_members_follow_commands_behind_failing_actuators() -> None:
+def test_faults_reduce_the_effort_of_members() -> None:
+    """Members of a Monte Carlo simulation follow commands.
+
+    With a fault of effectiveness 0.2, the effort falls by more than half.
+    """
     words = ("fly", *BEHIND, "--duration", "2", "--samples", "3")
     noisy = (
         "--noise",
@@ -296,7 +306,10 @@ def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
 # Monte Carlo.
 
 
-def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
+def test_a_monte_carlo_command_stores_and_summarizes(tmp_path: Path) -> None:
+    """`hfa fly --samples` stores each member, and the quantiles in its summary are those of the
+    store.
+    """
     store = str(tmp_path / "a.zarr")
     uncertain = ("--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "own:3:1750")
     words = (

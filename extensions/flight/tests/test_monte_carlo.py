@@ -125,7 +125,8 @@ def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = Non
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
+def test_a_member_equals_its_single_flight(plan: MonteCarlo, dynamics: str) -> None:
+    """Each member of a Monte Carlo simulation equals the single flight of its scenario."""
     aircraft = hfa.aircraft(dynamics, PARAMETERS)
     point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
     flown = replace(plan, model=aircraft, point=point)
@@ -136,6 +137,7 @@ def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) ->
 def test_machine_code_gives_the_same_flight(
     plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    """Members simulated by compiled code equal single flights, and one library is compiled."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     long = replace(plan, members=1000)
     assert_same_flight(with_scenario(long, duration=0.5, tick=0.1, step=0.005), 3)
@@ -143,6 +145,7 @@ def test_machine_code_gives_the_same_flight(
 
 
 def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
+    """A member that leaves the envelope ends at its departure, which is in the summary."""
     away = replace(
         plan, members=1, policy=GainPolicy("wrong sign", -np.array(plan.policy.identity["K"]))
     )
@@ -197,7 +200,8 @@ def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
             )
 
 
-def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
+def test_a_wrong_parameter_is_detected(plan: MonteCarlo) -> None:
+    """The comparison of members with single flights detects a wrong parameter (planted error)."""
     with pytest.raises(AssertionError, match=r"rms_error|peak_error|effort"):
         assert_same_flight(with_scenario(plan, duration=0.05), 3, PARAMETERS)
 
@@ -230,7 +234,10 @@ def test_plans_are_equal_when_they_give_same_results(plan: MonteCarlo, gain: np.
     assert len({plan, *others}) == 1 + len(others)
 
 
-def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> None:
+def test_unusable_monte_carlo_plans_are_refused(plan: MonteCarlo) -> None:
+    """Ineffective or unknown parameters, gains of wrong shape and scenarios already drawn are
+    refused.
+    """
     no_moment = hfa.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
@@ -253,9 +260,12 @@ def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> Non
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_chunks_workers_and_their_order_do_not_matter(
+def test_chunks_and_workers_do_not_change_results(
     plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
 ) -> None:
+    """Members are equal whether they are simulated at once, in chunks, later, or by several
+    processes.
+    """
     six = replace(plan, members=6)
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
     # A true chunk takes minutes.

@@ -74,7 +74,8 @@ MEMBERS = ("fly", "--aircraft", NAVION, *FOUR, "--noise", "alpha=0.1", "-o", "a.
 
 
 @pytest.mark.slow
-def test_members_are_drawn_by_workers() -> None:
+def test_workers_simulate_members() -> None:
+    """Two processes simulate four members, whose final states are stored."""
     assert hfa(*MEMBERS, "--workers", "2").code == 0
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
 
@@ -157,7 +158,8 @@ def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
     assert "updraft" not in description
 
 
-def test_exports_have_its_names() -> None:
+def test_exports_contain_names_and_units() -> None:
+    """The exported header contains the input names and units of the Navion and of the F-16."""
     for model, name in ((NAVION, "HFA_ELEVATOR, /* rad */"), (F16, "HFA_ELEVATOR, /* deg */")):
         assert hfa("export", "--aircraft", model, "-o", "c").code == 0
         assert name in Path("c/hfa_aircraft.h").read_text("utf-8")
@@ -178,7 +180,8 @@ def test_exports_have_its_names() -> None:
         ("fly --delay 0.0105", "give a multiple of the tick"),
     ],
 )
-def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:
+def test_options_for_another_aircraft_are_refused(words: str, named: str) -> None:
+    """Options with names, units or values that do not fit the Navion are refused in one line."""
     command, *more = words.split()
     assert_refused(hfa(command, "--aircraft", NAVION, *more), 2, named)
 

@@ -22,7 +22,8 @@ from trim.limits import Limits
 PARAMETERS = default_parameters().values
 
 
-def test_a_monte_carlo() -> None:
+def test_threads_give_equal_members() -> None:
+    """Members simulated on several threads equal those simulated in sequence."""
     point = model_at(15.0).point
     law = GainPolicy("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))

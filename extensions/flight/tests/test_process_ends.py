@@ -71,7 +71,8 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
-def test_what_is_lost_of_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
+def test_a_lost_cluster_loses_no_result(tmp_path: Path, lost: str) -> None:
+    """If the scheduler or a worker of Dask ends, the run continues to the same results."""
     pytest.importorskip("distributed")
     dask = (sys.executable, "-m", "dask")
     scheduler_file = tmp_path / "scheduler.json"

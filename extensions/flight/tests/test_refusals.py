@@ -46,12 +46,14 @@ from hfa.main import BAD_INPUT
         ),
     ],
 )
-def test_bad_requests(folder: Path, words: str, named: str) -> None:
+def test_wrong_options_of_fly_and_export_are_refused(folder: Path, words: str, named: str) -> None:
+    """Wrong options of `hfa fly` and `hfa export` are refused in one line, and no file is written."""
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
     assert list(folder.iterdir()) == []
 
 
-def test_no_export_takes_the_place_of_a_fifo(folder: Path) -> None:
+def test_an_export_does_not_replace_a_fifo(folder: Path) -> None:
+    """An export to a path that is a named pipe is refused, and the pipe remains."""
     os.mkfifo("a.fmu")
     refused = hfa("export", "--dihedral", "15", "-o", "a.fmu")
     assert_refused(refused, BAD_INPUT, "is not a regular file; choose another")

@@ -58,7 +58,8 @@ def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
     return found
 
 
-def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
+def test_random_factors_have_the_specified_distribution(plan: MonteCarlo) -> None:
+    """Random factors have the specified distribution, and only the listed parameters are changed."""
     assert complaints_about_draws(plan) == []
     member = plan.member(5)
     nominal = np.array(PARAMETERS, dtype=float)
@@ -83,15 +84,19 @@ def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
     ],
     ids=["one seed for all", "two members share one"],
 )
-def test_a_seed_that_ignores_the_member_is_noticed(
+def test_equal_members_are_detected(
     plan: MonteCarlo, monkeypatch, sequence, complaint: str
 ) -> None:
+    """The check of random factors detects members that share a seed (planted fault)."""
     # Planted fault: the same random sequence for several members.
     monkeypatch.setattr(scenario, "_sequence", sequence)
     assert complaint in complaints_about_draws(plan, 300)
 
 
-def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_deviation_is_detected(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check of random factors detects a wrong standard deviation of each parameter (planted
+    fault).
+    """
     honest = Uncertainty.factors
     # Planted fault: factors with another standard deviation.
     monkeypatch.setattr(
@@ -100,7 +105,10 @@ def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.Monk
     assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
 
 
-def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
+def test_seed_and_member_determine_the_scenario(plan: MonteCarlo) -> None:
+    """The scenario of a member depends on seed and member alone, and each random quantity has its
+    own sequence.
+    """
     one = plan.member(3)
     again = replace(plan, members=99).member(3)
     next_one = plan.member(4)
@@ -171,7 +179,8 @@ def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
     ],
 )
-def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) -> None:
+def test_unusable_scenarios_are_refused(make: Callable[[], object], said: str) -> None:
+    """Scenarios, gusts, actuators and commands with unusable values are refused."""
     with pytest.raises(BadInputError, match=said):
         make()
 

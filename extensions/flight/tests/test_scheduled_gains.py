@@ -86,7 +86,10 @@ class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
         return super().control(t, measurements, memory, held) + wrong
 
 
-def test_hidden_coupling_is_seen() -> None:
+def test_hidden_coupling_is_detected() -> None:
+    """A policy that takes the trim at the measured dihedral (planted fault) has another slope with
+    respect to dihedral.
+    """
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
     planted = _TrimOfTheMeasuredDihedral("wrong", policy.schedule, policy.path)
     # At an inner trim, the two one-sided slopes of the table differ, and both are nonzero.
@@ -110,7 +113,11 @@ def flown(schedule: GainSchedule, start: float, end: float) -> Flight:
 @pytest.mark.parametrize(
     ("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)]
 )
-def test_a_schedule_flies_the_change(start: float, end: float) -> None:
+def test_a_schedule_follows_a_dihedral_change(start: float, end: float) -> None:
+    """Scheduled gains change the dihedral to another trim.
+
+    The errors remain small and the inputs reach that trim.
+    """
     result = flown(exact_gains(5.0, 10.0, 15.0), start, end)
     assert result.departure is None
     assert np.degrees(result.states[-1, STATES.index("dihedral")]) == pytest.approx(end, abs=0.02)
@@ -143,9 +150,8 @@ def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
         ({"breakpoints": np.radians([5.0, 8.0])}, "dihedral", "cover 5 deg to 8 deg, not 5 deg to"),
     ],
 )
-def test_what_a_schedule_cannot_fly_is_refused(
-    changes: dict[str, Any], command: str, said: str
-) -> None:
+def test_unusable_schedules_are_refused(changes: dict[str, Any], command: str, said: str) -> None:
+    """Commands of other outputs, gains of wrong shape and missing dihedrals are refused."""
     schedule = replace(exact_gains(5.0, 15.0), **changes)
     steps = CommandSteps((command,), np.zeros(1), np.array([[0.1]]))
     with pytest.raises(BadInputError, match=said):

@@ -15,7 +15,10 @@ STEP = Game([[1.05, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[0
 PROBLEM = DiscreteGame(STEP, 0.97, [[0.05], [0.0]])
 
 
-def test_a_flight_costs_what_its_value_says():
+def test_the_cost_of_a_flight_equals_its_value():
+    """The cost of a discrete-time flight with the optimal gain is x'Px, another gain costs more,
+    and divergence is reported.
+    """
     solution = solve_discrete(PROBLEM)
     start = np.array([1.0, -0.5])
     flight = fly_steps(PROBLEM, solution.K, "exact", start, 600)

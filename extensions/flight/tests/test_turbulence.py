@@ -275,7 +275,8 @@ def test_flight_meets_what_was_drawn() -> None:
         ("fly --aircraft examples/pendulum.py:PENDULUM --turbulence light:9", "has no speed"),
     ],
 )
-def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
+def test_unusable_turbulence_options_are_refused(typed, said, capsys) -> None:
+    """Turbulence without altitude, span, intensity or the needed states is refused."""
     assert main(typed.split()) == 2
     assert said in capsys.readouterr().err
 

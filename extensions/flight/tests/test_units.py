@@ -11,7 +11,8 @@ FLIGHT = ("fly", "--dihedral", "12")
 
 
 @pytest.mark.slow
-def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
+def test_si_flights_contain_no_feet(tmp_path: Path) -> None:
+    """With --units si, reports and pictures of a flight contain no English units."""
     gust = ("--law", "exact", "--duration", "0.5", "--gust", "60:1.5", "--command", "speed=0:0.003")
     assert_no_feet(*FLIGHT, *gust, folder=tmp_path)
 

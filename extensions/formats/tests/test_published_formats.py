@@ -29,7 +29,8 @@ def trim() -> dict[str, Any]:
     return data
 
 
-def test_the_schema_is_valid_and_knows_every_format() -> None:
+def test_the_schema_contains_every_format() -> None:
+    """The published JSON Schema is valid and contains every format that the code writes."""
     Draft202012Validator.check_schema(formats())
     published = {
         each["properties"]["schema"]["const"]
@@ -50,7 +51,8 @@ def test_the_schema_is_valid_and_knows_every_format() -> None:
     } == outputs
 
 
-def test_an_output_is_one_of_them(trim: dict[str, Any]) -> None:
+def test_an_output_satisfies_the_schema(trim: dict[str, Any]) -> None:
+    """The JSON of `hfa trim` satisfies the published schema."""
     assert list(Draft202012Validator(formats()).iter_errors(trim)) == []
     assert complaints_about(trim) == []
 
@@ -64,7 +66,10 @@ def test_an_output_is_one_of_them(trim: dict[str, Any]) -> None:
         ({"operating_point": {}}, "required property"),
     ],
 )
-def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[str, Any]) -> None:
+def test_planted_faults_violate_the_schema(
+    change: dict[str, Any], said: str, trim: dict[str, Any]
+) -> None:
+    """Unknown entries, wrong types and missing entries (planted faults) violate the schema."""
     assert said in " ".join(complaints_about(trim | change))
 
 

@@ -55,7 +55,8 @@ class Whole(Result):
 WHOLE = Whole(np.eye(2), math.inf, "one", (Leaf("a", np.array([1 + 2j])),), {"x": 1.0})
 
 
-def test_the_data_are_the_fields() -> None:
+def test_data_contain_the_fields() -> None:
+    """The data of a result contain its fields, with arrays as lists and nan as null."""
     assert WHOLE.to_dict() == {
         "schema": "hfa.whole/1",
         "A": [[1.0, 0.0], [0.0, 1.0]],
@@ -99,7 +100,10 @@ class Value(Result):
         return (self.leaf.name, self.leaf.name)
 
 
-def test_derived_entries_are_properties_and_those_of_parts() -> None:
+def test_data_contain_properties_and_nested_fields() -> None:
+    """The data contain listed properties and the fields of a nested result, with descriptions in
+    the schema.
+    """
     value = Value(WHOLE.leaves[0], np.zeros(0))
     expected = {"twice": ["a", "a"], "name": "a", "roots": [[1.0, 2.0]]}
     assert value.to_dict() == expected
@@ -115,6 +119,7 @@ def test_derived_entries_are_properties_and_those_of_parts() -> None:
 
 
 @pytest.mark.parametrize("kind", [*chain(*map(classes_of, written())), Provenance])
-def test_every_field_that_is_written_has_a_meaning(kind: type[Result]) -> None:
+def test_every_field_has_a_description(kind: type[Result]) -> None:
+    """Each field of each result has a line in the docstring of its class."""
     for part in (kind, *parts_of(kind)):
         json_schema(part)  # KeyError for a field whose docstring has no line

@@ -49,6 +49,7 @@ def answer(capsys, *words):
 
 
 def test_drawn_values_have_the_covariance():
+    """Samples of the parameters have the specified mean and covariance."""
     covariance = np.array([[4.0, 1.0], [1.0, 1.0]])
     spread = ParameterSpread({"CL_alpha": 3.0, "Cm_q": 0.0}, covariance)
     drawn = spread.draws(20_000, seed=1)
@@ -79,7 +80,8 @@ def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
     assert band["high"] - band["low"] == pytest.approx(2 * 1.96 * deviation, rel=0.15)
 
 
-def test_modes_spread_and_held_parameters_stay(folder, capsys):
+def test_bands_of_modes_and_held_parameters(folder, capsys):
+    """The band of a mode contains its value, and becomes narrower if a parameter is held."""
     words = ("linearize", "--aircraft", written(), "--draws", "40")
     code, draws = answer(capsys, *words)
     assert code == 0
@@ -170,7 +172,8 @@ def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
     assert band["low"] <= band["value"] <= band["high"] < 1.0
 
 
-def test_the_parameters_of_the_hfa_are_drawn(capsys):
+def test_parameters_of_the_hfa_are_sampled(capsys):
+    """`hfa solve --draws` solves the game of each sampled HFA and lists the parameters."""
     code, draws = answer(capsys, "solve", "--dihedral", "15", "--draws", "5")
     assert code == 0
     assert draws["stable"] == 5
@@ -193,6 +196,7 @@ def test_the_parameters_of_the_hfa_are_drawn(capsys):
     ],
 )
 def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
+    """A file without a covariance, or with one of wrong names or values, is refused."""
     Path("found.toml").write_text(f"aircraft = '{UAV}'\n{covariance}")
     assert main(["trim", "--aircraft", "found.toml", "--draws", "3"]) == 2
     assert message in capsys.readouterr().err
@@ -214,6 +218,7 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
     ],
 )
 def test_a_wrong_band_is_refused(entries, message, folder, capsys):
+    """Bands with reversed limits, unknown names or wrong values are refused in one line."""
     Path("found.toml").write_text(f"aircraft = '{UAV}'\n{entries}")
     assert main(["trim", "--aircraft", "found.toml"]) == 2
     error = capsys.readouterr().err
@@ -236,6 +241,7 @@ def test_aircraft_without_a_game_solution_count():
 
 
 def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
+    """`hfa verify --draws` refuses several critics before it prints a result."""
     for name in ("one.npz", "two.npz"):
         np.savez(name, K=np.zeros((4, 8)))
     words = ["verify", "--aircraft", written(), "--weights", "one.npz", "two.npz", "--draws", "2"]

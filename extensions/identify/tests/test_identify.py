@@ -144,13 +144,15 @@ def test_tables_of_pandas_and_flights_are_records():
     assert again.parameters["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
 
 
-def test_the_noise_of_the_sensors_is_found():
+def test_sensor_noise_is_estimated():
+    """The estimated noise of each sensor is within 15 % of the simulated noise."""
     for name, size in SENSORS.items():
         assert found().quantities[name].noise == pytest.approx(size, rel=0.15)
         assert found().quantities[name].white > 0.8
 
 
 def test_coloured_residuals_widen_the_bands():
+    """With colored noise, the correction of the bands is larger and the report suggests turbulence."""
     assert found().coloured < 1.5
     assert found(coloured=True).coloured > 2.0
     assert all(each.white < 0.8 for each in found(coloured=True).quantities.values())
@@ -230,7 +232,8 @@ def test_sensitivities_agree_with_differences():
     np.testing.assert_allclose(exact.slopes[:, :, 3], slope, rtol=1e-3, atol=1e-3)
 
 
-def test_missing_samples_and_two_records_count():
+def test_gaps_and_several_records_are_used():
+    """Records with missing samples are identified together and validated with a third."""
     gaps = record(1)
     for name in SENSORS:
         gaps[name][3::4] = math.nan
@@ -241,7 +244,10 @@ def test_missing_samples_and_two_records_count():
     assert result.quantities["speed"].theil < 0.01
 
 
-def test_what_the_record_does_not_move_is_named():
+def test_undetermined_parameters_are_named():
+    """A parameter that the record does not excite is reported as undetermined, with the state that
+    did not move.
+    """
     half = {name: column[:100] for name, column in record(model=AIRCRAFT).items()}
     result = identify(AIRCRAFT, half, ("Cm_alpha", "Cm_q", "Cn_r"))
     assert not result.ok
@@ -380,6 +386,7 @@ def test_a_given_value_that_the_record_contradicts(name, factor, named):
 
 @pytest.mark.slow
 def test_exchanged_columns_are_named():
+    """Two exchanged columns are reported in the first line."""
     wrong = record(seed=2)
     wrong["alpha"], wrong["pitch"] = wrong["pitch"], wrong["alpha"]
     result = identify(begun(1.2), wrong, FREE)
@@ -611,6 +618,7 @@ def test_drawn_aircraft_trim():
     ],
 )
 def test_a_faulty_record_is_refused(change, message):
+    """Records with faulty times, missing columns, gaps of inputs or frozen sensors are refused."""
     columns = record()
     for name, fault in change.items():
         if fault is None:
@@ -638,6 +646,7 @@ def test_a_steady_second_is_no_frozen_sensor():
 
 
 def test_wrong_names_are_refused():
+    """Unknown parameters, unknown columns and an empty list of records are refused."""
     with pytest.raises(hfa.BadInputError, match="has no parameter 'Cm_p'"):
         identify(begun(), record(), ["Cm_p"])
     with pytest.raises(hfa.BadInputError, match="unknown column 'aplha'"):
@@ -682,6 +691,7 @@ def test_the_command_writes_an_aircraft(folder, capsys):
 
 
 def test_a_wrong_unit_is_refused(folder, capsys):
+    """A column in a unit of another quantity is refused."""
     written("flight.csv", record(model=AIRCRAFT), {"alpha": "m"})
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
     assert main(words) == 2

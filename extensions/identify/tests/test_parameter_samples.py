@@ -55,7 +55,11 @@ def coverage(
     return inside[moved], entries.std(axis=0)[moved] / errors[moved]
 
 
-def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet, at_angle) -> None:
+def test_sampled_entries_have_the_standard_errors(parameter_set: ParameterSet, at_angle) -> None:
+    """Entries of A and B vary with their published standard errors.
+
+    A wrong sampling formula (planted error) is detected.
+    """
     samples = np.array(sample_parameters(parameter_set, COUNT, seed=0))
     center = np.array(parameter_set.values)
     inside, spread = coverage(samples, at_angle)
@@ -87,7 +91,8 @@ def test_each_parameter_has_its_standard_error(parameter_set: ParameterSet) -> N
     assert isinstance(samples[0], Parameters)
 
 
-def test_what_cannot_be_sampled_is_refused(parameter_set: ParameterSet) -> None:
+def test_unusable_sampling_arguments_are_refused(parameter_set: ParameterSet) -> None:
+    """Parameters without covariance or with value 0, and wrong counts and seeds, are refused."""
     with pytest.raises(BadInputError, match="random samples need parameters with a covariance"):
         sample_parameters(replace(parameter_set, covariance=np.zeros((0, 0))), 3, seed=0)
     zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))

@@ -45,6 +45,9 @@ def flown(model, manoeuvre):
 
 
 def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
+    """After the planned maneuver is simulated, the identified band has the predicted width within
+    25 %.
+    """
     before = planned()
     best = next(each for each in before.plan if each.kind != "multisine")
     assert best.input == "elevator"
@@ -57,6 +60,9 @@ def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
 
 
 def test_the_report_lists_manoeuvres_in_order():
+    """The maneuvers are sorted by predicted width, and their amplitudes are within the input
+    limits.
+    """
     found = planned()
     after = [each.after for each in found.plan]
     assert after == sorted(after)

@@ -119,7 +119,8 @@ def test_turbulence_is_estimated_with_the_parameters(lag):
     assert "random changes in 1 s of alpha" in found.report().text()
 
 
-def test_what_turbulence_excludes_is_refused():
+def test_options_excluded_by_turbulence_are_refused():
+    """Free delays and planning are refused together with turbulence."""
     with pytest.raises(hfa.BadInputError, match="delay_alpha cannot be free with turbulence"):
         identify(model(), record(), ["M_q", "delay_alpha"], turbulence=True)
     with pytest.raises(hfa.BadInputError, match="cannot be combined"):

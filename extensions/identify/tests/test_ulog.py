@@ -84,7 +84,8 @@ def test_columns_of_a_log(folder):
     np.testing.assert_allclose(columns["elevator"][[0, 100, 101]], [0.1, 0.1, -0.3])
 
 
-def test_a_part_of_a_log_is_cut_out(folder):
+def test_a_part_of_a_log_is_read(folder):
+    """Only the samples between the begin and the end in the table are read."""
     table = TABLE + "[flight]\nbegin = 1.0\nend = 2.0\n"
     columns = ulog_columns(*flown(table=table), hfa.load_model(UAV))
     assert len(columns["time"]) == 51
@@ -104,6 +105,7 @@ def test_a_part_of_a_log_is_cut_out(folder):
     ],
 )
 def test_a_wrong_table_is_refused(table, text, folder):
+    """Tables with unknown columns, messages, fields or an empty time range are refused."""
     with pytest.raises(hfa.BadInputError, match=text.replace("[", r"\[")):
         ulog_columns(*flown(table=table), hfa.load_model(UAV))
 
@@ -147,7 +149,8 @@ def test_the_command_reads_a_log(folder, capsys):
     assert "add --columns FILE.toml" in capsys.readouterr().err
 
 
-def test_another_file_is_no_log(folder):
+def test_other_files_are_not_logs(folder):
+    """A file of another format is refused as a PX4 log."""
     _, table = flown()
     Path("flight.ulg").write_bytes(b"time,alpha")
     with pytest.raises(hfa.BadInputError, match="is not a PX4 log"):

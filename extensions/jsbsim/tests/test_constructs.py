@@ -114,7 +114,8 @@ def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
 
 @needs_jsbsim
 @pytest.mark.slow
-def test_no_construct_differs_in_silence(tmp_path):
+def test_no_difference_remains_unreported(tmp_path):
+    """No construct differs from JSBSim without a note or a refusal, and at least 290 agree."""
     judgements = judge(list(ALL), tmp_path)
     wrong = [each for each in judgements if each.verdict in ("silent", "traceback")]
     assert not wrong
@@ -123,7 +124,8 @@ def test_no_construct_differs_in_silence(tmp_path):
 
 
 @needs_jsbsim
-def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
+def test_an_unreported_difference_is_detected(tmp_path, monkeypatch):
+    """The comparison detects a reader that ignores a construct without a note (planted error)."""
     # Planted error: a reader that ignores the construct.
     monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
     (judgement,) = judge(["functions: force at the center of gravity"], tmp_path)
@@ -145,7 +147,8 @@ def test_every_slot_of_jet_is_filled_by_construct():
     assert not unused_slots()
 
 
-def test_the_catalogs_know_what_jsbsim_reads_and_sets():
+def test_catalogs_list_jsbsim_properties_and_elements():
+    """The catalogs list which properties can be read and set, and which elements JSBSim reads."""
     assert access("inertia/pointmass-weight-lbs[3]") == "RW"
     assert access("velocities/vc-kts") == "R"
     assert access("my/own") == ""

@@ -78,7 +78,11 @@ def test_a_spool_function_of_the_file_limits_rate(path):
     assert rates["spool0"] == pytest.approx(7.0)
 
 
-def test_a_throttle_that_moves_without_lags_is_noted(path):
+def test_a_throttle_without_lags_is_noted(path):
+    """The linear model warns that its throttle has no engine lag.
+
+    With `engines=states` it does not.
+    """
     model, point = trim_of(path)
     assert "makes their lags states (spool0)" in model.inputs["throttle"].moving
     assert model.inputs["throttle"].moving in linearize(model, point).warnings

@@ -19,7 +19,8 @@ def model_of(folder, text):
     return load_model(written(folder, text))
 
 
-def test_a_glider_from_elsewhere_flies_by_its_path(tmp_path):
+def test_a_glider_is_read_by_path(tmp_path):
+    """A glider outside JSBSim's folder has the glide angle of its analytical polar."""
     model = model_of(tmp_path, glider())
     point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
     outputs = model.outputs_at(point.states, point.inputs)
@@ -29,6 +30,7 @@ def test_a_glider_from_elsewhere_flies_by_its_path(tmp_path):
 
 
 def test_provenance_changes_with_every_file(tmp_path):
+    """The provenance changes if an included file changes."""
     control = '<flight_control file="stick"/>'
     text = glider(control=control)
     stick = tmp_path / "aircraft" / "glider" / "stick.xml"
@@ -164,6 +166,7 @@ def test_switch_function_has_no_value_beyond_its_end(tmp_path):
 
 
 def test_short_entities_are_text(tmp_path):
+    """XML entities are replaced by their text."""
     text = glider().replace("<fdm_config", '<!DOCTYPE a [<!ENTITY area "150">]>\n<fdm_config', 1)
     model = model_of(tmp_path, text.replace("> 150 <", "> &area; <"))
     assert model.states["speed"].start == pytest.approx(
@@ -240,7 +243,10 @@ def test_a_second_axis_of_one_name_replaces_first(tmp_path):
         ),
     ],
 )
-def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positions):
+def test_components_have_their_steady_output(tmp_path, component, positions):
+    """In the model, the output of a component of the flight control system is its steady value for
+    the present input.
+    """
     start = CONTROL.index('  <pure_gain name="Elevator')
     end = CONTROL.index('  <pure_gain name="Aileron')
     model = model_of(tmp_path, glider(control=CONTROL[:start] + component + CONTROL[end:]))
@@ -293,6 +299,7 @@ def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
 
 
 def test_rates_of_angles_are_solved_for(tmp_path):
+    """A lift that depends on the rate of alpha gives the analytical rate."""
     term = slope(0.02, "aero/alphadot-rad_sec")
     model = model_of(tmp_path, glider(force("LIFT", slope(5.0, "aero/alpha-rad"), term) + REST))
     plain = model_of(tmp_path, glider())
@@ -304,7 +311,8 @@ def test_rates_of_angles_are_solved_for(tmp_path):
     assert rate == pytest.approx(without / (1.0 + 0.02 * per_unit), rel=1e-9)
 
 
-def test_products_of_inertia_change_sign_unless_told_otherwise(tmp_path):
+def test_the_sign_of_inertia_products_is_read(tmp_path):
+    """The sign of the product of inertia follows the attribute of the file."""
     tilted = METRICS.replace("<emptywt", '<ixz unit="SLUG*FT2"> 100 </ixz> <emptywt')
     x = [120.0, 0.1, 0.05, *[0.0] * 6, 1000.0]
     rates = []

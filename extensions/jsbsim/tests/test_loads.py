@@ -102,13 +102,15 @@ def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters,
 
 
 @needs_jsbsim
-def test_more_fuel_than_a_tank_takes_is_refused():
+def test_fuel_above_the_capacity_is_refused():
+    """Fuel above the capacity of a tank is refused with this capacity."""
     with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; it must be at most 185 lbf"):
         read_model("jsbsim:c172p").with_parameters(tank0=1e6)
 
 
 @needs_jsbsim
-def test_an_engine_runs_or_is_out():
+def test_engine_and_feather_parameters_are_bounded():
+    """Values of engine and feather parameters outside their range are refused."""
     model = read_model("jsbsim:c172p")
     with pytest.raises(BadInputError, match=r"engine0 is 2; it must be at most 1$"):
         model.with_parameters(engine0=2.0)
@@ -171,7 +173,8 @@ def test_a_washout_is_state_where_that_is_asked(tmp_path):
     assert linear.A[rate, rate] == pytest.approx(at_once)
 
 
-def test_a_choice_that_there_is_not_is_refused(tmp_path):
+def test_unknown_reader_options_are_refused(tmp_path):
+    """An unknown option after the file name is refused with the options that exist."""
     with pytest.raises(
         BadInputError, match="lags=on is not an option of a JSBSim aircraft; use filters="
     ):

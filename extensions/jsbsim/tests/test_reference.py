@@ -144,6 +144,7 @@ def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(ALL) - OTHERS))
 def test_all_aircraft_accelerate_as_in_jsbsim(name):
+    """Accelerations of all aircraft agree with JSBSim within the tolerance of each aircraft."""
     linear, rotation, thrust, turning = misses(name, 5)
     tolerance = SLOW.get(name, 1e-9)
     assert linear < max(1e-12, 1e-3 * tolerance)

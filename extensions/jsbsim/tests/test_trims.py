@@ -45,6 +45,7 @@ def test_jet_propeller_aircraft_glider_fly_at_calibrated_speed(name, kcas, altit
 
 @needs_jsbsim
 def test_speed_kcas_and_mach_are_alternatives():
+    """Trims at equal kcas, Mach number and speed are equal, also in a sweep."""
     model = load_model("jsbsim:737")
     first = find_operating_point(model, condition_of(model, altitude=20000.0, kcas=250.0))
     speeds = [first.states.speed]
@@ -61,6 +62,9 @@ def test_speed_kcas_and_mach_are_alternatives():
 
 @needs_jsbsim
 def test_the_speed_of_the_propeller_is_a_mode():
+    """The linear model of a propeller aircraft contains the propeller mode beside the modes of the
+    airframe.
+    """
     model = load_model("jsbsim:c172p")
     point = find_operating_point(model, condition_of(model, kcas=90.0, altitude=5000.0))
     linear = linearize(model, point)
@@ -116,7 +120,8 @@ def test_governed_propeller_may_rest_at_limit_of_blades():
         ),
     ],
 )
-def test_a_trim_that_does_not_exist_says_why(name, held, reason):
+def test_missing_trims_are_explained(name, held, reason):
+    """The message on a missing trim states its physical reason for each aircraft."""
     model = load_model(f"jsbsim:{name}")
     message = explained_failure(model, **held)
     assert re.search(f"^no trim: .*{reason}", message)
@@ -135,7 +140,8 @@ def explained_failure(model, **held):
 
 
 @needs_jsbsim
-def test_an_engine_that_is_out_is_not_counted():
+def test_failed_engines_are_not_counted():
+    """The message on missing thrust counts only the engines that run."""
     model = load_model("jsbsim:c310").with_parameters(engine1=0.0)
     message = explained_failure(model, speed=250.0, altitude=5000.0)
     assert re.search(r"full throttle gives \d+ lb from 1 x \d+ hp: ", message)
@@ -143,6 +149,7 @@ def test_an_engine_that_is_out_is_not_counted():
 
 @needs_jsbsim
 def test_an_empty_tank_is_noted():
+    """An empty tank is noted, and the trim is a glide."""
     model = load_model("jsbsim:X15")
     assert any(
         "tank of" in note and "is empty; the trim is a glide" in note for note in model.extras.notes
@@ -150,12 +157,14 @@ def test_an_empty_tank_is_noted():
     assert "gamma" not in model.trim
 
 
-def test_a_model_without_reasons_keeps_its_message(tmp_path):
+def test_slow_trims_report_the_greatest_lift(tmp_path):
+    """A failed trim at low speed reports the greatest lift."""
     model = load_model(written(tmp_path, glider()))
     assert "greatest lift" in explained_failure(model, speed=15.0)
 
 
-def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
+def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
+    """A missing aircraft folder or name is refused with the aircraft that exist."""
     monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
     with pytest.raises(BadInputError, match="which contains no folder named aircraft"):
         load_model("jsbsim:737")

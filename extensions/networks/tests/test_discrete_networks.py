@@ -224,7 +224,11 @@ def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
     assert "searched_policy_error" in failed_names(verdict.checks)
 
 
-def test_command_says_how_network_read_on_discrete_plant() -> None:
+def test_verify_reports_how_networks_are_read() -> None:
+    """On a discrete-time plant, `hfa verify` reports how a network was read.
+
+    A network with a shifted equilibrium fails.
+    """
     problem = problem_of()
     exact = exact_of(problem)
     step = problem.step

@@ -109,6 +109,7 @@ def test_rounding_is_in_the_bound() -> None:
 
 
 def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
+    """The computed tanh and its linear bounds enclose tanh at arguments of all magnitudes."""
     rng = np.random.default_rng(2)
     t = np.concatenate([10.0 ** rng.uniform(-12.0, 3.0, 4000), np.linspace(0.0, 25.0, 4000)])
     exact = np.tanh(t.astype(np.longdouble))
@@ -153,7 +154,11 @@ def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
     assert np.median(largest[lines.radius > 1e-9]) > 0.9
 
 
-def test_halves_are_the_box() -> None:
+def test_halves_cover_the_box() -> None:
+    """The two halves of each box cover it.
+
+    It is split along the coordinate with the larger slope.
+    """
     centres = np.array([[0.0, 0.5], [0.25, 0.0]])
     half_widths = np.array([[1.0, 0.5], [0.25, 1.0]])
     parts, widths = _halves(centres, half_widths, np.array([[0.0, 2.0], [np.nan, 0.0]]))
@@ -200,7 +205,10 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
     )
 
 
-def test_other_operations_are_searched_alone(game: Game) -> None:
+def test_unsupported_operations_are_searched_only(game: Game) -> None:
+    """For operations without an enclosure, errors are searched for at random states and no bound is
+    proved.
+    """
     verdict = judged(game, lambda z: linear(game, z) + 0.0 * ca.sin(z[0]) + 1e-9 * ca.exp(z[1]))
     assert "no error above 1e-06 found at 1000 states" in verdict.headline()
     assert verdict.to_dict()["network"]["proved"] is None

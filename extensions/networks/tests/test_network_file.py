@@ -106,7 +106,11 @@ def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> No
         from_network(game, path, activation="tanh")
 
 
-def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
+def test_layers_in_json_equal_torch_files(game: Game) -> None:
+    """A network in JSON equals the same network in a torch file.
+
+    An ambiguous order of layers is refused.
+    """
     layers = square_layers("0", "2", "10")
     Path("sorted.json").write_text(
         json.dumps({name: layers[name].tolist() for name in sorted(layers)}), encoding="utf-8"
@@ -193,7 +197,8 @@ def test_layer_norm_states_or_output_needs_no_gap() -> None:
     assert "LayerNorm 'input'" in refusal(torch_file("b.pt", apart), activation="tanh")
 
 
-def test_a_batch_norm_is_no_layer_norm() -> None:
+def test_batch_norms_are_refused() -> None:
+    """Batch normalization is not read as layer normalization, it is refused."""
     tensors = with_norm("0", "1", "3") | {"1.running_mean": np.zeros(4)}
     assert "'1.running_mean' (4,) is not a weight" in refusal(
         torch_file("a.pt", tensors), activation="tanh"
@@ -203,7 +208,11 @@ def test_a_batch_norm_is_no_layer_norm() -> None:
 # Wide layers.
 
 
-def test_wide_layers_stay_matrices_and_have_their_slopes(game: Game) -> None:
+def test_wide_networks_have_exact_gradients(game: Game) -> None:
+    """A wide network is kept as a matrix function.
+
+    Its value and gradient equal an evaluation in NumPy.
+    """
     rng = np.random.default_rng(8)
     sizes = (6, 150, 150, 1)
     layers = {
@@ -230,7 +239,8 @@ def test_wide_layers_stay_matrices_and_have_their_slopes(game: Game) -> None:
 
 
 @pytest.mark.parametrize("name", ["v", "net", "critic.model", "critic.model.0.net"])
-def test_names_of_layers_are_free(name: str) -> None:
+def test_layer_names_are_arbitrary(name: str) -> None:
+    """The names of layers do not affect how a network is read."""
     tensors = two_layers(name)
     found = network_in(torch_file("critic.pt", tensors), 6, "tanh").functions[""]
     first, bias, last, end = tensors.values()
@@ -314,6 +324,7 @@ def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
 
 
 def test_wrong_state_dicts_are_refused() -> None:
+    """State dicts with wrong sizes, types, numbers or tensors are refused."""
     good = np.zeros((1, 6), "float32")
     wrong = {
         "has 10 inputs": {"weight": np.zeros((1, 10))},

@@ -80,6 +80,7 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
 
 
 def test_gradients_and_policies_pass(game: Game) -> None:
+    """Exact gradients and policies in torch and safetensors files pass the check."""
     for name, write in (("a.pt", torch_file), ("a.safetensors", safetensors_file)):
         for output, weight in (("gradient", 2.0 * value(game)), ("policy", -gain(game))):
             critic = from_network(
@@ -163,7 +164,8 @@ def test_the_published_weights_of_gops() -> None:
 # Several outputs, scales, bases in words.
 
 
-def test_the_scale_of_the_inputs_counts(game: Game) -> None:
+def test_the_scale_of_inputs_is_applied(game: Game) -> None:
+    """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert check_critic(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok

@@ -205,6 +205,7 @@ def test_weights_beside_graph_are_read_from_folder_alone() -> None:
 
 
 def test_wrong_graphs_are_refused() -> None:
+    """ONNX graphs with wrong sizes, types, operators or numbers are refused."""
     pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
     half = {name: each.astype("float16") for name, each in constants.items()}
@@ -299,14 +300,16 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
 
 
 @pytest.mark.parametrize("name", GRAPHS)
-def test_an_operator_is_that_of_onnx_runtime(name: str) -> None:
+def test_operators_equal_onnx_runtime(name: str) -> None:
+    """Each supported operator gives the values of ONNX Runtime."""
     nodes, constants, outputs = GRAPHS[name]
     single = {"one": np.array(1.0, "float32")}  # says the type of the graph
     path = onnx_file("one.onnx", nodes, single | constants, outputs, opset=21)
     assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
 
 
-def test_attribute_that_is_not_read_is_said_so() -> None:
+def test_unsupported_attributes_are_refused() -> None:
+    """An operator with an unsupported attribute is refused, and the attribute is named."""
     said = refusal(onnx_file("odd.onnx", [("Tanh", "x", "y", {"odd": 1})], {"P": np.eye(6)}))
     assert "operator Tanh with 1 inputs and the attributes odd is not supported" in said
     assert "damaged" not in said

@@ -21,7 +21,10 @@ X = RNG.normal(size=(5, 6))
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_what_torch_exports_by_default_read_and_policy(game: Game) -> None:
+def test_default_torch_exports_are_read(game: Game) -> None:
+    """The default ONNX export of a Q function in PyTorch is read with the Q values and actions of
+    PyTorch.
+    """
     pytest.importorskip("onnx", reason="the package onnx is not installed")
     expected = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["q"]
     path = HERE / "torch_2_13_q.onnx"
@@ -119,6 +122,7 @@ def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
 
 
 def test_inputs_of_other_widths_are_refused() -> None:
+    """A Q function with another number of inputs is refused with the expected sizes."""
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
     message = refusal(path, inputs=5)

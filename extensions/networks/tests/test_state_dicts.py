@@ -175,6 +175,7 @@ def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:
 
 
 def test_a_normalizer_of_another_size_is_refused() -> None:
+    """A normalizer whose size differs from the number of inputs of the network is refused."""
     own = {f"n.{name}": np.ones(3) for name in ("_mean", "_var", "_std")} | {"n.count": np.ones(())}
     path = torch_file("a.pt", actor("actor.") | own)
     assert "has 3 entries, but the network" in refusal(
@@ -182,7 +183,8 @@ def test_a_normalizer_of_another_size_is_refused() -> None:
     )
 
 
-def test_another_policy_beside_named_one_is_left_alone() -> None:
+def test_other_policies_in_a_file_are_ignored() -> None:
+    """If the policy is named, another policy in the same file is ignored."""
     path = torch_file("a.pt", actor("pitch.") | actor("roll."))
     found = network_in(path, STATES, "tanh", {"policy": "pitch"}).functions["policy"]
     assert isinstance(found, ca.Function)

@@ -43,7 +43,8 @@ def gtm() -> hfa.BestFlight:
     return hfa.best_flight(model, hfa.find_operating_point(model), {"alpha": 0.15, "pitch": 0.3})
 
 
-def test_small_start_costs_the_riccati_solution() -> None:
+def test_small_deviations_cost_the_riccati_solution() -> None:
+    """For a small initial deviation x, the best flight costs x'Px within 0.2 %."""
     model = hfa.load_model(GTM)
     point = hfa.find_operating_point(model)
     P = hfa.solve_game(hfa.game(hfa.linearize(model, point))).P
@@ -99,6 +100,7 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
 
 
 def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
+    """The states of the best flight remain in the envelope and its inputs within their limits."""
     for name, column in zip(gtm.state_names, gtm.states.T, strict=True):
         assert np.array_equal(gtm[name], column)
         low, high = gtm.envelope[name]
@@ -152,7 +154,8 @@ def test_a_cart_too_fast_to_stop() -> None:
 
 
 @pytest.mark.slow
-def test_no_flight_at_the_lowest_speed_falling() -> None:
+def test_infeasible_flights_raise_nosolutionerror() -> None:
+    """If no flight within the limits is found, NoSolutionError is raised."""
     model = hfa.load_model(GTM)
     point = hfa.find_operating_point(model)
     start = {"speed": -20.0, "pitch": 0.9, "alpha": 0.3}
@@ -208,13 +211,17 @@ def test_an_input_that_does_not_move() -> None:
         ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
     ],
 )
-def test_bad_input_is_one_line(start: dict[str, float], more: dict[str, object], says: str) -> None:
+def test_unusable_arguments_are_refused(
+    start: dict[str, float], more: dict[str, object], says: str
+) -> None:
+    """Wrong names, limits, times and initial conditions are refused in one line."""
     with pytest.raises(hfa.BadInputError, match=says) as caught:
         best_of_cart(start, **more)
     assert "\n" not in str(caught.value)
 
 
 def test_report_calls_the_linear_figure_linear(gtm: hfa.BestFlight) -> None:
+    """The report states that the linear cost is not a cost of the aircraft."""
     text = gtm.report().text()
     assert text.startswith("Best flight, GTM")
     assert "which is not a cost of the aircraft" in text

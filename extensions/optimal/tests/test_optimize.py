@@ -38,7 +38,12 @@ def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> N
     assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
 
 
-def test_a_card_and_a_critic_beside_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_deployment_and_a_critic_are_compared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`hfa optimize` compares the best flight with a critic and with a deployed policy, and draws
+    them.
+    """
     model = hfa.load_model(GTM)
     game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))
     K = tmp_path / "K.npz"
@@ -99,14 +104,20 @@ def test_an_interruption_keeps_what_is_found() -> None:
         (["--starts", "2", "--picture", "a.png"], "applies only to a single flight"),
     ],
 )
-def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_refused(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Wrong options of `hfa optimize` are refused in one line."""
     assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert says in error
     assert "\n" not in error
 
 
-def test_verify_flies_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_simulates_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa verify --flights` reports the median cost of the critic's flights relative to the best
+    flight. That of twice the gain exceeds the gain's.
+    """
     model = hfa.load_model(GTM)
     game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))
     K = tmp_path / "K.npz"

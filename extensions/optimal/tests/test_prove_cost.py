@@ -69,9 +69,10 @@ def test_a_bound_is_proved_and_checked(
         (("--hold", "angle=0.1"), "angle in the certificate differs from the value of --aircraft"),
     ],
 )
-def test_another_subject_is_named(
+def test_other_weights_and_trims_are_refused(
     words: tuple[str, ...], reason: str, certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A certificate for other weights or another trim is refused, and the difference is named."""
     assert main(["prove", *AIRCRAFT, *words, "--check", str(certificate)]) in (1, 2)
     assert reason in capsys.readouterr().err
 
@@ -100,12 +101,14 @@ def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[s
     assert "depend on altitude, which the cost does not include" in capsys.readouterr().err
 
 
-def test_every_field_has_a_use(certificate: Path) -> None:
+def test_every_field_is_listed(certificate: Path) -> None:
+    """The fields of a cost statement are exactly the listed ones."""
     content: dict[str, Any] = json.loads(certificate.read_text())["statement"]
     assert {name for name, _ in entries_of(content, COST_FIELDS)} == set(COST_FIELDS)
 
 
 def test_a_margin_beyond_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """A margin outside its range is refused with this range."""
     assert main(["prove", "cost", *AIRCRAFT, "--margin", "2"]) == 2
     assert "; give a number from 0.0001 to 0.5" in capsys.readouterr().err
 
@@ -126,9 +129,12 @@ def test_a_flight_is_bracketed(certificate: Path, capsys: pytest.CaptureFixture[
     assert f"The least cost is in [{best.lower_bound:.6g}, {best.cost:.6g}]" in best.report().text()
 
 
-def test_a_table_shows_the_bracket_of_each_start(
+def test_the_table_contains_bound_and_cost(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """For each initial condition, the table contains the proved lower bound and a higher cost of
+    the best flight.
+    """
     assert main(["optimize", *AIRCRAFT, "--starts", "2", "--bound", str(certificate)]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert first.startswith("Best flights, pendulum: found from 2 of 2, between 1.00 and 1.")
@@ -153,6 +159,7 @@ def test_an_initial_condition_beyond_level_is_named(statement: CostStatement) ->
 
 
 def test_a_bound_within_narrower_limits_is_refused(statement: CostStatement) -> None:
+    """A bound that was proved within narrower limits is refused."""
     model = hfa.load_model(PENDULUM)
     problem = flight_problem(model, hfa.find_operating_point(model))
     content = statement.content()
@@ -169,6 +176,7 @@ def test_a_bound_within_narrower_limits_is_refused(statement: CostStatement) -> 
 def test_a_bound_of_other_weights_is_refused(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """`hfa optimize` refuses a bound for other weights."""
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
     assert main([*words, "--bound", str(certificate)]) == 2
     assert "Q in the certificate differs from the value of --Q" in capsys.readouterr().err
@@ -210,6 +218,7 @@ def test_flights_of_a_deployed_policy_are_bracketed(
 def test_a_deployed_policy_of_other_weights_is_refused(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """`hfa assess` refuses a bound whose weights differ from those of the deployment file."""
     words = ["assess", card_of(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
     assert main([*words, "--bound", str(certificate)]) == 2
     assert re.search(

@@ -67,13 +67,15 @@ def test_another_integrator_arrives(moved: QuickestFlight) -> None:
     assert (np.abs(rows.y[:, -1]) <= list(moved.box.values())).all()
 
 
-def test_a_flight_that_misses_is_refuted(moved: QuickestFlight) -> None:
+def test_a_missed_target_is_detected(moved: QuickestFlight) -> None:
+    """A flight that does not reach the target box (planted error) is detected."""
     late = moved.flown._replace(times=1.3 * moved.time)
     assert "at 4.0" in not_arrived(moved.problem, late, moved.proposal)
     assert not not_arrived(moved.problem, moved.flown, moved.proposal)
 
 
-def test_the_aircraft_morphs_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_optimize_finds_a_quickest_dihedral_change(capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa optimize --minimize time` changes the dihedral by 1 deg and ends within the target box."""
     words = ["optimize", "--dihedral", "14", "--to", "dihedral=15", "--minimize", "time"]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
@@ -102,7 +104,8 @@ def test_the_aircraft_morphs_by_many_degrees(begin: float, seconds: float) -> No
     assert best.reserve < 0.01
 
 
-def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str]) -> None:
+def test_optimize_finds_a_flight_between_trims(capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa optimize --to` finds a flight between two trims. No compared policy costs less."""
     words = ["optimize", "--aircraft", GTM, "--at", "44", "--to", "speed=45", "--json"]
     assert main(words) == 0
     data = json.loads(capsys.readouterr().out)
@@ -123,7 +126,10 @@ def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str
         (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
     ],
 )
-def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_for_quickest_flights_are_refused(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Wrong options of `hfa optimize --to` are refused in one line."""
     assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
     error = capsys.readouterr().err.strip()
     assert says in error

@@ -49,6 +49,7 @@ STORED = ROOT / "studies" / "section5" / "results"
 
 
 def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
+    """A printed pair that is not regenerated (planted) makes the report fail."""
     assert [row[1] for row in verdicts(job).rows] == ["PASS"] * 3
     pair = job.regeneration.pairs[0]
     wrong = replace(
@@ -65,7 +66,8 @@ def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
     assert not planted.ok
 
 
-def test_a_game_without_solution_is_said_and_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_a_game_without_solution_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """A game without a solution (planted) is reported at its angle and makes the report fail."""
 
     def unsolved(game: object) -> None:
         raise NoSolutionError("no solution: planted")
@@ -129,6 +131,7 @@ def flown_pairs(job: MainJob) -> dict[float, tuple[np.ndarray, np.ndarray]]:
 
 
 def test_damaged_flights_are_refused(tmp_path: Path) -> None:
+    """A file of best flights with a missing entry is refused."""
     data = json.loads((FLIGHTS / "best_flights.json").read_text(encoding="utf-8"))
     del data["flights"][0]["best"]["cost"]
     (tmp_path / "best_flights.json").write_text(json.dumps(data), encoding="utf-8")
@@ -144,7 +147,8 @@ def checks_in(data: Any) -> set[str]:
     return set().union(*map(checks_in, data)) if isinstance(data, list) else set()
 
 
-def test_every_check_of_the_page_has_a_gloss(job: MainJob) -> None:
+def test_every_check_has_an_explanation(job: MainJob) -> None:
+    """Each check on the page has an explanation."""
     game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), np.radians(15.0)))
     run = hfa.learn(game)
     critic = hfa.from_weights(game, run.weights[-1], run.basis)
@@ -154,7 +158,8 @@ def test_every_check_of_the_page_has_a_gloss(job: MainJob) -> None:
     assert names - {name for name, _ in glosses().rows} == set()
 
 
-def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
+def test_claims_of_other_matrices_are_detected(job: MainJob, claims: Claims) -> None:
+    """Claims computed with other matrices than those of the page are marked."""
     angle, A, B = claims.models[1]
     for changed in (B * (1 + 1e-6), B[:, 1:]):
         other = claims._replace(models=[claims.models[0], (angle, A, changed)])
@@ -173,6 +178,7 @@ def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
 def test_a_damaged_table_is_refused(
     place: list[Any], value: Any, claims: Claims, tmp_path: Path
 ) -> None:
+    """A file of claims with a damaged entry is refused."""
     data = copy.deepcopy(claims.data)
     *path, last = place
     reduce(getitem, path, data)[last] = value
@@ -212,7 +218,8 @@ def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
         assert np.arctan2(y, x - p.panel_span / 2) == pytest.approx(point.dihedral, abs=1e-4)
 
 
-def test_data_cannot_leave_its_script() -> None:
+def test_data_cannot_end_the_script() -> None:
+    """Data in a script contain no tag, and nan becomes null."""
     value = {"name": "</script><script>alert(1)", "x": np.array([0.5, np.nan])}
     text = in_script(value)
     assert "<" not in text
@@ -220,6 +227,9 @@ def test_data_cannot_leave_its_script() -> None:
 
 
 def test_hover_shows_the_modes(job: MainJob) -> None:
+    """The root locus lists all modes, and its hover texts contain the frequency and damping of a
+    mode at that angle.
+    """
     plot = locus_plot(job.sweep)
     assert plot is not None
     every, slow = plot.figures
@@ -242,6 +252,7 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
                 )
 
 
-def test_where_nothing_is_trimmed_there_is_no_plot(job: MainJob, published_aircraft: Model) -> None:
+def test_without_trims_nothing_is_plotted(job: MainJob, published_aircraft: Model) -> None:
+    """Without a trimmed point, the front view and the root locus are omitted."""
     assert front_view(job.aircraft, job.points[-1:]) is None
     assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None

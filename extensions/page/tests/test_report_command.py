@@ -90,7 +90,8 @@ def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path
     assert data["flights"]["schema"] == "hfa.paper-flights/2"
 
 
-def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> None:
+def test_pictures_of_the_documents_are_current(made: tuple[Result, Path]) -> None:
+    """The pictures of the documents equal those that `hfa report` draws."""
     from matplotlib.image import imread
 
     folder = ROOT / "docs" / "pictures"
@@ -205,13 +206,15 @@ def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
     ],
 )
-def test_bad_requests(words: str, named: str) -> None:
+def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
+    """Wrong options of `hfa report` are refused, and no file is written."""
     Path("file").write_text("a file", encoding="utf-8")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
 
 
-def test_claims_are_no_fifo() -> None:
+def test_a_fifo_is_refused_as_claims() -> None:
+    """A named pipe is refused as a file of claims."""
     os.mkfifo("fifo.json")
     refused = hfa("report", "--dihedral", "5", "--claims", "fifo.json")
     assert_refused(refused, BAD_INPUT, "fifo")

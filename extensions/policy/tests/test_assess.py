@@ -55,7 +55,8 @@ def test_the_first_line_is_verdict_and_two_findings(good):
     assert max(map(len, [*lines, *failing])) <= 100
 
 
-def test_data_have_the_keys_that_are_promised(good):
+def test_the_json_has_the_documented_keys(good):
+    """The JSON of an assessment that passes is valid and contains the documented keys at each trim."""
     data = json.loads(good.report().json())
     assert complaints_about(data) == []
     assert data["holds"] is True
@@ -90,7 +91,11 @@ def test_formula_not_smooth_at_trim_refused_by_name(table, name, entry):
         assess(model, wrong, [45.0])
 
 
-def test_needs_are_met_or_named(good):
+def test_unmet_requirements_are_listed(good):
+    """Each requirement that the assessment does not meet is listed.
+
+    An unknown requirement is refused.
+    """
     met = {"delay": 0.01, "margin": 0.1, "cost": 1000.0}
     assert replace(good, needs=met).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):
@@ -100,7 +105,10 @@ def test_needs_are_met_or_named(good):
 
 
 @pytest.mark.slow
-def test_a_delay_beyond_the_limit_does_not_hold():
+def test_a_delay_above_the_limit_fails():
+    """With a delay above the limit, the loop is unstable, no flight converges and a limit cycle is
+    found.
+    """
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.02})
     result = assess(aircraft("ppo_gtm"), late, [60.0], samples=16)
     (point,) = result.points
@@ -155,7 +163,10 @@ def test_a_flight_is_that_of_its_equations():
     np.testing.assert_allclose(after[memory], [*commanded, *inputs[0]], rtol=1e-13)
 
 
-def test_clip_active_at_rest_said_not_judged_stable():
+def test_a_saturated_equilibrium_is_not_called_stable():
+    """A policy that is saturated at its equilibrium fails, the saturated action is named, and no
+    cost is reported.
+    """
     o = ca.SX.sym("o", 4)
     push = ca.Function("policy", [o], [ca.vertcat(2.0 + 0.1 * o[0], 0.0 * o[1])])
     action = {
@@ -176,7 +187,8 @@ def test_clip_active_at_rest_said_not_judged_stable():
 
 
 @pytest.mark.slow
-def test_flights_are_decided_by_their_seed():
+def test_the_seed_determines_the_flights():
+    """Equal seeds give equal flights, and another seed gives another worst initial condition."""
     model, deployment = aircraft("ppo_raw"), card("ppo_raw")
     first, again, other = (
         assess(model, deployment, [52.0], samples=8, seed=seed).points[0].flights
@@ -197,7 +209,10 @@ def test_normalizer_files_do_not_show_note_and_data(capsys):
     assert json.loads(printed.out)["warnings"][0] in printed.err
 
 
-def test_what_cannot_be_assessed_is_refused():
+def test_unusable_arguments_of_assess_are_refused():
+    """Wrong operating points, a policy of another aircraft and a missing policy file are refused by
+    name.
+    """
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
     with pytest.raises(hfa.BadInputError, match="give operating points"):
         assess(model, deployment, ["45"])
@@ -209,7 +224,10 @@ def test_what_cannot_be_assessed_is_refused():
         assess(model, gtm_card({}))
 
 
-def test_chatter_within_the_ball_is_named():
+def test_chatter_near_the_equilibrium_is_reported():
+    """A policy whose flights converge but chatter near the equilibrium fails, and the limit cycle
+    is reported.
+    """
     calm = card("ppo_gtm").actor
     o = ca.SX.sym("o", 4)
     at_rest = card("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # pitch rate
@@ -228,7 +246,10 @@ def test_chatter_within_the_ball_is_named():
     assert "limit cycle at 45 m/s: elevator ±" in result.first_line
 
 
-def test_the_nonlinearity_is_found_where_it_was_planted():
+def test_a_planted_nonlinearity_is_found():
+    """The state with the largest deviation from the linearization, and this deviation, are those of
+    a planted kink.
+    """
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
     bent = ca.Function("bent", [o], [ca.vertcat(0.5 * o[2] + 2.0 * ca.fmax(o[3] - 0.05, 0.0), 0.0)])
@@ -260,6 +281,7 @@ def test_box_and_needs_are_those_of_the_command():
 
 
 def test_a_gain_has_no_nonlinearity():
+    """A linear policy has no deviation from its linearization."""
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])
     result = assess(aircraft("ppo_gtm"), gtm_card({"file": gain}), [45.0], samples=0)
@@ -369,7 +391,10 @@ def test_a_trim_at_edge_of_envelope_is_refused():
     hfa.environment(model, f16_card(), [502.0])
 
 
-def test_a_lost_flight_names_state_limit_and_time():
+def test_a_departure_has_state_limit_and_time():
+    """A flight that leaves the envelope is reported with the state, its limit and the time, also by
+    the environment.
+    """
     model = model_of(F16)
     edge = {**model.states, "altitude": model.states["altitude"]._replace(min=-3.0)}
     edged = replace(model, states=edge)
@@ -482,6 +507,7 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     ],
 )
 def test_a_wrong_change_is_refused_before_trims(vary, said):
+    """A wrong name or range in `vary` is refused before the trims are read."""
     model = model_of(F16)
     no_trim = [object()]
     with pytest.raises(hfa.BadInputError, match=said):

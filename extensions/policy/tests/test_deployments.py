@@ -99,7 +99,10 @@ def message_of(folder, text):
         ("R = {elevator = 1.11, ", "R = {", "cost.R has no weight for elevator"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_named_with_its_cure(folder, typed, instead, said):
+def test_mistakes_in_deployment_files_are_refused(folder, typed, instead, said):
+    """A mistake in a deployment file is refused with a message that names the entry and the
+    correction.
+    """
     assert typed in CARD
     assert said in message_of(folder, CARD.replace(typed, instead))
 
@@ -125,13 +128,15 @@ def test_a_mistake_is_named_with_its_cure(folder, typed, instead, said):
     ],
 )
 def test_formulas_that_are_code_are_refused(formula):
+    """Formulas that are more than arithmetic of numbers, names and supported functions are refused."""
     observation = {"speed": {}, "alpha": {}, "pitch": {}, "odd": {"formula": formula}}
     deployment = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
     with pytest.raises(BadInputError, match=r"formula|unknown name|calls|arithmetic"):
         deployment.on(model_of(GTM))
 
 
-def test_a_formula_is_arithmetic():
+def test_formulas_are_evaluated():
+    """The formulas of observations and actions are evaluated at a state and its trim."""
     entries = {"flow": {"formula": "pitch - alpha", "about": 0.0}, "gamma": {"about": 0.0}}
     o = ca.SX.sym("o", 2)
     deployment = gtm_card(
@@ -160,6 +165,7 @@ class Caller:
 
 @pytest.mark.parametrize("name", ["ppo_gtm.pkl", "td3_gtm.pkl"])
 def test_a_normalizer_is_read(name):
+    """The statistics in files of VecNormalize are read: mean, variance, clip and count."""
     found = read_normalizer(FOLDER / name)
     assert found.mean.shape == (4,)
     assert np.all(found.variance > 0.0)
@@ -230,6 +236,7 @@ def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
     [(b"epsilon", b"obs_rms"), (b"clip_obs", b"obs_rms"), (b"mean", b"var_x"), (b"count", b"mean")],
 )
 def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
+    """A normalizer file in which one required entry has another name is refused."""
     content = (folder / "ppo_gtm.pkl").read_bytes()
     name = b"\x8c" + bytes([len(stored)]) + stored
     assert name in content
@@ -306,13 +313,15 @@ def test_zip_whose_directory_lies_about_size_is_refused(folder):
 
 
 @pytest.mark.parametrize("suffix", ["zip", "npz", "pt", "pkl"])
-def test_a_fifo_is_no_policy(folder, suffix):
+def test_a_fifo_is_refused(folder, suffix):
+    """A named pipe is refused as a policy file, for each suffix."""
     os.mkfifo(folder / f"fifo.{suffix}")
     said = message_of(folder, CARD.replace("ppo_gtm.zip", f"fifo.{suffix}"))
     assert "not a regular file" in said
 
 
 def test_a_zip_bomb_is_refused(folder):
+    """A zip whose unpacked size exceeds the limit is refused."""
     bomb = io.BytesIO()
     with zipfile.ZipFile(bomb, "w") as archive:
         archive.writestr("data", b"0")
@@ -323,6 +332,7 @@ def test_a_zip_bomb_is_refused(folder):
 
 
 def test_a_network_of_nan_is_refused(folder):
+    """A gain and a network with entries that are not finite are refused."""
     K = np.full((2, 4), np.nan)
     np.savez(folder / "nan.npz", K=K)
     assert "finite numbers" in message_of(folder, CARD.replace("ppo_gtm.zip", "nan.npz"))
@@ -331,12 +341,14 @@ def test_a_network_of_nan_is_refused(folder):
 
 
 def test_a_normalizer_of_nan_is_refused(folder):
+    """A normalizer with an entry that is not finite is refused, and the entry is named."""
     table = "{mean = [0, 0, nan, 0], variance = [1, 1, 1, 1]}"
     assert "mean[2] is nan" in message_of(folder, CARD.replace('"ppo_gtm.pkl"', table))
 
 
 @pytest.mark.parametrize("name", ["data", "policy.pth"])
-def test_a_damaged_zip_is_one_line(folder, name):
+def test_a_damaged_zip_is_refused(folder, name):
+    """A damaged member of the zip is reported in a message with the name of the deployment file."""
     rewritten = io.BytesIO()
     with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive, zipfile.ZipFile(rewritten, "w") as new:
         for member in ("data", "policy.pth"):
@@ -357,7 +369,10 @@ def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
         np.testing.assert_allclose(action, -K @ observation, rtol=FEW_ROUNDINGS)
 
 
-def test_a_zip_says_what_it_is():
+def test_settings_stored_in_a_zip_are_read():
+    """The algorithm, squashing, activation, layout, action range and number of environments are
+    read from a zip.
+    """
     sac = read_zip(FOLDER / "sac_gtm.zip")
     assert (sac.algorithm, sac.squash, sac.activation) == ("SAC", True, "relu")
     assert (sac.low.tolist(), sac.high.tolist()) == ([-2.0, -1.0], [1.5, 1.0])
@@ -398,7 +413,8 @@ def test_a_deployment_that_was_read_is_pickled(folder):
         lambda: assess(aircraft("ppo_gtm"), card("ppo_gtm"), samples="many"),
     ],
 )
-def test_a_wrong_argument_is_one_line(make):
+def test_wrong_argument_types_are_refused(make):
+    """Arguments of wrong types raise BadInputError with a message of one line."""
     with pytest.raises(BadInputError, match=r"(is|give|cannot be read)") as refused:
         make()
     assert "\n" not in str(refused.value)

@@ -26,6 +26,7 @@ ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", ["ppo_gtm", "ppo_hfa"])
 def test_the_checker_of_gymnasium_passes(name: str) -> None:
+    """The environment passes the checker of Gymnasium."""
     from gymnasium.utils.env_checker import check_env
 
     check_env(environment(aircraft(name), card(name), trims(name)[:1]))
@@ -186,7 +187,8 @@ def test_an_episode_ends_where_numbers_end() -> None:
         np.testing.assert_array_equal(after, before)
 
 
-def test_the_seed_decides_the_start_and_time_truncates() -> None:
+def test_seeds_determine_resets_and_time_truncates() -> None:
+    """The seed determines the first observation, and an episode is truncated at its duration."""
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), seconds=0.1)
     first, info = env.reset(seed=3)
     again, _ = env.reset(seed=3)
@@ -199,7 +201,8 @@ def test_the_seed_decides_the_start_and_time_truncates() -> None:
 
 
 @pytest.mark.slow
-def test_the_picture_of_an_episode_has_its_samples() -> None:
+def test_the_rendered_picture_changes_during_an_episode() -> None:
+    """The rendered picture keeps its size and changes while the episode is simulated."""
     env = environment(
         aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), render_mode="rgb_array"
     )
@@ -212,7 +215,10 @@ def test_the_picture_of_an_episode_has_its_samples() -> None:
     assert (before != after).any()
 
 
-def test_what_environment_cannot_be_made_of_one_line() -> None:
+def test_unusable_arguments_of_environments_are_refused() -> None:
+    """An action without a box, an unknown render mode and an episode shorter than a sample are
+    refused.
+    """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     with pytest.raises(BadInputError, match=r"action\.elevator has no box"):
         environment(model, gtm_card({}, action={"elevator": {}}), points)
@@ -222,7 +228,10 @@ def test_what_environment_cannot_be_made_of_one_line() -> None:
         environment(model, gtm_card({}, action=ACTION), points, seconds=0.001)
 
 
-def test_many_episodes_at_once_are_those_of_one() -> None:
+def test_vectorized_episodes_equal_single_ones() -> None:
+    """Episodes of the vector environment have the observations, rewards and ends of single
+    episodes.
+    """
     pytest.importorskip("stable_baselines3")
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     several = vector_environment(model, card("ppo_gtm"), points, count=5, seconds=0.06)
@@ -265,6 +274,7 @@ def test_threads_do_not_change_episodes() -> None:
 
 @pytest.mark.slow
 def test_training_logs_the_return_of_episodes() -> None:
+    """Training with Stable-Baselines3 records the length and the return of each episode."""
     stable_baselines3 = pytest.importorskip("stable_baselines3")
     several = vector_environment(
         aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), count=4, seconds=0.2
@@ -311,7 +321,8 @@ def test_episodes_meet_the_turbulence_of_flights() -> None:
     np.testing.assert_allclose(ratio, 1.0, atol=0.35)
 
 
-def test_what_an_environment_leaves_out_is_a_warning() -> None:
+def test_turbulence_without_lateral_states_gives_a_warning() -> None:
+    """Turbulence on a longitudinal aircraft gives a warning that names the missing states."""
     with pytest.warns(UserWarning, match="turbulence without v, p, r: the equations have no"):
         environment(
             aircraft("ppo_gtm"),

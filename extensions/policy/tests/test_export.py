@@ -65,7 +65,10 @@ def compiled(folder):
 @pytest.mark.parametrize(
     "name", ["ppo_gtm", "td3_gtm", pytest.param("ppo_c172", marks=pytest.mark.slow)]
 )
-def test_the_exported_C_commands_what_the_card_commands(name, tmp_path, capsys):
+def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
+    """The exported C code gives the commands of the deployment file, and nan for a measurement of
+    nan.
+    """
     point = trims(name)[0]
     assert exported(name, point, tmp_path / "c") == 0
     policy = flown_card(FOLDER / f"{name}.toml", aircraft(name), point)
@@ -80,7 +83,8 @@ def test_the_exported_C_commands_what_the_card_commands(name, tmp_path, capsys):
 
 
 @needs_compiler
-def test_the_exported_FMU_commands_what_the_card_commands(tmp_path, capsys):
+def test_an_exported_fmu_equals_the_deployment_file(tmp_path, capsys):
+    """The exported FMU gives the commands of the deployment file."""
     name = "ppo_gtm"
     point = trims(name)[0]
     assert exported(name, point, tmp_path / "policy.fmu") == 0
@@ -102,7 +106,8 @@ def test_the_exported_FMU_commands_what_the_card_commands(tmp_path, capsys):
     assert differences(policy, command) < 1e-12
 
 
-def test_what_card_says_is_no_option_beside_it(tmp_path, capsys):
+def test_law_is_refused_with_a_deployment_file(tmp_path, capsys):
+    """`hfa export` refuses --law together with --policy."""
     words = [
         "export",
         "--policy",

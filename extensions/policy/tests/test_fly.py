@@ -22,7 +22,10 @@ START = np.array([2.0, 0.03, 0.1, -0.05])
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.03, 0.05])
-def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
+def test_fly_and_assess_simulate_equal_flights(tmp_path, delay):
+    """`fly` and the flights of `assess` give equal states for one initial condition, with and
+    without delay.
+    """
     text = (FOLDER / "ppo_gtm.toml").read_text()
     text = text.replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "card.toml"
@@ -124,7 +127,8 @@ def test_card_is_flown_warns_of_what_files_prove(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"]])
-def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
+def test_fly_and_export_note_proved_mistakes(tmp_path, capsys, words):
+    """`hfa fly` and `hfa export` print a note on a mistake that the files prove."""
     given = [str(tmp_path / "out") if word == "FOLDER" else word for word in words]
     path = card_without_normalizer(tmp_path)
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]

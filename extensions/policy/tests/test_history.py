@@ -83,7 +83,10 @@ def test_flights_are_those_of_fly_and_of_episodes(delay):
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
-def test_the_exported_C_takes_earlier_observations(tmp_path):
+def test_exported_c_uses_earlier_observations(tmp_path):
+    """The exported C code of a policy with history computes the command from earlier and present
+    observations.
+    """
     point = trims("ppo_gtm")[1]
     policy = flown_deployment(stacked(), point)
     for name, text in exported_texts(policy, "a test").items():
@@ -109,5 +112,6 @@ def test_the_exported_C_takes_earlier_observations(tmp_path):
     ],
 )
 def test_a_wrong_history_is_refused(history, said):
+    """A history that is zero, not an integer or inconsistent with the policy is refused."""
     with pytest.raises(BadInputError, match=said):
         assess(aircraft("ppo_gtm"), stacked(history=history), [45.0], samples=0)

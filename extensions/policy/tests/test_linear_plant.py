@@ -66,6 +66,7 @@ def test_a_linear_plant_is_assessed(assessed, A):
     ],
 )
 def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
+    """A file without B, a discrete-time plant and matrices with nan are refused in one line."""
     code, _, errors = assessed([[1.0, 1.0]], **plant)
     assert code == 2
     assert said in errors

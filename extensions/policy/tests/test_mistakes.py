@@ -41,12 +41,14 @@ def observed(name, **entries):
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
-def test_files_prove_no_mistake_of_a_right_card(name):
+def test_correct_deployment_files_have_no_mistake(name):
+    """No mistake is reported for correct deployment files."""
     assert kinds(name, card(name)) == []
 
 
 @pytest.mark.parametrize("name", ["ppo_gtm", "a2c_gtm", "td3_gtm", "ppo_c172"])
 def test_a_missing_normalizer_is_named(name):
+    """A deployment file without the normalizer used in training is reported."""
     assert kinds(name, with_policy(name, normalizer=None)) == ["no normalizer"]
 
 
@@ -109,7 +111,10 @@ def test_a_normalizer_too_many_of_SAC_is_named():
     assert "a normalizer too many" not in kinds("sac_gtm", one)
 
 
-def test_observations_that_do_not_vary_prove_no_normalizer():
+def test_constant_observations_prove_no_missing_normalizer():
+    """From stored observations without variation, a missing normalizer is neither proved nor
+    excluded.
+    """
     unvaried = of_eight_environments(np.full((8, 4), 0.001), np.zeros((8, 4)))
     assert kinds("sac_gtm", unvaried) == []
     assert "does not show whether" in unknown_normalizer(unvaried.on(aircraft("sac_gtm")))
@@ -127,11 +132,13 @@ def test_one_environment_of_SAC_does_not_show_normalizer():
         assert unknown_normalizer(told) == ""
 
 
-def test_normalizer_is_said_to_be_none_is_believed():
+def test_normalizer_none_is_accepted():
+    """With `normalizer = "none"`, no missing normalizer is reported."""
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
 
 
-def test_a_normalizer_too_many_is_named():
+def test_a_superfluous_normalizer_is_named():
+    """A normalizer for a policy that was trained without one is reported."""
     found = kinds("ppo_raw", with_policy("ppo_raw", normalizer="ppo_gtm.pkl"))
     assert found == ["a normalizer too many"]
 
@@ -152,6 +159,9 @@ def test_normalizer_four_numbers_no_count_to_another_checkpoint():
 
 @pytest.mark.parametrize("name", ["ppo_gtm", "ppo_raw", "a2c_gtm", "ppo_hfa"])
 def test_absolute_values_for_deviations_are_named(name):
+    """Observations without subtraction of the trim are reported for policies that observe
+    deviations.
+    """
     assert "absolute values for deviations" in kinds(name, observed(name, about=0.0))
 
 
@@ -234,12 +244,14 @@ def suggested(name, deployment, points=None):
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_the_sign_of_an_action_is_suggested(name):
+    """For an action with a reversed sign, the first suggestion is the other sign."""
     (first, *_) = suggested(name, turned(name, "elevator"), trims(name)[:1])
     assert first.startswith("flights would improve if the action of elevator had the other sign")
 
 
 @pytest.mark.slow
 def test_the_order_of_observations_is_suggested():
+    """For two exchanged observations, the exchange is among the suggestions."""
     found = suggested("ppo_raw", exchanged("ppo_raw", 0, 3))
     assert any("pitch and speed were exchanged" in text for text in found)
 
@@ -266,6 +278,7 @@ def rescaled(name, of):
     ],
 )
 def test_degrees_and_the_sample_time_are_suggested(changed, said):
+    """Wrong units of angles and a wrong sample time are among the suggestions."""
     assert any(said in text for text in suggested("ppo_raw", changed))
 
 
@@ -445,7 +458,8 @@ def test_nothing_is_suggested_of_optimum_that_is_late(samples):
 
 
 @pytest.mark.slow
-def test_a_sign_is_suggested_of_late_optimum_too():
+def test_a_sign_is_suggested_with_delay():
+    """A reversed sign is found also for an optimal gain with delay."""
     late = with_mistake("sign").changed(timing={"dt": 0.05, "delay": 0.1})
     assert "sign" in kinds_on_f16(late)
 

@@ -75,5 +75,6 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
     ],
 )
 def test_a_scenario_that_disturbs_nothing_is_refused(scenario, samples, said):
+    """Scenarios without disturbances, without flights or for missing states are refused."""
     with pytest.raises(hfa.BadInputError, match=said):
         assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0], samples, scenario=scenario)

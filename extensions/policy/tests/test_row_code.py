@@ -39,7 +39,10 @@ def of_every_operation() -> ca.Function:
 
 
 @pytest.mark.parametrize("one_row", [False, True])
-def test_every_operation_one_row_where_number_none_too(one_row: bool) -> None:
+def test_compiled_rows_equal_casadi_for_every_operation(one_row: bool) -> None:
+    """Compiled code and CasADi agree for every operation, also at special values such as nan and
+    infinity.
+    """
     function = of_every_operation()
     random = np.random.default_rng(0)
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
@@ -52,6 +55,7 @@ def test_every_operation_one_row_where_number_none_too(one_row: bool) -> None:
 
 
 def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code for narrow registers gives the same bits as code for the registers of this processor."""
     function = of_every_operation()
     a, b = np.random.default_rng(1).normal(0.0, 3.0, (2, 101, 1))
     of_this_processor = row_code(function)(a, b)[0]
@@ -78,12 +82,14 @@ def test_any_number_of_rows_and_functions_called_inside(count: int) -> None:
 
 
 def test_a_table_of_another_width_is_refused() -> None:
+    """A table with a wrong number of columns raises ValueError with the expected shape."""
     code = row_code(of_every_operation())
     with pytest.raises(ValueError, match=r"a table has the shape \(3, 2\), not \(3, 1\)"):
         code(np.zeros((3, 2)), np.zeros((3, 1)))
 
 
-def test_what_cannot_written_as_rows_called_by_casadi() -> None:
+def test_unsupported_operations_are_evaluated_by_casadi() -> None:
+    """A function with an operation that the generated code lacks is evaluated by CasADi."""
     x = ca.SX.sym("x")
     function = ca.Function("error", [x], [ca.erf(x)])
     code = row_code(function)
@@ -91,7 +97,8 @@ def test_what_cannot_written_as_rows_called_by_casadi() -> None:
     assert code([[0.5]])[0][0, 0] == pytest.approx(0.5204998778130465, rel=1e-15)
 
 
-def test_without_a_compiler_casadi_serves(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_without_a_compiler_casadi_is_used(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """Without a C compiler, the function is evaluated by CasADi and a note is printed."""
     # The compiler is searched once per process.
     monkeypatch.setattr(generated, "c_compiler", lambda: None)
     assert isinstance(row_code(of_every_operation()), RowFunction)

@@ -46,7 +46,8 @@ def case():
     return linear_case()
 
 
-def test_the_sampled_aircraft_is_that_of_python_control(case):
+def test_the_sampled_aircraft_equals_python_control(case):
+    """The sampled matrices equal those of `control.c2d` with a zero-order hold."""
     _, equilibrium, _ = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     expected = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
@@ -99,7 +100,8 @@ def test_half_sample_delay_half_sample_at_twice_rate(case):
     assert chain_of(equilibrium, DT, DT / 2).radius == pytest.approx(radius, abs=1e-12)
 
 
-def test_margins_are_those_of_python_control(case):
+def test_margins_equal_python_control(case):
+    """Gain, phase and disk margins agree with python-control."""
     _, equilibrium, K = case
     found = margins(chain_of(equilibrium, DT, 0.0))
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
@@ -134,7 +136,10 @@ def test_gain_at_margin_is_at_edge_of_stability(case):
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])
-def test_costs_are_those_of_scipy(scale):
+def test_costs_equal_scipy(scale):
+    """The percentages above the optimum agree with SciPy's Riccati and Lyapunov solutions, in both
+    times.
+    """
     deployed, equilibrium, K = linear_case(scale)
     lost = cost_lost(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
     game = lqr_at(deployed, equilibrium)
@@ -167,6 +172,7 @@ def test_loop_of_wrong_sign_is_lost_without_delay(case):
 
 
 def test_delays_are_searched_upward(case):
+    """The delay limit is the first whole number of samples at which the loop is unstable."""
     _, equilibrium, _ = case
     found = delays(equilibrium, DT, 0.0)
     limit = round(found.limit / DT)

@@ -15,7 +15,8 @@ SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 
 
 @pytest.mark.parametrize("name", SLOPES)
-def test_actions_and_slopes_are_those_of_the_modules(name):
+def test_actions_and_slopes_equal_stored_references(name):
+    """Actions and slopes of the policies equal stored values of the PyTorch modules in float64."""
     import casadi as ca
 
     act = card(name).on(aircraft(name)).act
@@ -31,7 +32,8 @@ def test_actions_and_slopes_are_those_of_the_modules(name):
         np.testing.assert_allclose(found, expected, atol=1e-10 * max(1.0, np.abs(expected).max()))
 
 
-def test_the_references_cover_what_is_asked():
+def test_the_references_cover_all_policy_kinds():
+    """The stored policies cover each algorithm, activation, normalizer, squashing and action range."""
     kinds = {name: card(name) for name in SLOPES}
     assert {kind.actor.stored.algorithm for kind in kinds.values()} == {"PPO or A2C", "SAC", "TD3"}
     assert {kind.actor.stored.activation for kind in kinds.values()} == {"tanh", "relu"}
@@ -69,7 +71,8 @@ def test_K_is_the_slope_of_card_at_rest():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SLOPES)
-def test_the_stored_slopes_are_those_of_stable_baselines(name):
+def test_stored_slopes_equal_stable_baselines3(name):
+    """The stored actions and slopes equal those that Stable-Baselines3 computes again."""
     pytest.importorskip("stable_baselines3")
     from train_policies import slopes
 

@@ -56,6 +56,7 @@ def test_the_network_on_rows_is_that_of_graph(name):
 
 
 def test_a_wide_network_is_computed_in_single_precision(tmp_path):
+    """A wide network is evaluated on rows in single precision."""
     card = gtm_card({"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"})
     observations = np.random.default_rng(1).normal(size=(20, 4))
     double = np.array(card.actor.function(observations.T)).T
@@ -77,6 +78,7 @@ def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, w
 
 
 def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
+    """A wide ONNX graph evaluated on rows agrees with the CasADi function of the graph."""
     onnx = pytest.importorskip("onnx")
     random = np.random.default_rng(0)
     sizes = {
@@ -187,6 +189,9 @@ def test_window_of_flights_is_samples_of_each_alone(name, delay):
     ("width", "activation"), [pytest.param(64, "tanh", marks=pytest.mark.slow), (256, "relu")]
 )
 def test_networks_of_the_default_sizes_are_assessed(tmp_path, width, activation):
+    """Networks of common sizes are assessed, and their gains agree with central differences of the
+    command.
+    """
     file = wide_file(tmp_path / "wide.npz", width)
     deployed = gtm_card({"file": file, "activation": activation}).on(aircraft("ppo_gtm"))
     (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=4).assessed()

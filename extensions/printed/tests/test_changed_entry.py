@@ -37,7 +37,8 @@ def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(200, marks=SLOW)])
-def test_most_planted_slips_are_named_none_wrong(judged, count) -> None:
+def test_most_planted_misprints_are_named(judged, count) -> None:
+    """At least 85 % of the visible planted misprints are named, and no correct entry is."""
     rng = np.random.default_rng(1)
     visible = 0
     named = 0
@@ -52,14 +53,16 @@ def test_most_planted_slips_are_named_none_wrong(judged, count) -> None:
 
 
 @pytest.mark.parametrize("count", [8, pytest.param(200, marks=SLOW)])
-def test_right_answers_are_as_printed(judged, count) -> None:
+def test_correct_answers_are_as_printed(judged, count) -> None:
+    """Correctly printed answers have the class `as printed`."""
     rng = np.random.default_rng(2)
     for index in range(count):
         assert judged(printed_sample(index, rng).file())[0] == "as printed"
 
 
 @pytest.mark.parametrize("count", [2, pytest.param(100, marks=SLOW)])
-def test_learned_answers_accuse_no_entry(judged, count) -> None:
+def test_learned_answers_name_no_entry(judged, count) -> None:
+    """For learned answers with random errors, no entry of the plant is named as misprinted."""
     rng = np.random.default_rng(3)
     for index in range(count):
         sample = printed_sample(index, rng).noisy(10.0 ** rng.uniform(-4.0, -1.5), rng)
@@ -69,7 +72,8 @@ def test_learned_answers_accuse_no_entry(judged, count) -> None:
 
 
 @pytest.mark.slow
-def test_one_of_two_slips_is_not_named(judged) -> None:
+def test_two_misprints_are_not_one_wrong_name(judged) -> None:
+    """With two planted misprints, no third entry is named."""
     rng = np.random.default_rng(4)
     for index in range(60):
         sample, first = printed_sample(index, rng).with_slip(SLIPS[index % len(SLIPS)], rng)
@@ -80,6 +84,7 @@ def test_one_of_two_slips_is_not_named(judged) -> None:
 
 
 def test_rough_values_are_the_certified_ones(tmp_path) -> None:
+    """Rough solutions agree with certified ones to 1e-10, and are nan for an entry of nan."""
     rng = np.random.default_rng(5)
     path = tmp_path / "printed.toml"
     for index in range(8):

@@ -70,6 +70,7 @@ def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
     ],
 )
 def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> None:
+    """Deep nesting and very long numbers in a file are refused in one line."""
     file = tmp_path / "printed.toml"
     file.write_text(text)
     assert_refused(hfa("printed", str(file)), BAD_INPUT, str(file))

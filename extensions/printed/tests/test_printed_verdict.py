@@ -142,7 +142,8 @@ def small_case(decimals=5):
     return SMALL.format(P=printed(answer["P"], decimals), K=printed(answer["K"], decimals))
 
 
-def test_all_digits_right(verdict_of):
+def test_correct_digits_are_as_printed(verdict_of):
+    """An answer whose digits are all correct has the class `as printed`."""
     verdict = verdict_of(DIESEL)
     assert verdict.classified.name == "as printed"
     assert verdict.ok
@@ -152,10 +153,12 @@ def test_all_digits_right(verdict_of):
 
 
 def test_digits_cut_off(verdict_of):
+    """Digits that are truncated instead of rounded have the class `cut off`."""
     assert verdict_of(INTEGRATOR).classified.name == "cut off"
 
 
 def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
+    """A missing digit in the plant is found, with the range of values that explain the answer."""
     verdict = verdict_of(MULTIPLAYER)
     assert verdict.classified.name == "the answer belongs to another plant"
     assert not replace(verdict, limit_cost=100.0).ok
@@ -175,7 +178,8 @@ def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
         ("1.4586", "14.586", "B21"),
     ],
 )
-def test_a_planted_slip_is_named(verdict_of, right, typed, name):
+def test_a_planted_misprint_is_named(verdict_of, right, typed, name):
+    """A planted misprint in the plant is named with its correct value."""
     verdict = verdict_of(small_case().replace(right, typed, 1))
     assert verdict.classified.name == "the answer belongs to another plant"
     (entry,) = verdict.classified.changed
@@ -183,7 +187,8 @@ def test_a_planted_slip_is_named(verdict_of, right, typed, name):
     assert float(entry.value) == float(right)
 
 
-def test_one_entry_of_the_answer(verdict_of):
+def test_a_misprint_in_the_answer_is_named(verdict_of):
+    """A misprint in one entry of the answer is named with the exact value."""
     verdict = verdict_of(DIESEL.replace("24.8446", "24.8464"))
     assert verdict.classified.name == "one entry of the answer"
     assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.844586"
@@ -201,7 +206,8 @@ def test_right_answer_as_printed_at_any_number_digits(verdict_of, decimals):
     assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
 
-def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
+def test_a_learned_answer_is_close(verdict_of):
+    """A learned answer with small errors has the class `close`, and no entry of the plant is named."""
     text = "learned = true\n" + small_case(4)
     block = re.search(r'K = "(.*)"', text)[1]
     moved = read_block("K", block).values * [1.0031, 0.9988]
@@ -215,7 +221,11 @@ def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
     assert replace(verdict, limit_cost=0.01).ok
 
 
-def test_rounding_of_the_plant_decides_nothing(verdict_of):
+def test_a_rounded_plant_leaves_it_undecided(verdict_of):
+    """With a plant declared as rounded, the class is `not decided`.
+
+    Without this declaration it is `wrong`.
+    """
     text = small_case(6).replace("0.8223", "0.82", 1).replace("-1.0774", "-1.08", 1)
     assert verdict_of("plant_rounded = true\n" + text).classified.name == "not decided"
     assert verdict_of(text).classified.name == "wrong"
@@ -252,7 +262,8 @@ P = "{printed(answer["P"], 5)}"
         verdict_of(text)
 
 
-def test_an_answer_of_nothing_cannot_be_told(verdict_of):
+def test_an_unrelated_answer_has_no_class(verdict_of):
+    """A gain without P that no single misprint explains has the class `cannot tell`."""
     text = re.sub(r'P = ".*"\nK = ".*"', 'K = "71.123 -38.71"', small_case())
     assert verdict_of(text).classified.name == "cannot tell"
 
@@ -286,6 +297,7 @@ def test_missing_factor_on_products_is_known_under_noise(verdict_of):
 @pytest.mark.parametrize("is_discrete", [False, True])
 @pytest.mark.parametrize("name", ["A", "B", "E", "N", "Q", "R", "gamma"])
 def test_the_derivative_is_that_of_the_exact_answer(name, is_discrete):
+    """Derivatives of the answer with respect to each matrix equal central differences."""
     generator = np.random.default_rng(3)
     plant = Plant(
         A=0.3 * generator.normal(size=(3, 3)),
@@ -311,7 +323,8 @@ def test_the_derivative_is_that_of_the_exact_answer(name, is_discrete):
         np.testing.assert_allclose((after[block] - before[block]) / (2 * step), slope, atol=1e-7)
 
 
-def test_numbers_of_a_text_and_their_half_units():
+def test_blocks_have_numbers_and_half_units():
+    """Numbers are read with half a unit of their last printed digit."""
     block = read_block("P", r"1.4350, -2e-3 & 5 \\ -160/3 .50 0.")
     np.testing.assert_allclose(block.values, [[1.435, -0.002, 5.0], [-160 / 3, 0.5, 0.0]])
     np.testing.assert_allclose(block.half_units, [[5e-5, 5e-4, 0.5], [0.0, 5e-3, 0.5]])
@@ -319,6 +332,7 @@ def test_numbers_of_a_text_and_their_half_units():
 
 
 def test_formulas_of_parameters_and_a_common_factor():
+    """Formulas of parameters and a common factor are evaluated in a block of numbers."""
     parameters = {"m": 0.5, "g": 9.81}
     block = read_block("A", "m*g/2 -160/3 sqrt(m**2); 1.50 -(m+1) 2", parameters)
     expected = [[0.5 * 9.81 / 2, -160 / 3, 0.5], [1.5, -1.5, 2.0]]
@@ -400,7 +414,8 @@ def test_time_that_every_digit_fits_is_asked_for(verdict_of):
         ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),
     ],
 )
-def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
+def test_errors_name_block_and_row(tmp_path, old, new, message):
+    """A faulty entry is refused with its block and row."""
     path = tmp_path / "bad.toml"
     path.write_text(small_case().replace(old, new, 1))
     with pytest.raises(BadInputError, match=re.escape(f"{path}: {message}")):

@@ -87,6 +87,7 @@ def text_of(kind: str, content: Any) -> str:
 
 @pytest.mark.parametrize("kind", CASES)
 def test_each_field_is_compared_or_shown(kind: str, tmp_path: Path) -> None:
+    """Each field of a statement is compared with the user's value or changes the printed report."""
     made = certificate(kind)
     content = made["statement"]
     table = FIELDS[made["kind"]]
@@ -108,6 +109,7 @@ def test_each_field_is_compared_or_shown(kind: str, tmp_path: Path) -> None:
 
 
 def test_every_field_is_in_some_certificate() -> None:
+    """The certificates of these tests contain every field of every kind of statement."""
     for kind, table in FIELDS.items():
         held = set[str]()
         for case in (*CASES, "solution"):
@@ -117,7 +119,10 @@ def test_every_field_is_in_some_certificate() -> None:
         assert held == set(table)
 
 
-def test_what_is_not_given_is_named() -> None:
+def test_missing_subjects_are_named() -> None:
+    """The comparison returns the names of values that the user did not give, and refuses values
+    that differ.
+    """
     table = {"A": Field("plant"), "K": Field("gain"), "rho": Field()}
     content = {"A": [[1.0]], "K": [[2.0]], "rho": 3.0}
     assert compare(content, table, {}) == ["plant", "gain"]

@@ -114,7 +114,8 @@ def test_a_certificate_is_bound_to_ones_own_data(
     assert_refused(held, 1, "speed in the certificate differs from the value of --hold")
 
 
-def test_what_is_checked_is_the_aircraft_of_certificate(tmp_path: Path) -> None:
+def test_reports_describe_the_certified_aircraft(tmp_path: Path) -> None:
+    """The report of a check names the dynamics, parameters and trims stated in the certificate."""
     certificate = str(tmp_path / "newton.json")
     of_certificate = (
         "--dynamics",
@@ -161,6 +162,10 @@ def test_digest_is_of_proof_and_edited_date_shows(certificate: Path, tmp_path: P
 
 
 def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: Path) -> None:
+    """Resuming a finished certificate leaves it unchanged.
+
+    Edited certificates and other statements are refused.
+    """
     copy = tmp_path / "copy.json"
     copy.write_text(certificate.read_text())
     result = hfa(
@@ -192,6 +197,7 @@ def test_table_that_is_unstable_between_angles_is_refuted(tmp_path: Path) -> Non
     assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out
 
 
-def test_a_fifo_is_no_certificate(tmp_path: Path) -> None:
+def test_a_fifo_is_refused_as_certificate(tmp_path: Path) -> None:
+    """A named pipe is refused as a certificate."""
     os.mkfifo(tmp_path / "fifo.json")
     assert_refused(hfa("prove", "--check", str(tmp_path / "fifo.json")), 2, "fifo")

@@ -75,6 +75,7 @@ def wrong(game: Game, candidate: Critic) -> bool:
     ],
 )
 def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> None:
+    """A critic with a planted mistake is not exact, and the mistake is named."""
     kind, plant, words = NAMED[mistake]
     candidate = candidate_of(game, kind, plant)
     assert wrong(game, candidate)
@@ -98,7 +99,8 @@ def test_mistake_is_not_recognized_is_refused_without_cause(game: Game, mistake:
 @pytest.mark.parametrize(
     "mistake", ["degrees, P", "column order", "another delta, K", "thousandfold"]
 )
-def test_a_critic_of_four_digits_is_named_too(game: Game, mistake: str) -> None:
+def test_mistakes_are_named_despite_small_errors(game: Game, mistake: str) -> None:
+    """Mistakes are named also if the critic has random errors of 1e-6."""
     kind, plant, words = NAMED[mistake]
     rng = np.random.default_rng(1)
     wrong = candidate_of(
@@ -115,6 +117,7 @@ SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [
 @pytest.mark.parametrize("kind", ["K", *(pytest.param(kind, marks=SLOW) for kind in ("W", "P"))])
 @pytest.mark.parametrize("plant", ["aircraft", pytest.param("small", marks=SLOW)])
 def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
+    """For random errors, a cause is named in no more than the allowed number of cases."""
     game = game if plant == "aircraft" else SMALL
     right = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[kind]
     rng = np.random.default_rng(0)
@@ -182,6 +185,7 @@ def test_noise_alone_gets_no_cause_in_99_100(size: float, games: int) -> None:
 
 
 def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
+    """A common factor is named if the remaining error is small, and not if it is larger."""
     table = noisy("P", 1.3 * value(game), 1.0, np.random.default_rng(3))
     noise = table - 1.3 * value(game)
     for share, says in ((0.02, ""), (0.002, "every entry of P is 1.3")):
@@ -190,7 +194,10 @@ def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
         assert named(game, wrong).startswith(says) if says else named(game, wrong) == ""
 
 
-def test_random_errors_gain_beside_value_get_no_cause(game: Game) -> None:
+def test_random_gain_errors_get_no_cause(game: Game) -> None:
+    """For an exact P with random errors in K, the only reason given is that P and K are
+    inconsistent.
+    """
     rng = np.random.default_rng(2)
     for size in 10.0 ** rng.uniform(-4.0, -1.0, 20):
         wrong = gain(game) * (1.0 + size * rng.standard_normal(gain(game).shape))
@@ -240,7 +247,8 @@ def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> 
         assert reason.endswith(f"of another game, of the matrices printed for {degrees} deg")
 
 
-def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
+def test_a_nonquadratic_weight_is_named(game: Game) -> None:
+    """A nonzero weight of a term that is not quadratic is named."""
     functions = basis("paper", 6)
     weights = functions.weights(value(game))
     weights[24] = 3.0
@@ -256,7 +264,8 @@ def test_a_transposed_gain_of_square_plant_is_named() -> None:
     assert named(game, from_gain(game, gain(game).T)) == "K is transposed"
 
 
-def test_one_number_is_not_taken_for_another_game() -> None:
+def test_one_number_suggests_no_other_game() -> None:
+    """From a scalar P alone, no other game is suggested. A value of half the exact one is named."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[1e-8]], [[1.0]], delta=2.0)
     assert named(game, from_value(game, value(game) * 1.2)) == ""
     assert named(game, from_value(game, value(game) / 2.0)).startswith("the value is half")

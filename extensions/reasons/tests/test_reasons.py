@@ -16,6 +16,10 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
+    """The reason is in the JSON and a line of the report.
+
+    It names another root of the Riccati equation.
+    """
     near = check_critic(game, from_gain(game, 1.002 * gain(game)))
     assert (
         near.reason
@@ -47,6 +51,7 @@ def test_value_eight_digits_right_gain_said_need_more() -> None:
 
 @pytest.mark.parametrize("state", [1e-8, pytest.param(1e8, marks=pytest.mark.slow)])
 def test_mistakes_are_named_in_any_units(state: float) -> None:
+    """Mistakes are named also for states in very small and very large units."""
     game = game_in(state)
     assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).reason
     assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).reason
@@ -73,6 +78,7 @@ def test_mistakes_are_named_in_any_units(state: float) -> None:
 def test_no_part_of_a_file_hides_another(
     game: Game, held: str, factors: dict[str, float], said: str
 ) -> None:
+    """Each of W, P and K in a file is checked, and a wrong one is named."""
     parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
     file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
     data = answer("verify", *AT_15, "--weights", file, code=FAILED if said else DONE)

@@ -140,7 +140,8 @@ def sink() -> Content:
     return {"kind": "region", "statement": statement, "witness": witness}
 
 
-def test_the_sink_is_proved() -> None:
+def test_the_true_certificate_is_accepted() -> None:
+    """The certificate from which the forgeries are made is accepted, with one part."""
     assert read_and_check(sink(), SINK) == 1
 
 
@@ -274,6 +275,7 @@ FORGED |= {
 
 @pytest.mark.parametrize("name", FORGED)
 def test_each_clause_refuses_its_forgery(name: str) -> None:
+    """Each clause of the checker refuses the forgery that violates it."""
     change, message = FORGED[name]
     made = copy.deepcopy(sink())
     change(made)
@@ -464,6 +466,10 @@ def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
 
 @pytest.mark.parametrize("stated", [(-2.0, 2.0), (-1.0, 3.0)])
 def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
+    """Limits in a statement may be narrower than those of the model.
+
+    The name of a wider limit is returned.
+    """
     own = {"x": (-1.0, 2.0)}
     assert limits_hold({"x": (-0.5, 1.5)}, own, ()) is None
     assert limits_hold({"x": stated}, own, ()) == "x"
@@ -620,6 +626,7 @@ def test_parts_are_where_the_input_is_as_stated() -> None:
 
 @pytest.mark.parametrize("missing", range(6))
 def test_every_part_is_needed(missing: int) -> None:
+    """Without one of the parts, the claim is refused."""
     loop = _glider_loop()
     parts = [{"u": u, "w": w} for u in ("free", LOWEST, HIGHEST) for w in (LOWEST, HIGHEST)]
     check_covered(loop, parts)

@@ -74,6 +74,7 @@ CHANGES: dict[str, Callable[[Any], Any]] = {
 
 
 def test_each_field_is_compared_or_shown(path: Path, model: Model) -> None:
+    """Each field of a statement is compared with the user's value or changes the printed report."""
     verified = check_certificate(path, model=model)
     content = verified.statement.content()
     typed = frozenset({"aircraft", "delta"})
@@ -102,9 +103,10 @@ def test_each_field_is_compared_or_shown(path: Path, model: Model) -> None:
         assert name in given or FIELDS[name].shown, name
 
 
-def test_the_first_line_names_what_was_not_given(
+def test_the_first_line_names_missing_subjects(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The first line names a policy that is not given. A given policy that differs is refused."""
     words = ["prove", "--check", str(path), "--aircraft", PENDULUM, "-q"]
     assert main(words) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
@@ -157,7 +159,10 @@ def test_parameters_of_another_aircraft_are_refused(
     assert "gravity 5 m/s^2" in capsys.readouterr().out
 
 
-def test_narrower_limits_of_an_input_are_another_saturation(path: Path, model: Model) -> None:
+def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
+    """Input limits that differ from those of the model are refused, because they change the
+    saturation. Narrower state limits are accepted.
+    """
     content = json.loads(path.read_text())["statement"]
     for limits in ([-0.5, 0.5], [-0.7, 0.6], [None, 0.7], [-0.8, 0.8]):
         with pytest.raises(NOT_PROVED, match="limits: torque"):
@@ -215,7 +220,10 @@ def _is_near(z: np.ndarray) -> np.ndarray:
     return np.asarray(np.all(np.abs(z) < 0.5, axis=1))
 
 
-def test_a_trim_that_states_everything_is_taken(model: Model) -> None:
+def test_a_fully_stated_trim_is_accepted(model: Model) -> None:
+    """A trim in which all values are held is accepted if it is an equilibrium, and refused
+    otherwise.
+    """
     stated = {"angle": 0.0, "rate": 0.0, "torque": 0.0}
     point = hfa.find_operating_point(model, hold=stated)
     assert point.values == stated

@@ -65,15 +65,19 @@ def test_starts_are_drawn_in_set_and_on_edge(tmp_path: Path) -> None:
         (VAN_DER_POL, ("--degree", "4", "--seconds", "5")),
     ],
 )
-def test_no_start_in_a_proved_set_is_lost(
+def test_all_flights_in_a_proved_set_converge(
     aircraft: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
+    """Of 20,000 flights from each proved set, all converge and none leaves the limits."""
     statement, _ = stated(tmp_path / "proved.json", aircraft, *words)
     assert starts_lost(statement, 20_000) == (0, 0)
 
 
 @pytest.mark.slow
 def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
+    """The region of the tutorial's Navion is proved within its limits, and 1,000 flights from it
+    converge.
+    """
     page = (ROOT / "docs" / "tutorial.md").read_text()
     (source,) = re.findall(r"```python\n(# navion\.py\n.*?)```", page, re.DOTALL)
     (tmp_path / "navion.py").write_text(source)
@@ -93,6 +97,9 @@ def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_region_of_the_f16_with_constant_derivatives(tmp_path: Path) -> None:
+    """The region of the F-16 with constant derivatives is proved, and 1,000 flights from it
+    converge.
+    """
     aircraft = f"{ROOT / 'examples' / 'f16_constant.py'}:F16"
     words = ("--delta", "inf", "--degree", "2", "--seconds", "2")
     statement, data = stated(tmp_path / "region.json", aircraft, *words)

@@ -21,23 +21,27 @@ def _correlations(diagonal: float) -> Group:
 
 
 def test_the_largest_entry_of_a_positive_matrix() -> None:
+    """The solver finds the largest entry for which a matrix is positive semidefinite."""
     point = minimized([_correlations(4.0)], np.array([-1.0]))
     assert point is not None
     assert point.f[0] == pytest.approx(2.0, abs=1e-7)
     assert np.allclose(point.matrices[0][0], [[4.0, 2.0], [2.0, 1.0]], atol=1e-7)
 
 
-def test_groups_share_their_free_numbers() -> None:
+def test_groups_share_free_variables() -> None:
+    """The free variable satisfies the constraints of both groups."""
     point = minimized([_correlations(4.0), _correlations(0.25)], np.array([-1.0]))
     assert point is not None
     assert point.f[0] == pytest.approx(0.5, abs=1e-7)
 
 
-def test_no_point_where_there_is_none() -> None:
+def test_infeasible_problems_have_no_point() -> None:
+    """For an infeasible problem, None is returned."""
     assert minimized([_correlations(-1.0)], np.array([-1.0])) is None
 
 
-def test_a_search_ends_where_it_has_enough() -> None:
+def test_a_search_ends_when_enough_returns_true() -> None:
+    """The search ends in the iteration in which `enough` returns True."""
     group = _correlations(4.0)
     asked: list[float] = []
 
@@ -50,6 +54,10 @@ def test_a_search_ends_where_it_has_enough() -> None:
 
 
 def test_the_margin_of_a_sum_of_squares() -> None:
+    """The margin of a sum of squares is its smallest eigenvalue.
+
+    A polynomial with negative values has none.
+    """
     # x² - 2 c x + 1 in the monomials 1 and x: eigenvalues 1 + c and 1 - c.
     target = Terms(np.array([0, 1, 2]), np.array([1.0, -1.9998, 1.0]) / 1.9998)
     found = positive(target, [], (0, 1), 1)

@@ -100,7 +100,10 @@ def test_an_interruption_keeps_the_first_invariant_set(undisturbed: Region) -> N
 
 
 @pytest.mark.slow
-def test_the_command_says_what_it_proved(tmp_path: Path) -> None:
+def test_the_command_reports_the_invariant_set(tmp_path: Path) -> None:
+    """The JSON contains the disturbance and the level, which is close to the level where the
+    decrease fails.
+    """
     words = ("--disturbance", f"push={SIZE}", "--json")
     data = json.loads(quickly_proved(tmp_path / "pendulum.json", PENDULUM, *words))
     assert complaints_about(data) == []
@@ -108,7 +111,11 @@ def test_the_command_says_what_it_proved(tmp_path: Path) -> None:
     assert data["rho"] < data["decrease_fails_at"]["V"] < 1.2 * data["rho"]
 
 
-def test_what_is_proved_is_said(certificate: Path, model: Model, tmp_path: Path) -> None:
+def test_the_checked_claim_is_reported(certificate: Path, model: Model, tmp_path: Path) -> None:
+    """The checker verifies six parts.
+
+    Its report states the disturbance and does not claim convergence.
+    """
     verified = check_certificate(certificate, model=model)
     # The torque free, at its lowest and at its highest value, the push at each of its ends.
     assert verified.parts == 6
@@ -151,7 +158,10 @@ def _highest(plant: DisturbedPlant, starts: np.ndarray) -> float:
     return highest
 
 
-def test_the_worst_push_raises_V_the_most(certificate: Path, model: Model) -> None:
+def test_the_worst_disturbance_maximizes_the_rate(certificate: Path, model: Model) -> None:
+    """The disturbance of the search has the sign that maximizes V', and the effect of the
+    analytical model.
+    """
     loop = check_certificate(certificate, model=model).statement.loop
     other = PolynomialFunction.quadratic(np.array([[2.0, 0.3], [0.3, 0.5]]))
     z = np.random.default_rng(0).normal(size=(50, 2))
@@ -162,12 +172,14 @@ def test_the_worst_push_raises_V_the_most(certificate: Path, model: Model) -> No
 
 
 def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    """Three forgeries of each kind are refused."""
     kinds = set(KINDS | DISTURBED_KINDS)
     assert accepted_forgeries(certificate, model, 3 * len(kinds)) == (kinds, [])
 
 
 @pytest.mark.slow
 def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    """One thousand forgeries of all kinds are refused."""
     kinds = set(KINDS | DISTURBED_KINDS)
     assert accepted_forgeries(certificate, model, 1000, seed=1) == (kinds, [])
 
@@ -243,7 +255,8 @@ def test_rates_not_affine_in_disturbance_refused_by_name(
     assert "declares no disturbance" in capsys.readouterr().err
 
 
-def test_what_happens_between_the_ends_is_not_missed(tmp_path: Path) -> None:
+def test_disturbances_between_vertices_are_enclosed(tmp_path: Path) -> None:
+    """Steps and limits between the ends of a disturbance are detected."""
     part = {"b": "free", "gust": HIGHEST}
     # The step is between the ends -0.1 and 0.1, not at them.
     with pytest.raises(Undecided):
@@ -255,6 +268,7 @@ def test_what_happens_between_the_ends_is_not_missed(tmp_path: Path) -> None:
 
 
 def test_the_rates_have_the_disturbance_at_its_end(certificate: Path, model: Model) -> None:
+    """Rates at the two ends of the disturbance differ by its analytical effect."""
     content = json.loads(certificate.read_text())
     statement, witness = read_content(content, model)
     loop = RegionLoop(statement, witness.T, witness.order)

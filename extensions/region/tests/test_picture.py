@@ -71,6 +71,9 @@ def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
 def test_the_label_states_a_much_larger_box(
     region: Region,
 ) -> None:
+    """A comparison box much larger than the region is stated in the axis label and lies beyond the
+    axis.
+    """
     axes = axes_of(region_figure(region, np.radians([2000.0, 50.0])))
     assert axes.get_xlabel() == "angle, deg (box to ±2e+03)"
     assert axes.get_xlim()[1] < 100.0
@@ -81,4 +84,5 @@ def test_the_label_states_a_much_larger_box(
 
 
 def test_without_a_box_none_is_drawn(region: Region) -> None:
+    """Without a comparison box, the figure contains none."""
     assert "box of a critic's comparison" not in lines(axes_of(region_figure(region)))

@@ -55,7 +55,8 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
 
 
 @pytest.mark.slow
-def test_the_command_takes_the_policy_of_a_critic(tmp_path: Path) -> None:
+def test_the_command_accepts_a_quartic_critic(tmp_path: Path) -> None:
+    """`hfa prove region` proves a region for the policy of a critic with terms of degree 4."""
     (tmp_path / "quartic.json").write_text(json.dumps({"W": WEIGHTS}))
     words = ("--weights", str(tmp_path / "quartic.json"), "--basis", BASIS)
     assert LINE in quickly_proved(tmp_path / "pendulum.json", PENDULUM, *words)
@@ -85,7 +86,8 @@ def test_terms_of_policy_are_those_of_its_critic() -> None:
         ("x1**2, x1*x2, x2**2, x2, x2**4", "not 0 at the trim"),
     ],
 )
-def test_other_policies_are_refused_by_name(basis: str, reason: str) -> None:
+def test_unsupported_policies_are_refused(basis: str, reason: str) -> None:
+    """Policies that are not polynomials, or not zero at the trim, are refused."""
     with pytest.raises(BadInputError, match=reason):
         policy_terms(critic_of(basis, [1.4, 0.148, 0.0366, 0.02, 0.01]), ("torque",))
 
@@ -109,6 +111,7 @@ def test_the_statement_names_policy_and_checker_has_same(
 
 
 def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
+    """A certificate with changed coefficients, exponents or inputs of the policy is refused."""
     content = json.loads(certificate.read_text())
     assert passes(content, model)
     policy = content["statement"]["policy"]["torque"]
@@ -139,7 +142,8 @@ def test_a_policy_that_drives_loop_away_is_refused(certificate: Path, model: Mod
         check_region(*read_content(content, model))
 
 
-def test_starts_in_the_set_return(certificate: Path, model: Model) -> None:
+def test_flights_from_the_set_converge(certificate: Path, model: Model) -> None:
+    """Flights from the edge of the proved set converge, and the loop has the policy of the critic."""
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     T = V.coordinates()
@@ -153,5 +157,6 @@ def test_starts_in_the_set_return(certificate: Path, model: Model) -> None:
 
 
 def test_a_basis_needs_weights(capsys: pytest.CaptureFixture[str]) -> None:
+    """A basis without weights is refused."""
     assert main(["prove", "region", "--aircraft", PENDULUM, "--basis", "quadratic"]) == 2
     assert "--weights" in capsys.readouterr().err

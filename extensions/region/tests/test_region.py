@@ -56,6 +56,9 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
 
 
 def test_taylor_polynomials_enclose_a_function_of_every_operation() -> None:
+    """For each operation, the Taylor polynomial with its remainder encloses the function at 200
+    random points.
+    """
     y = ca.SX.sym("y", 2)
     a, b = 2 + 0.3 * y[0] + 0.1 * y[1], 0.3 * y[0] - 0.2 * y[1]
     expressions = [
@@ -107,9 +110,13 @@ def test_function_is_not_smooth_on_ball_is_undecided() -> None:
         pytest.param(PENDULUM, ["angle", "rate"], marks=pytest.mark.slow),
     ],
 )
-def test_what_proved_said_and_bounded_by_what_found(
+def test_the_level_is_bounded_by_found_obstacles(
     aircraft: str, states: list[str], tmp_path: Path
 ) -> None:
+    """The JSON contains the proved level.
+
+    It lies below the level where V' >= 0 was found by at most 6 %.
+    """
     picture = tmp_path / "region.png"
     printed = quickly_proved(
         tmp_path / "region.json", aircraft, "--json", "--picture", str(picture)
@@ -130,7 +137,10 @@ def test_what_proved_said_and_bounded_by_what_found(
 # The pendulum.
 
 
-def test_starts_on_rays_are_lost_beyond_the_set(certificate: Path, model: Model) -> None:
+def test_rays_reach_nonconverging_initial_conditions(certificate: Path, model: Model) -> None:
+    """On each ray, an initial condition outside the set is found from which the flight does not
+    converge.
+    """
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms)
     T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
@@ -143,9 +153,10 @@ def test_starts_on_rays_are_lost_beyond_the_set(certificate: Path, model: Model)
     assert starts[1, 1] == pytest.approx(-starts[2, 1], rel=0.05)
 
 
-def test_a_certificate_is_checked_and_drawn(
+def test_a_certificate_is_checked_and_reported(
     certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A certificate is verified with three parts, and the report shows the input limit."""
     verified = check_certificate(certificate, model=model)
     assert verified.parts == 3
     assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
@@ -157,6 +168,7 @@ def test_a_certificate_is_checked_and_drawn(
 def test_an_edited_certificate_is_refused(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A certificate that was edited is refused."""
     edited = tmp_path / "edited.json"
     edited.write_text(certificate.read_text().replace('"rho": 0', '"rho": 1', 1))
     assert run("--aircraft", PENDULUM, "--check", str(edited)) == 2
@@ -166,18 +178,21 @@ def test_an_edited_certificate_is_refused(
 def test_a_certificate_of_another_aircraft_is_refused(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A certificate is refused for another aircraft and without an aircraft."""
     assert run("--aircraft", VAN_DER_POL, "--check", str(certificate)) == 2
     assert run("--check", str(certificate)) == 2
     assert "--aircraft" in capsys.readouterr().err
 
 
 def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    """Three forgeries of each kind are refused."""
     kinds = set(KINDS)
     assert accepted_forgeries(certificate, model, 3 * len(kinds)) == (kinds, [])
 
 
 @pytest.mark.slow
-def test_starts_in_the_proved_set_return(certificate: Path, model: Model) -> None:
+def test_flights_from_the_proved_set_converge(certificate: Path, model: Model) -> None:
+    """All flights from the proved set converge. From four times as far, some do not."""
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms)
     assert not _lost_starts(statement, V, 400).any()
@@ -210,9 +225,13 @@ def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model
 
 
 @pytest.mark.slow
-def test_a_search_goes_on_from_its_certificate(
+def test_a_search_resumes_from_its_certificate(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A resumed search begins with V of the certificate.
+
+    A certificate of another loop is refused.
+    """
     again = tmp_path / "again.json"
     again.write_text(certificate.read_text())
     words = ("--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.001", "--json", "--resume")
@@ -279,9 +298,8 @@ def test_an_interruption_ends_like_a_timeout(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_verdict_has_a_section_on_the_region(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verify_reports_the_region(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa verify --region` reports the proved level and the nearest obstacles found."""
     weights = str(tmp_path / "pendulum.npz")
     assert main(["solve", "--aircraft", PENDULUM, "-o", weights]) == 0
     capsys.readouterr()
@@ -315,9 +333,8 @@ def test_region_in_verdict_needs_one_linear_policy_aircraft(
 # Other loops.
 
 
-def test_what_is_not_covered_is_refused_by_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unsupported_loops_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Unstable loops and equations with unsupported operations are refused."""
     assert run("--aircraft", PENDULUM.replace(":PENDULUM", ":STAR")) == 1
     assert "not Hurwitz" in capsys.readouterr().err
     kinked = tmp_path / "kinked.py"
@@ -344,4 +361,5 @@ KINK = Model("kink", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, kink, trim={
 
 @pytest.mark.slow
 def test_two_thousand_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    """Two thousand forgeries of all kinds are refused."""
     assert accepted_forgeries(certificate, model, 2000, seed=1) == (set(KINDS), [])

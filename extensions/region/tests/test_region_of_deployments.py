@@ -55,7 +55,8 @@ def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main([*card(tmp_path, gain=-0.99), "--check", proof]) == 2
 
 
-def test_an_observed_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_observed_inputs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A deployment file with an observation that depends on an input is refused."""
     assert main(card(tmp_path, observed="torque")) == 2
     assert "observation.torque depends on an input" in capsys.readouterr().err
 

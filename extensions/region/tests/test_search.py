@@ -46,7 +46,8 @@ def test_f16_with_constant_derivatives_trims_where_tables_do(loop: SaturatedLoop
     assert loop.trim["pitch"] == pytest.approx(loop.trim["alpha"])
 
 
-def test_a_small_level_of_the_f16_is_proved(loop: SaturatedLoop, V: PolynomialFunction) -> None:
+def test_a_small_level_of_f16_is_proved(loop: SaturatedLoop, V: PolynomialFunction) -> None:
+    """A small level of the F-16 is proved with one part."""
     T = ball_of(V.matrix(), 1.0)
     rho = 1e-3
     proved = proved_level(loop, V, rho, SETTING, T)

@@ -41,7 +41,9 @@ def derivative_along_motion(quantity, force, moment):
     return found.full().ravel()
 
 
-def test_no_force_keeps_the_velocity_over_ground():
+def test_without_force_the_ground_velocity_is_constant():
+    """Without a force, the velocity over ground is constant."""
+
     def over_ground(x, velocity):
         return rotation(x.roll, x.pitch, x.yaw) @ velocity
 
@@ -49,7 +51,9 @@ def test_no_force_keeps_the_velocity_over_ground():
     np.testing.assert_allclose(rate, 0.0, atol=1e-13)
 
 
-def test_no_moment_keeps_the_angular_momentum():
+def test_without_moment_angular_momentum_is_constant():
+    """Without a moment, the angular momentum is constant."""
+
     def momentum(x, velocity):
         return rotation(x.roll, x.pitch, x.yaw) @ (ca.DM(INERTIA) @ angular_velocity(x))
 

@@ -89,7 +89,8 @@ def test_output_feedback_has_the_poles_of_central_controller(
     assert found.limit < delta
 
 
-def test_names_tell_what_is_measured_and_commanded(published_aircraft: Model) -> None:
+def test_controllers_have_signal_names(published_aircraft: Model) -> None:
+    """A controller has the names of its measurements, commands and states."""
     output = design_controller(published_aircraft, measured_servo(), ANGLES[:1])
     assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
     assert output.commands == ("dihedral_command", f"{A_Z}_command")
@@ -103,7 +104,8 @@ def test_names_tell_what_is_measured_and_commanded(published_aircraft: Model) ->
     assert state.commands == ("dihedral_command", f"{A_Z}_command")
 
 
-def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -> None:
+def test_impossible_designs_name_angle_and_reason(published_aircraft: Model) -> None:
+    """A design without a solution is refused with the angle and the reason."""
     with pytest.raises(
         NoSolutionError, match="design simvfa-1 at dihedral 9 deg: the control Riccati equation"
     ):
@@ -154,14 +156,16 @@ def test_matrices_are_linear_between_angles_and_constant_beyond(
         ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping ratio"),
     ],
 )
-def test_what_no_flight_could_rely_on_is_refused(
+def test_inconsistent_controllers_are_refused(
     published_aircraft: Model, changed: dict[str, object], message: str
 ) -> None:
+    """Controllers with wrong shapes, numbers, breakpoints or names are refused."""
     with pytest.raises(BadInputError, match=f"controller small: {message}"):
         small_controller(published_aircraft, **changed)
 
 
 def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model) -> None:
+    """Angles outside the table, other dynamics and other parameters are refused."""
     controller = small_controller(published_aircraft)
     controller.refuse_other(published_aircraft, math.radians(5.0), math.radians(20.0))
     with pytest.raises(
@@ -177,7 +181,8 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
         controller.refuse_other(hfa.aircraft(parameters=heavier), 0.1, 0.2)
 
 
-def test_a_file_gives_the_controller_back(published_aircraft: Model, tmp_path: Path) -> None:
+def test_a_saved_controller_is_read_back(published_aircraft: Model, tmp_path: Path) -> None:
+    """A controller that is saved and loaded is equal to the original."""
     saved = small_controller(published_aircraft)
     save_controller(tmp_path / "small.npz", saved)
     found = load_controller(tmp_path / "small.npz", hfa.aircraft())
@@ -187,6 +192,7 @@ def test_a_file_gives_the_controller_back(published_aircraft: Model, tmp_path: P
 
 
 def test_matlab_gets_stacks_with_the_angle_last(published_aircraft: Model, tmp_path: Path) -> None:
+    """In a .mat file, the last axis of each matrix is the angle."""
     controller = small_controller(published_aircraft)
     save_controller(tmp_path / "small.mat", controller)
     found = loadmat(tmp_path / "small.mat")
@@ -195,7 +201,9 @@ def test_matlab_gets_stacks_with_the_angle_last(published_aircraft: Model, tmp_p
     assert [name.item() for name in found["measurements"].ravel()] == ["pitch_rate", "dihedral"]
 
 
-def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: Path) -> None:
+def test_damaged_controller_files_are_refused(published_aircraft: Model, tmp_path: Path) -> None:
+    """Files of other kinds, and controller files with missing or damaged entries, are refused."""
+
     def refused(name: str, message: str, **changed: object) -> None:
         with np.load(tmp_path / "good.npz") as good:
             content = {**good} | changed
@@ -224,9 +232,8 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
 
 
 @pytest.mark.parametrize("limit", ["delta_min", "gamma_min"])
-def test_its_table_limit_and_certificate_of_each_angle(
-    published_aircraft: Model, limit: str
-) -> None:
+def test_the_report_lists_limit_and_checks(published_aircraft: Model, limit: str) -> None:
+    """The report lists the smallest delta or gamma and the result of the checks at each angle."""
     rows = [
         {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
         for degrees, ok in ((5.0, True), (10.0, False), (20.0, True))
@@ -329,6 +336,7 @@ def test_planted_unstable_controller_is_found_with_its_actuator(
 
 
 def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Model) -> None:
+    """Margins are not computed for a controller designed for other dynamics."""
     with pytest.raises(BadInputError, match="was designed for published dynamics"):
         check_margins(
             hfa.aircraft("newton"), gentle(published_aircraft, 0.0), np.radians([5.0]), (2.0,)

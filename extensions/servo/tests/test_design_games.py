@@ -55,6 +55,7 @@ def test_exact_gain_of_design_with_names_and_units(
 
 
 def test_the_paper_s_design_is_the_default_game() -> None:
+    """`--design paper` gives the results of the default game."""
     one = answer("solve", "--design", "paper", *AT_15)
     other = answer("solve", *AT_15)
     assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
@@ -227,7 +228,8 @@ def test_a_controller_in_metres_is_controller_in_feet() -> None:
     assert ends[1]["alpha"] == pytest.approx(ends[0]["alpha"], rel=1e-9)
 
 
-def test_matrices_go_to_other_tools() -> None:
+def test_a_design_is_written_for_matlab() -> None:
+    """`hfa design -o FILE.mat` writes the controller matrices."""
     assert (
         hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "11", "-o", "servo.mat").code
         == 0

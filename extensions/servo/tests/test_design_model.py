@@ -44,6 +44,7 @@ def test_every_design_of_package_has_name_and_source() -> None:
 
 
 def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None:
+    """Intensities of disturbances and data of actuators are read from a design file."""
     own = tmp_path / "own.toml"
     more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
     own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
@@ -76,13 +77,15 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
         ("delta = [", "is not a TOML file"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_faulty_design_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    """A faulty entry of a design file is refused with its name and the correction."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(lambda name: load_design(name, hfa.aircraft()), path)
 
 
-def test_a_name_that_is_neither_is_said() -> None:
+def test_an_unknown_design_is_refused() -> None:
+    """A name that is not a design and not a readable file is refused with the list of designs."""
     with pytest.raises(
         BadInputError,
         match="there is no design of this name and no readable file; choose from paper, servo",
@@ -102,7 +105,8 @@ def test_a_name_that_is_neither_is_said() -> None:
         ("x1_integral", ""),
     ],
 )
-def test_a_name_says_its_unit(name: str, unit: str) -> None:
+def test_signal_names_have_units(name: str, unit: str) -> None:
+    """The unit of a controller's signal follows from its name."""
     assert signal_unit(hfa.aircraft(), name) == unit
 
 
@@ -249,7 +253,10 @@ def test_sensors_states_or_outputs_in_order_of_names(
     np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=SAME_FORMULA)
 
 
-def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Model) -> None:
+def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> None:
+    """A disturbance of the commands enters through the columns of B, scaled by the root of its
+    intensity.
+    """
     design = replace(simvfa_design("simvfa-1"), disturbances={"commands": 4.0, "states": 1e-6})
     built = design_at(published_aircraft, design, 11.0)
     np.testing.assert_array_equal(built.E[:, :2], 2.0 * built.B)
@@ -274,6 +281,7 @@ def test_output_and_short_period_part_may_both_named(
 
 
 def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> None:
+    """Integrated outputs whose steady values the inputs cannot change independently are refused."""
     one = replace(
         simvfa_design("simvfa-1"),
         actuators={},
@@ -289,6 +297,9 @@ def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> N
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_an_actuator_follows_its_command(published_aircraft: Model, order: int) -> None:
+    """An actuator has the specified poles and steady gain, and drives the aircraft through its
+    column of B.
+    """
     weak = Actuator(order=order, bandwidth=0.5, damping=0.9, effectiveness=0.2)
     design = Design(
         "own",
@@ -332,7 +343,8 @@ def own(**changes: Any) -> Design:
         (lambda: Actuator(damping=math.nan), "the damping of an actuator is nan; it must be"),
     ],
 )
-def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message: str) -> None:
+def test_unusable_designs_are_refused(make: Callable[[], object], message: str) -> None:
+    """Unknown names, missing weights and wrong numbers in a design are refused."""
     with pytest.raises(BadInputError, match=re.escape(message)):
         make()
 

@@ -121,7 +121,8 @@ def test_X_Y_solve_general_equations_to_sixty_digits(seed: int) -> None:
         assert relative_error(X, reference.P) < 1e-10
 
 
-def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
+def test_state_feedback_equals_the_game(game: Game) -> None:
+    """Without cross terms, the smallest delta and both gains of the plant are those of the game."""
     n, m = game.B.shape
     root = np.sqrt(np.diag(game.Q))
     C1 = np.vstack([np.diag(root), np.zeros((m, n))])
@@ -164,7 +165,8 @@ def test_state_feedback_limit_measuring_every_state_ever_better(seed: int) -> No
     assert loop.poles().real.max() < 0.0
 
 
-def test_what_u_adds_to_y_once_changes_nothing() -> None:
+def test_d22_does_not_change_the_closed_loop() -> None:
+    """With and without D22, the smallest delta and the closed loop are equal."""
     plant = random_plant(8)
     smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
@@ -184,6 +186,8 @@ def test_what_u_adds_to_y_once_changes_nothing() -> None:
 def test_a_planted_error_in_the_controller_is_seen(
     monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
+    """A controller with one matrix wrong by 1 % (planted fault) is not certified."""
+
     def wrong(*arguments):
         parts = dict(zip(("Ak", "Bk", "Ck", "Dk"), central_controller(*arguments), strict=True))
         return tuple((1.01 if name == part else 1.0) * value for name, value in parts.items())
@@ -387,7 +391,8 @@ def test_mixed_sensitivity_agrees_with_slycot(
         ({"A": [[0.0, 1.0], [-1.0, 0.0]], "C1": [[0.0, 0.0], [0.0, 0.0]]}, r"eigenvalue 0 ± 1i"),
     ],
 )
-def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], words: str) -> None:
+def test_modes_without_a_solution_are_named(changes: dict[str, Any], words: str) -> None:
+    """If a mode admits no solution for any delta, the refusal names its eigenvalue and the reason."""
     plant = GeneralizedPlant(**DOUBLE | changes)
     for solve in (GeneralizedPlant.minimum_delta, lambda each: solve_plant(each, 1e3)):
         with pytest.raises(NoSolutionError, match=words):
@@ -434,12 +439,16 @@ def test_rounding_of_a_double_integrator_is_no_reach() -> None:
         ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
     ],
 )
-def test_plants_that_are_none_are_refused(changes: dict[str, Any], words: str) -> None:
+def test_inconsistent_plants_are_refused(changes: dict[str, Any], words: str) -> None:
+    """Plants with missing matrices, wrong shapes, ranks or numbers are refused."""
     with pytest.raises(BadInputError, match=words):
         GeneralizedPlant(**DOUBLE | changes)
 
 
-def test_command_solves_file_and_says_what_to_change(tmp_path: Any) -> None:
+def test_solve_reads_plant_files(tmp_path: Any) -> None:
+    """`hfa solve` solves plants in files, with output and with state feedback, and refuses delta
+    below its smallest value.
+    """
     path = tmp_path / "plant.json"
     path.write_text(json.dumps(DOUBLE), "utf-8")
     data = json.loads(hfa("solve", "--model", str(path), "--json").out)
@@ -517,6 +526,7 @@ def by_hand(delta: float) -> tuple[float, float]:
 
 
 def test_a_scalar_plant_by_hand() -> None:
+    """X, Y and the controller of a scalar plant equal values computed by hand."""
     X, Y = by_hand(3.0)
     found: Any = solve_plant(scalar(), 3.0)
     gain = Y / 0.25 / (1 - X * Y / 9)
@@ -568,6 +578,7 @@ def test_smallest_delta_of_scalar_plant_and_its_report() -> None:
 
 
 def test_both_equations_to_sixty_digits(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
+    """Both Riccati solutions of the servo agree with solutions in 60 digits."""
     game, C, plant = servo
     found: Any = solve_plant(plant, 200.0)
     root = np.diag(np.sqrt(np.diag(game.Q)))
@@ -582,7 +593,8 @@ def test_both_equations_to_sixty_digits(servo: tuple[Game, np.ndarray, Generaliz
     assert all(check.ok for check in found.checks)
 
 
-def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
+def test_infinite_delta_gives_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
+    """With infinite delta, the controller is the LQG controller of python-control."""
     game, C, plant = servo
     found: Any = solve_plant(plant, math.inf)
     K = control.lqr(game.A, game.B, game.Q, game.R)[0]
@@ -649,6 +661,7 @@ def test_units_of_states_over_16_decades_change_nothing(seed: int) -> None:
     )
 
 
-def test_noise_without_a_size_is_refused() -> None:
+def test_zero_noise_is_refused() -> None:
+    """A noise intensity V that is not positive definite is refused."""
     with pytest.raises(BadInputError, match="V is not positive definite"):
         GeneralizedPlant.measured(Game(ONE, ONE, ONE, ONE, ONE, 1.0), ONE, 0 * ONE)

@@ -93,6 +93,7 @@ def test_labels_of_a_plant_name_its_states() -> None:
 
 
 def test_labels_that_are_not_names_are_positions() -> None:
+    """Arrays with default labels are read by position, and inputs with names in any order."""
     linear = _point().linearize()
     gain = pandas.DataFrame(np.array(_solution().K))
     assert hfa.verify(_solution().game, gain).ok
@@ -104,6 +105,7 @@ def test_labels_that_are_not_names_are_positions() -> None:
 
 
 def test_wrong_labels_are_refused_by_name() -> None:
+    """Unknown, missing and repeated labels and transposed arrays are refused."""
     game = _solution().game
     gain = _gain()
     unnamed = Game(np.eye(2), np.eye(2), Q=np.eye(2), R=np.eye(2))

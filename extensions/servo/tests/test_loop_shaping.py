@@ -260,6 +260,7 @@ def test_model_answers_command_and_loop_feels_none_of(
 
 
 def test_names_and_filter_of_the_controller() -> None:
+    """A loop-shaping controller has the names, the command filter and the checks of its design."""
     controller = servo("published", (11.0,))
     assert (controller.measurements, controller.inputs) == (("pitch_rate", "dihedral", A_Z), INPUTS)
     assert controller.commands[:2] == ("dihedral_command", f"{A_Z}_command")
@@ -302,6 +303,7 @@ def test_names_and_filter_of_the_controller() -> None:
 def test_a_design_that_cannot_be_shaped_is_refused(
     change: tuple[str, str], message: str, tmp_path: Path
 ) -> None:
+    """A faulty entry of a loop-shaping design is refused with its name."""
     text = (Path(loop_shaping.__file__).parent / "servo.toml").read_text(encoding="utf-8")
     path = tmp_path / "own.toml"
     path.write_text(text.replace(*change, 1), encoding="utf-8")
@@ -311,6 +313,7 @@ def test_a_design_that_cannot_be_shaped_is_refused(
 
 
 def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
+    """The game of a loop-shaping design is refused."""
     design: Design = load_design("servo", hfa.aircraft())
     with pytest.raises(
         BadInputError, match="is a loop-shaping design without a game; use `hfa design`"

@@ -109,6 +109,10 @@ def test_functions_of_matrices_take_those_of_the_model() -> None:
 
 
 def test_transfer_functions_have_the_response_of_the_model() -> None:
+    """A transfer function has the frequency response of the model.
+
+    It needs one input and one output.
+    """
     linear = _linear()
     found = linear.transfer_function("elevator_center", "pitch_rate")
     expected = linear["pitch_rate", "elevator_center"].to_control()(2j)
@@ -117,7 +121,8 @@ def test_transfer_functions_have_the_response_of_the_model() -> None:
         linear.transfer_function(None, "pitch_rate")
 
 
-def test_bode_and_nyquist_take_names() -> None:
+def test_bode_and_nyquist_accept_names() -> None:
+    """Bode and Nyquist plots select inputs and outputs by name. Unknown names are refused."""
     linear = _linear()
     assert len(linear.bode(inputs="throttle", outputs="speed")) == 2
     axes = linear.nyquist(inputs="elevator_center", outputs="alpha")
@@ -131,6 +136,7 @@ def test_bode_and_nyquist_take_names() -> None:
 
 
 def test_poles_and_zeros_are_drawn() -> None:
+    """The plot of a linear model shows poles and zeros."""
     assert "poles x and zeros o, 1/s" in _linear().plot().get_title()
     pyplot.close("all")
 
@@ -156,7 +162,8 @@ def test_a_free_response_is_the_matrix_exponential() -> None:
         linear.simulate(initial=[0.0, 1.0])
 
 
-def test_a_sample_time_replaces_the_times() -> None:
+def test_simulate_accepts_a_sample_time() -> None:
+    """`simulate` with a sample time gives the outputs of `simulate` with times."""
     linear = _linear()
     u = np.random.default_rng(1).normal(size=(5, 101))
     at_times = linear.simulate(u, np.linspace(0.0, 1.0, 101))
@@ -180,6 +187,10 @@ def test_keywords_of_python_control_are_accepted() -> None:
 
 
 def test_functions_are_methods_of_their_first_argument() -> None:
+    """Functions of `hfa` are methods of the type of their first argument.
+
+    A misspelled method gets a suggestion.
+    """
     point = MODEL.find_operating_point(dihedral=0.2)
     assert point == find_operating_point(MODEL, dihedral=0.2)
     linear = MODEL.linearize(point)
@@ -342,7 +353,8 @@ def test_a_point_brings_its_model() -> None:
         point.linearize().fly(K)
 
 
-def test_arguments_of_different_types_take_any_order() -> None:
+def test_arguments_of_different_types_in_any_order() -> None:
+    """Arguments of different types may be given in any order."""
     game = hfa.paper.published_game(_linear())
     K = hfa.solve_game(game).K
     assert hfa.verify(K, game).ok
@@ -350,7 +362,8 @@ def test_arguments_of_different_types_take_any_order() -> None:
         hfa.verify("x.npz", K)
 
 
-def test_the_text_of_a_file_is_a_model() -> None:
+def test_a_file_name_is_a_model() -> None:
+    """A text `FILE.py:NAME` is accepted as a model."""
     named = hfa.trim("examples/navion.py:NAVION", speed=180.0)
     assert named.model.name == "Navion"
     with pytest.raises(BadInputError, match="'nothing' is not an aircraft"):
@@ -367,7 +380,8 @@ def test_a_model_trims_itself() -> None:
     assert pickle.loads(pickle.dumps(MODEL)).trim() == find_operating_point(MODEL)
 
 
-def test_keywords_of_a_scenario_make_it() -> None:
+def test_scenario_keywords_are_accepted() -> None:
+    """Keywords of a scenario are accepted by `fly`, and a wrong value is refused."""
     point = find_operating_point(MODEL)
     delayed = hfa.fly(MODEL, point, delay=0.02, seconds=0.1)
     assert delayed.loop.scenario.delay == 0.02
@@ -394,6 +408,7 @@ def test_a_linear_model_is_its_matrices() -> None:
 
 
 def test_modes_are_a_table_and_a_method() -> None:
+    """`modes` is an attribute, a method and a table."""
     modes = _linear().modes
     assert modes() is modes
     assert modes.damping.tolist() == [mode.damping for mode in modes]
@@ -452,7 +467,8 @@ def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
         hfa.hinf  # noqa: B018
 
 
-def test_a_solution_draws_its_poles() -> None:
+def test_a_solution_plots_its_poles() -> None:
+    """The plot of a solution shows the poles of A - B K."""
     assert "poles of A - B K" in hfa.lqr(_linear(), np.eye(6), np.eye(5)).plot().get_title()
     pyplot.close("all")
 
@@ -483,6 +499,10 @@ def test_keywords_change_a_game() -> None:
 
 
 def test_file_keys_and_degrees_are_attributes() -> None:
+    """Keys of files and angles in degrees are attributes.
+
+    Quantities that are not angles have no degrees.
+    """
     linear = _linear()
     assert linear.operating_point is linear.point
     assert linear.point.alpha_deg == pytest.approx(np.degrees(linear.point.alpha))
@@ -494,13 +514,15 @@ def test_file_keys_and_degrees_are_attributes() -> None:
 
 
 def test_an_assessment_at_one_trim_has_its_attributes() -> None:
+    """An assessment at one trim has the attributes of its only point."""
     model = hfa.load_model("examples/gtm.py:GTM")
     assessed = hfa.assess("examples/gtm_policy/on_time.toml", model, at=48.0, samples=0)
     assert assessed.delay_limit == assessed.delay_margin == assessed.points[0].delays.limit
     assert assessed.radius == assessed.points[0].radius
 
 
-def test_training_runs_are_drawn_and_tables() -> None:
+def test_training_runs_are_plotted_and_converted() -> None:
+    """A training run is plotted and converted to an array."""
     run = hfa.learn(hfa.paper.published_game(_linear()), seed=0)
     assert run.plot().lines[0].get_ydata().tolist() == run.weights[:, 0].tolist()
     assert len(run.history) == len(run.time)
@@ -511,6 +533,7 @@ def test_training_runs_are_drawn_and_tables() -> None:
 
 
 def test_eigenvalues_are_a_method_too() -> None:
+    """`eigenvalues` is an attribute and a method, and equals `hfa.eigenvalues`."""
     linear = _linear()
     assert linear.eigenvalues() is not None
     assert np.array_equal(linear.eigenvalues(), hfa.eigenvalues(linear))

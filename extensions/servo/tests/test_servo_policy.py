@@ -60,6 +60,10 @@ def flown(
 def test_outputs_are_those_of_the_linear_model(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
+    """Measured outputs near a trim equal those of the linear model.
+
+    Missing actuator states are refused.
+    """
     names = (Z, "pitch_rate", "aileron_outer_position", "elevator_center_rate", "load_factor")
     outputs = MeasuredOutputs(published_aircraft, point, names)
     model = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor"))

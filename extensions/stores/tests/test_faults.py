@@ -42,7 +42,8 @@ def test_job_filled_disk_goes_on_when_there_room(
 
 
 @pytest.mark.slow
-def test_the_settings_of_zarr_change_no_store(tmp_path: Path) -> None:
+def test_zarr_settings_do_not_affect_stores(tmp_path: Path) -> None:
+    """Environment variables of Zarr do not affect a stored sweep."""
     settings = {"ZARR_CODECS": "1", "ZARR_ARRAY__ORDER": "Q", "ZARR_ASYNC__CONCURRENCY": "x"}
     words = ("sweep", "--dihedral", "5,15", "-o", "a.zarr", "-q")
     assert hfa_process(*words, folder=tmp_path, **settings).code == DONE

@@ -33,6 +33,7 @@ def _gone() -> bool:
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_every_task_has_its_result(count: int) -> None:
+    """Each task returns its result, with one and with two processes, and no process remains."""
     tasks = [(key, (key,)) for key in range(20)]
     with open_workers(count) as run:
         assert dict(run(_square, tasks)) == {key: key * key for key in range(20)}
@@ -47,7 +48,8 @@ def test_error_of_task_raised_and_no_worker_left() -> None:
     assert _gone()
 
 
-def test_a_job_that_is_left_leaves_no_worker() -> None:
+def test_an_abandoned_job_leaves_no_worker() -> None:
+    """If the results are not read to the end, no process remains."""
     tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
     with open_workers(2) as run:
         assert next(run(time.sleep, tasks)) == (0, None)
@@ -106,7 +108,8 @@ def test_task_kills_workers_of_cluster_is_one_line() -> None:
             list(run(_die, [(0, (0,))]))
 
 
-def test_what_cannot_work_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_workers_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zero processes and an unreachable scheduler are refused."""
     with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
         pass
     pytest.importorskip("distributed")

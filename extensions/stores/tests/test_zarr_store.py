@@ -92,7 +92,8 @@ def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
     return told
 
 
-def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
+def test_stored_results_have_names_and_units(made: Path) -> None:
+    """Results are read from a store with their names, units and coordinates."""
     dataset = open_store(made)
     expected = numbers(0, ROWS)
     for name in ("square", "empty", "pole"):
@@ -110,6 +111,7 @@ def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path:
 
 
 def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+    """A Dask cluster writes the same bytes as one process."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0"
@@ -122,7 +124,9 @@ class Stop(Exception):
     pass
 
 
-def test_only_what_is_missing_is_computed(made: Path, tmp_path: Path) -> None:
+def test_only_missing_rows_are_computed(made: Path, tmp_path: Path) -> None:
+    """A resumed job computes only the missing rows and ends with the same bytes."""
+
     def stop_after_two(done: float, _: float) -> None:
         if done == 2:
             raise Stop
@@ -197,6 +201,7 @@ def test_a_damaged_chunk_is_computed_again(
 
 @pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
 def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
+    """A store with changed names, units or coordinates is refused."""
     content = (path / file).read_bytes()
     if file == "side/c/0":
         _flip(path / file)
@@ -374,6 +379,7 @@ def test_nothing_in_store_of_another_format_is_run(
 
 
 def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
+    """A store with a symbolic link to another folder is refused."""
     (path / "square" / "c").rename(tmp_path / "elsewhere")
     (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(BadInputError, match="'square/c' differs from the store of this test"):

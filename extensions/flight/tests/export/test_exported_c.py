@@ -57,7 +57,10 @@ def folder(aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(tmp_path_factory.mktemp("c"), texts, SOURCE)
 
 
-def test_rates_are_ours(folder: Path, aircraft: Model, point: OperatingPoint) -> None:
+def test_exported_rates_equal_the_model(
+    folder: Path, aircraft: Model, point: OperatingPoint
+) -> None:
+    """At 1,000 random states, exported C code and the model give equal state rates, with updrafts."""
     (x, u, p), w = symbols(), ca.SX.sym("w")
     ours = ca.Function(
         "ours", [x, u, p, w], [state_rates(x, u, p, hfa_model.variant_of(aircraft), rising(w))]
@@ -77,7 +80,10 @@ def test_rates_are_ours(folder: Path, aircraft: Model, point: OperatingPoint) ->
         np.testing.assert_allclose(dx, known, rtol=1e-14, atol=0)
 
 
-def test_the_policy_and_the_constants(folder: Path, aircraft: Model) -> None:
+def test_exported_policy_and_constants(folder: Path, aircraft: Model) -> None:
+    """The exported policy, the matrix A and the comments of the header contain the numbers, units
+    and text of the model.
+    """
     model = model_at(15.0, hfa_model.variant_of(aircraft).name)
     gain = np.arange(30.0).reshape(5, 6) / 100
     point = model.point
@@ -238,12 +244,15 @@ def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoin
     return ca.Function("flown", [t, x, a, m], [*told, limited, rate])
 
 
-def test_it_is_the_flown_controller_at_1000_states(
+def test_exported_controller_equals_the_simulated_one(
     law_folder: Path,
     controller: ScheduledController,
     published_aircraft: Model,
     point: OperatingPoint,
 ) -> None:
+    """At 1,000 random states, the exported controller gives the inputs and rates of the simulated
+    controller.
+    """
     law = flown(controller, published_aircraft, point)
     random = np.random.default_rng(5)
     worst = 0.0

@@ -104,7 +104,8 @@ def flown(aircraft: Model, point: OperatingPoint, law: Policy, **happens: Any) -
     return np.asarray(flight.states[::100] + np.array(point.states))
 
 
-def test_60_seconds_are_ours(unit: Unit) -> None:
+def test_60_seconds_in_fmpy_equal_the_product(unit: Unit) -> None:
+    """FMPy and the product simulate equal states for 60 s, in co-simulation and in model exchange."""
     assert len(unit.known) == 601
     for kind, solver in (("CoSimulation", {}), ("ModelExchange", {"relative_tolerance": 1e-12})):
         found = fmpy.simulate_fmu(
@@ -176,6 +177,7 @@ def test_a_state_is_kept_and_wrong_guid_refused(unit: Unit, tmp_path: Path) -> N
 
 @needs_gcc
 def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
+    """The C sources in the FMU compile without warnings."""
     with zipfile.ZipFile(unit.path) as archive:
         archive.extractall(tmp_path)
     compiled(tmp_path / "sources", "-Wno-shadow", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE)

@@ -67,7 +67,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def test_octave_has_the_same_eigenvalues_and_gains(folder: Path) -> None:
+def test_octave_and_hfa_give_equal_results(folder: Path) -> None:
+    """Octave and the product give equal eigenvalues and LQR gains at each angle of a sweep."""
     data = json.loads(hfa("sweep", "--dihedral", "0:20:5", "-q", "--json").out)
     seen = read_arrays(folder / "seen.mat")
     np.testing.assert_array_equal(seen["values"], data["values"])
@@ -80,7 +81,8 @@ def test_octave_has_the_same_eigenvalues_and_gains(folder: Path) -> None:
     assert [name.strip() for name in seen["names"]] == [*data["states"], *data["inputs"]]
 
 
-def test_outputs_come_along(folder: Path) -> None:
+def test_outputs_are_exported_to_octave(folder: Path) -> None:
+    """The names and the matrix C of outputs are read in Octave."""
     seen = read_arrays(folder / "single.mat")
     assert [name.strip() for name in seen["outputs"]] == ["gamma", "load_factor"]
     np.testing.assert_array_equal(seen["C"][0], [0, -1, 1, 0, 0, 0])
@@ -88,6 +90,9 @@ def test_outputs_come_along(folder: Path) -> None:
 
 @pytest.mark.parametrize("version", [pytest.param(6, marks=pytest.mark.slow), 7])
 def test_plants_and_critics_of_octave_are_checked(version: int, folder: Path) -> None:
+    """Plants and critics in .mat files that Octave wrote are solved and checked, and a wrong critic
+    fails.
+    """
     plant = str(folder / f"plant{version}.mat")
     solved = json.loads(hfa("solve", "--model", plant, "--json").out)
     np.testing.assert_allclose(

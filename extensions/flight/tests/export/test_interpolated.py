@@ -23,7 +23,8 @@ def model() -> InterpolatedModel:
     return InterpolatedModel(sweep(hfa.aircraft(), GRID))
 
 
-def test_it_is_exact_at_points_and_bilinear_between(model: InterpolatedModel) -> None:
+def test_models_are_exact_at_breakpoints_bilinear_between(model: InterpolatedModel) -> None:
+    """The interpolated model is the exact one at breakpoints and bilinear between them."""
     exact = level_model(hfa.aircraft(), float(GRID["dihedral"][2]))
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
     np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)
@@ -83,7 +84,8 @@ def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> No
     assert ((ratios > 3.0) & (ratios < 5.0)).all(), ratios
 
 
-def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
+def test_interpolation_outside_the_sweep_is_refused(model: InterpolatedModel) -> None:
+    """Values outside the sweep, missing arguments and sweeps with points without trim are refused."""
     with pytest.raises(BadInputError, match="speed is outside the sweep, 60 ft/s to 76 ft/s"):
         model.at(dihedral=0.1, speed=50.0)
     with pytest.raises(BadInputError, match="give exactly the arguments dihedral, speed, by name"):

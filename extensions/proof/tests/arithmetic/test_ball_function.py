@@ -62,6 +62,7 @@ def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_enclosures_contain_random_points(dynamics: str) -> None:
+    """For three radii, the enclosures contain the exact rates at 100 random points."""
     for radius in (1e-8, 1e-4, 1e-2):
         assert escaped(dynamics, radius, points=100) == 0
 
@@ -69,11 +70,13 @@ def test_enclosures_contain_random_points(dynamics: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> None:
+    """For five radii, the enclosures contain the exact rates at 10,000 random points each."""
     for seed, radius in enumerate((1e-10, 1e-6, 1e-4, 1e-3, 1e-2)):
         assert escaped(dynamics, radius, points=10_000, seed=seed) == 0
 
 
-def test_the_program_s_own_numbers_come_out() -> None:
+def test_balls_equal_the_functions_in_doubles() -> None:
+    """Rates and Jacobians in ball arithmetic equal those of the model in doubles."""
     model = model_at(15.0)
     aircraft = family().model
     functions = aircraft.functions(())
@@ -113,6 +116,9 @@ def _off(operation: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def test_an_unknown_operation_is_refused_by_name() -> None:
+    """A function with an operation that ball arithmetic does not support is refused, and the
+    operation is named.
+    """
     x = ca.SX.sym("x")
     with pytest.raises(
         BadInputError, match="f: the equations use erf, which a proof does not support"
@@ -140,6 +146,7 @@ def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], 
 
 
 def test_series_are_derivatives() -> None:
+    """Power series evaluated in ball arithmetic have the derivatives of CasADi."""
     x = ca.SX.sym("x")
     expression = (
         ca.sqrt(x) * ca.asin(x) / (1 + ca.exp(x))

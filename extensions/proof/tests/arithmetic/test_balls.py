@@ -20,6 +20,7 @@ from hfa_proof.arithmetic.taylor_model import TaylorModel
 
 @pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
 def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
+    """Pivots are those of Gaussian elimination, and a matrix is definite if all are positive."""
     found = pivots(matrix([[2.0, off], [off, 2.0]]))
     assert (found is None) == (second == 0.0)
     assert is_positive_definite(matrix([[2.0, off], [off, 2.0]])) == (second > 0.0)
@@ -83,6 +84,10 @@ def escaped(dynamics: str, points: int, seed: int) -> int:
 def test_taylor_models_contain_random_points(
     dynamics: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Taylor models contain the exact values at random points.
+
+    Without the remainder of products (planted fault) they do not.
+    """
     assert escaped(dynamics, 50, seed=0) == 0
     whole = TaylorModel.__mul__
 
@@ -98,6 +103,7 @@ def test_taylor_models_contain_random_points(
 @pytest.mark.slow
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_taylor_models_contain_a_hundred_thousand_random_points(dynamics: str) -> None:
+    """Taylor models contain the exact values for ten seeds of 5,000 random points."""
     for seed in range(10):
         assert escaped(dynamics, 5_000, seed) == 0
 

@@ -27,7 +27,10 @@ Content = dict[str, Any]
 
 
 @pytest.mark.parametrize("kind", PROOFS)
-def test_what_was_proved_verified_and_all_of_reported(kind: str, tmp_path: Path) -> None:
+def test_a_certificate_is_verified_and_reported(kind: str, tmp_path: Path) -> None:
+    """For each kind, the checker verifies the certificate of the prover and reports its whole
+    statement.
+    """
     path = forge(tmp_path / "own.json", certificate(kind))
     verified = check_certificate(path, model=model_of(kind))
     assert content_of(verified.statement) == certificate(kind)["statement"]
@@ -46,7 +49,8 @@ def test_statement_is_read_back_as_it_was_written() -> None:
 
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
-def test_what_no_box_proves_refused_unless_said_open(name: str, tmp_path: Path) -> None:
+def test_a_missing_box_is_refused_or_open(name: str, tmp_path: Path) -> None:
+    """A certificate without one box is refused, unless its statement declares this interval open."""
     own = copy.deepcopy(certificate("rate"))
     boxes = own["witness"]["motion"]["boxes"] if name == "motion" else own["witness"][name]
     last = boxes.pop()["range"]
@@ -89,14 +93,16 @@ def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "[]", "{}", '{"schema": "other", "digest": "0"}', "[" * 100_000]
 )
-def test_what_is_no_certificate_is_said(tmp_path: Path, text: str) -> None:
+def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
+    """Files that are not certificates are refused."""
     path = tmp_path / "other.json"
     path.write_text(text)
     with pytest.raises(BadInputError):
         check_certificate(path)
 
 
-def test_a_missing_certificate_is_said(tmp_path: Path) -> None:
+def test_a_missing_certificate_is_refused(tmp_path: Path) -> None:
+    """A missing certificate file is refused with its name."""
     with pytest.raises(BadInputError, match=r"none\.json cannot be read \(No such file"):
         check_certificate(tmp_path / "none.json")
 

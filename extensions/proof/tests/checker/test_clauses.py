@@ -295,6 +295,7 @@ for _name in ("A", "B", "K", "inputs"):
 
 @pytest.mark.parametrize("name", FORGED)
 def test_each_clause_refuses_its_forgery(name: str, tmp_path: Any) -> None:
+    """Each clause of the checker refuses the forgery that violates it."""
     kind, change, message = FORGED[name]
     made = copy.deepcopy(certificate(kind))
     change(made)
@@ -303,6 +304,7 @@ def test_each_clause_refuses_its_forgery(name: str, tmp_path: Any) -> None:
 
 
 def test_more_equations_than_unknowns_have_no_trim() -> None:
+    """A trim with more equations than unknowns is refused."""
     slopes = SimpleNamespace(slopes=[[_one(1.0)], [_one(1.0)]])
     with pytest.raises(Rejected, match="the trim has 2 equations, but 1 unknowns"):
         _root_offsets([_one(0.0), _one(0.0)], slopes, [arb(1)])
@@ -310,6 +312,7 @@ def test_more_equations_than_unknowns_have_no_trim() -> None:
 
 @pytest.mark.parametrize("load", [-2.0, 2.0])
 def test_limits_of_outputs_are_checked(load: float) -> None:
+    """A trim whose output is not proved to be within its limits is refused."""
     model = SimpleNamespace(schedule="p", outputs={"load": Signal()})
     flight = SimpleNamespace(model=model, imposed={}, limits={"load": (-1.0, 1.0)})
     _check_limits(flight, {"load": arb(0.5)})
@@ -443,7 +446,8 @@ def test_solutions_far_from_the_stated_are_enclosed() -> None:
     assert found.P.range()[0, 0].contains(root)
 
 
-def test_weights_that_are_no_cost_are_refused() -> None:
+def test_indefinite_weights_are_refused() -> None:
+    """Weights with a negative entry of Q, or with R that is not positive definite, are refused."""
     good = {"Q": [[1.0]], "R": [[1.0]], "E": [[1.0]], "delta": 2.0}
     Weights.read(Fields("weights", good), 1, 1)
     for name, value in (("Q", -1e-300), ("R", 0.0), ("R", -1.0)):
@@ -462,7 +466,8 @@ def test_a_determinant_of_one_sign_proves_no_axis() -> None:
         check_axis(weights, _one(-1.0), _one(1.0), [0.0, 1.0, 10.0])
 
 
-def test_a_limit_on_one_side_is_stated() -> None:
+def test_one_sided_limits_must_be_stated() -> None:
+    """A statement without a limit of the model is refused, also if this limit has one side."""
     model = SimpleNamespace(limits={"speed": (0.0, np.inf)}, disturbances={})
     assert _read_limits(Fields("flight", {"limits": {"speed": [0.0, 9.0]}}), model)
     with pytest.raises(Malformed, match="speed"):
@@ -471,6 +476,7 @@ def test_a_limit_on_one_side_is_stated() -> None:
 
 @ctx.workprec(256)
 def test_degrees_are_enclosed_in_radians() -> None:
+    """The enclosure of 180 deg in radians contains pi."""
     assert in_model_unit(hfa.aircraft("published"), arb(180)).contains(arb.pi())
 
 

@@ -72,12 +72,14 @@ def test_what_is_covered_is_what_every_point_says(coordinates: int) -> None:
 
 
 @pytest.mark.parametrize("stated", [[(1.0, 1.0)], [(0.0, 1.0)], [(0.0, 1.0), (2.0, 2.0)]])
-def test_no_evidence_covers_nothing(stated: Box) -> None:
+def test_no_evidence_covers_no_statement(stated: Box) -> None:
+    """Without evidence no statement is covered, not even one of a single point."""
     assert not is_covered(stated, [])
 
 
 @pytest.mark.parametrize("end", [NAN, INF, -INF])
-def test_ends_that_are_no_numbers_are_refused(end: float) -> None:
+def test_infinite_and_nan_ends_are_refused(end: float) -> None:
+    """Intervals with an end that is nan or infinite cover no statement and are not covered."""
     for interval in [(end, 1.0), (0.0, end), (end, end)]:
         assert not is_covered([(0.0, 1.0)], [[interval]])
         assert not is_covered([(0.0, 1.0)], [[(0.0, 1.0)], [interval]])
@@ -94,7 +96,11 @@ def test_reversed_ends_and_other_numbers_of_coordinates_refused() -> None:
     assert not is_covered([], [[]])
 
 
-def test_a_gap_of_one_double_is_one() -> None:
+def test_a_gap_of_one_double_is_detected() -> None:
+    """Two intervals with a gap of one double between them do not cover their union.
+
+    The order of intervals has no effect.
+    """
     after = float(np.nextafter(0.5, 1.0))
     assert not is_covered([(0.0, 1.0)], [[(0.0, 0.5)], [(after, 1.0)]])
     assert is_covered([(0.0, 1.0)], [[(0.5, 1.0)], [(0.0, 0.5)]])

@@ -49,6 +49,7 @@ def assert_refused(made: Content, kind: str, path: Path) -> None:
 
 
 def test_some_forgeries_of_every_kind_are_refused(tmp_path: Path) -> None:
+    """A random forgery of each kind is refused."""
     everything = forgeries()
     assert len(everything) > 2000
     rng = np.random.default_rng(7)
@@ -61,6 +62,7 @@ def test_some_forgeries_of_every_kind_are_refused(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", PROOFS)
 def test_no_forgery_is_accepted(kind: str, tmp_path: Path) -> None:
+    """All forgeries of each kind are refused."""
     for forgery in forgeries():
         if forgery[0] == kind:
             assert_refused(forged(*forgery), kind, tmp_path / "forged.json")
@@ -126,6 +128,7 @@ KNOWN: dict[str, tuple[str, Change]] = {
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
+    """Forgeries that an earlier checker accepted are refused."""
     kind, change = KNOWN[name]
     made = copy.deepcopy(certificate(kind))
     change(made)
@@ -228,7 +231,8 @@ NAMED: dict[str, tuple[str, Change, str]] = {
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_what_is_wrong_is_named(name: str, tmp_path: Path) -> None:
+def test_refusals_name_the_error(name: str, tmp_path: Path) -> None:
+    """The refusal of a forgery names what is wrong."""
     kind, change, message = NAMED[name]
     made = copy.deepcopy(certificate(kind))
     change(made)

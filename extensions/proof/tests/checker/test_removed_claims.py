@@ -97,7 +97,11 @@ def combined(kind: str, count: int, seed: int = 0) -> list[tuple[str, ...]]:
     return [(random.choice(statements), random.choice(every_removal)) for _ in range(count)]
 
 
-def test_some_removals_of_every_kind_leave_nothing_false(tmp_path: Path) -> None:
+def test_certificates_with_random_removals_remain_true(tmp_path: Path) -> None:
+    """If a certificate with a part removed is accepted, its claim is true.
+
+    With combined changes none is accepted.
+    """
     for kind in PROOFS:
         assert_true_or_refused(kind, some_removals(kind, 1), tmp_path)
         assert assert_true_or_refused(kind, combined(kind, 1, seed=1), tmp_path) == 0
@@ -105,14 +109,21 @@ def test_some_removals_of_every_kind_leave_nothing_false(tmp_path: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", PROOFS)
-def test_what_is_accepted_without_something_is_true(kind: str, tmp_path: Path) -> None:
+def test_accepted_certificates_with_removals_are_true(kind: str, tmp_path: Path) -> None:
+    """Of all removals, fewer than half are accepted, with true claims.
+
+    Combined changes are accepted in less than 10 % of the cases.
+    """
     accepted = assert_true_or_refused(kind, some_removals(kind, ALONE), tmp_path)
     assert accepted < len(some_removals(kind, ALONE)) / 2
     false_ones = combined(kind, COMBINED)
     assert assert_true_or_refused(kind, false_ones, tmp_path) < COMBINED / 10
 
 
-def test_there_are_thousands_of_them() -> None:
+def test_there_are_thousands_of_removals() -> None:
+    """Each kind has more than 150 removals, and there are more than 5,000 changed certificates in
+    all.
+    """
     counts = [len(some_removals(kind, ALONE)) for kind in PROOFS]
     assert min(counts) > 150
     assert sum(counts) + COMBINED * len(PROOFS) > 5000
@@ -152,9 +163,10 @@ def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [1.8, 5.0, 10.0, 1e-9])
 @pytest.mark.parametrize("delay", [0.02, 1e9])
 @pytest.mark.parametrize("share", [-1.0, 0.0, 1.0])
-def test_no_piece_proves_no_bandwidth(
+def test_no_pieces_prove_no_bandwidth(
     value: float, delay: float, share: float, tmp_path: Path
 ) -> None:
+    """A claim for uncertain actuators is refused if the evidence contains no pieces."""
     actuators = (*CLAIM, "uncertain_actuators")
     without_pieces = [
         put([], "witness", "loop", i, "pieces")
@@ -204,6 +216,8 @@ def test_a_second_branch_is_refused_without_its_boxes(at: float, tmp_path: Path)
 
 
 def test_models_of_a_second_stated_trim_are_refused(tmp_path: Path) -> None:
+    """A statement with a second trim, for which the evidence contains no models, is refused."""
+
     def beside(trims: list[Content]) -> list[Content]:
         unknowns = {name: value + 0.01 for name, value in trims[0]["unknowns"].items()}
         return [*trims, {"breakpoint": trims[0]["breakpoint"] + 0.03, "unknowns": unknowns}]

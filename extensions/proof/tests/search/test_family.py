@@ -35,7 +35,10 @@ def numbers(values: Any, of: str = "mid") -> np.ndarray:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("low", [0.0, 9.5])
-def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) -> None:
+def test_enclosures_contain_linear_models(dynamics: str, low: float) -> None:
+    """The enclosure on a box of dihedral angles contains the linear models and trims that the
+    product computes.
+    """
     linear = linear_model(family(dynamics), low, low + 0.5)
     for s in (-1.0, -0.4, 0.0, 1.0):
         model = model_at(low + 0.25 + 0.25 * s, dynamics)
@@ -51,7 +54,8 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
 
 
 @pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
-def test_what_error_of_parameter_does_lies_in_enclosure(name: str) -> None:
+def test_enclosures_contain_effects_of_parameter_errors(name: str) -> None:
+    """The enclosure contains the change of A and B due to an error of one parameter."""
     values = default_parameters().values
     ends = []
     width = 1e-4 * getattr(values, name)
@@ -68,6 +72,7 @@ def test_what_error_of_parameter_does_lies_in_enclosure(name: str) -> None:
 
 
 def test_the_remainder_shrinks_with_the_third_power() -> None:
+    """The remainder of the models shrinks with the third power of the box width."""
     rests = []
     for width in (0.2, 0.1, 0.05):
         A = linear_model(family(), 5.0 - width / 2, 5.0 + width / 2).A
@@ -109,6 +114,9 @@ def test_an_interval_without_a_trim_is_named() -> None:
 
 
 def test_doubles_alone_give_a_sharper_model() -> None:
+    """Models for parameters that are exact doubles are sharper than models for their decimal
+    values, which contain them.
+    """
     search = TrimSearch(family(), 15.0, 15.0)
     point = search.point_trim(15.0)
     models = []
@@ -139,6 +147,7 @@ def test_trims_that_statement_is_not_about_are_refused() -> None:
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 20.0), (14.1, 14.3), (-3.7, 2.9)])
 def test_the_halves_of_a_box_cover_it(low: float, high: float) -> None:
+    """The two halves of a box have its ends and meet near its middle."""
     (left, _), (right, _) = bisected([Box(low, high)], lambda _: None, 0.6 * (high - low))
     assert (left.low, right.high) == (low, high)
     assert left.high == right.low == pytest.approx((low + high) / 2)

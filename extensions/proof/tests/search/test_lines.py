@@ -43,7 +43,10 @@ def test_eigenvalues_close_to_the_axis_are_counted(real_part: float, count: int)
         [[-1.0, 5.0], [0.0, 0.0]],
     ],
 )
-def test_an_eigenvalue_on_the_axis_is_left_open(A: list[list[float]]) -> None:
+def test_an_eigenvalue_on_the_axis_is_undecided(A: list[list[float]]) -> None:
+    """For a matrix with an eigenvalue on the imaginary axis, no number of unstable modes is
+    returned.
+    """
     assert unstable_modes(matrix(A)) is None
 
 

@@ -134,6 +134,10 @@ def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: fl
 
 
 def test_too_long_a_lag_is_refuted() -> None:
+    """A loop that a long filter lag destabilizes is refuted.
+
+    A controller of an input without an actuator is refused.
+    """
     model = family().model
     loop = loop_of_servo(filtered(lag=20.0), fast(), model)
     proof = prove_schedule(family(), loop, 14.0, 14.25)

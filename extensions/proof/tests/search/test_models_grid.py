@@ -58,6 +58,7 @@ def test_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
     assert (checked["nodes"], checked["error"]) == (len(places), bounds)
 
 
-def test_a_tolerance_that_is_too_small_is_said() -> None:
+def test_a_tolerance_too_small_is_reported() -> None:
+    """If no grid satisfies the tolerance, NoSolutionError names the tolerance."""
     with pytest.raises(NoSolutionError, match="no grid is proved within 1e-09"):
         prove_models(family(), 14.0, 14.001, 1e-9)

@@ -227,7 +227,8 @@ def test_what_cannot_be_proved_of_is_refused() -> None:
         ([15.0, 16.0], (2, 6, 5)),
     ],
 )
-def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
+def test_inconsistent_gain_tables_are_refused(angles: list[float], shape: tuple[int, ...]) -> None:
+    """Gain tables that are empty, not increasing or of wrong shape are refused."""
     with pytest.raises(BadInputError):
         GainSchedule(np.radians(angles), np.zeros(shape), hfa.aircraft())
 

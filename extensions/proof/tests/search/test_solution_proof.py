@@ -45,7 +45,8 @@ def test_the_solution_of_paper_s_game_is_proved(dynamics: str) -> None:
     assert most > found.refused * (1 - 1e-6)
 
 
-def test_the_enclosure_holds_the_sixty_digits() -> None:
+def test_the_enclosure_contains_the_reference() -> None:
+    """The enclosure of P is narrower than 1e-25 and agrees with the solution in 60 digits."""
     game = game_at(15.0)
     P = ExactGame.of(game).solution()[1].P.range()
     away = norm((P - matrix(reference_solution(game).P)).entries()) / norm(P.entries())
@@ -95,7 +96,8 @@ def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
 
 
 @pytest.mark.parametrize("share", [1e-5, 0.1])
-def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
+def test_solutions_exist_only_above_delta_min(share: float) -> None:
+    """The existence of a solution is proved above delta_min and refuted below."""
     game = ExactGame.of(game_at(15.0))
     smallest = minimum_delta(game_at(15.0)).value
     above, below = (game.with_delta(smallest * (1 + sign * share)) for sign in (1, -1))
@@ -132,7 +134,8 @@ def test_q_that_is_not_quite_semidefinite_is_refused() -> None:
         prove_solution(slightly)
 
 
-def test_the_search_says_what_it_does() -> None:
+def test_the_search_reports_its_progress() -> None:
+    """The search reports the names of its stages to the progress function."""
     said = set()
     prove_solution(game_at(15.0), progress=lambda done, total, what="": said.add(what))
     assert "enclosing the solution" in said
@@ -155,7 +158,8 @@ def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
     assert proof.data["closed_loop_hurwitz"]
 
 
-def test_what_has_no_value_or_not_fit_refused() -> None:
+def test_games_without_solution_and_networks_are_refused() -> None:
+    """A game below delta_min has no proof, and a critic that is a network is refused."""
     with pytest.raises(NoSolutionError, match="delta_min"):
         prove_solution(game_at(15.0).with_delta(50.0))
     square = ca.Function("square", [x := ca.SX.sym("x", 6)], [x.T @ x])
