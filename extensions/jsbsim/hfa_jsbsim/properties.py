@@ -115,7 +115,7 @@ class Properties:
     interpolate: interpolation of tables.
     centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
     has_filter_states: whether dynamic components have states.
-    step: duration of JSBSim's frame, s, or 0 if values are not those of a frame.
+    step: duration of JSBSim's frame (time step), s, or 0 for equations in continuous time.
     memories: name -> value that is stored for the next frame.
     travels: (component, target) of each <kinematic> that takes time to move.
     filters: states of dynamic components.

@@ -455,7 +455,11 @@ def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, 
 
 
 def cost_rate(deployed: Deployed) -> ca.Function:
-    """Return the function (X, U, trim) -> x'Q x + u'R u of deviations from the trim."""
+    """Return the CasADi Function (X, U, trim) -> x'Q x + u'R u, the cost rate of an episode.
+
+    x are the deviations of states and outputs from the trim, and u those of the inputs. Q and R are
+    the weights from `cost_weights`.
+    """
     model = deployed.model
     Q, R = cost_weights(deployed)
     X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))

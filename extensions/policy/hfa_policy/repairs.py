@@ -36,7 +36,7 @@ class Repair(NamedTuple):
 
 
 def card_with_gain(card: Deployment, gain: float) -> Repair:
-    """Return the change that multiplies all actions by a gain."""
+    """Return the trial change of a deployment that multiplies all actions by a gain."""
     return _with_gains(card, "", "", card, np.full(len(card.action), gain))
 
 
@@ -69,7 +69,7 @@ def _with_gains(
 
 
 def _exchanges(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes that exchange two observations."""
+    """Yield the trial changes of a deployment that exchange two observations."""
     names = list(card.observation)
     for one, other in combinations(range(len(names)), 2):
         order = list(range(len(names)))
@@ -80,7 +80,7 @@ def _exchanges(card: Deployment) -> Iterator[Repair]:
 
 
 def _signs(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes of sign, of each action and of all actions together."""
+    """Yield the trial changes of sign: of each action, and of all actions together."""
     turned = {name: _times(entry, -1.0) for name, entry in card.action.items()}
     for number, name in enumerate(card.action):
         changed = card.changed(action={**card.action, name: turned[name]})
@@ -103,9 +103,9 @@ def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes that exchange two actions, while the boxes keep their order.
+    """Yield the trial changes of a deployment that exchange two actions.
 
-    The boxes belong to the outputs of the network.
+    The boxes of the actions keep their order, because they belong to the outputs of the network.
     """
     names = list(card.action)
     for one, other in combinations(range(len(names)), 2):
@@ -128,7 +128,7 @@ def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the change that assumes that actions on angles are in degrees, not in radians.
+    """Yield the trial change that assumes that actions on angles are in degrees, not in radians.
 
     Nothing is yielded without such actions.
     """
@@ -147,7 +147,7 @@ def _units(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _abouts(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes that make all observations absolute values, or all deviations.
+    """Yield the trial changes that make all observations absolute values, or all deviations.
 
     A change that changes nothing is omitted.
     """
@@ -159,7 +159,7 @@ def _abouts(card: Deployment) -> Iterator[Repair]:
 
 
 def _scales(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the changes of the units of angles and of the scales.
+    """Yield the trial changes of the scales of the observations, and of the units of angles.
 
     A change that changes nothing is omitted.
     """

@@ -288,9 +288,9 @@ def _sizes(values: ca.DM) -> np.ndarray:
 def _climber(
     errors: ca.SX, z: ca.SX, b: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function (weights, y) -> local maximizer of weights'errors(b y) for |y_i| <= 1.
+    """Return the function that finds a local maximizer y of a weighted error in the box.
 
-    y: initial point of the search
+    It maps (weights, initial y) to a maximizer of weights'errors(b y) for |y_i| <= 1.
     """
     from scipy.optimize import minimize
 
