@@ -289,7 +289,7 @@ def test_training_logs_the_return_of_episodes() -> None:
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_episodes_meet_the_turbulence_of_flights() -> None:
-    """Episodes with equal seeds are equal, and with another seed differ.
+    """Episodes in turbulence are equal for equal seeds and different for different seeds.
 
     The standard deviations of the states agree with those of `fly` to 35 %.
     """
@@ -333,7 +333,7 @@ def test_turbulence_without_lateral_states_gives_a_warning() -> None:
 
 
 def test_cost_weights_equal_those_of_a_game() -> None:
-    """Q and R give the reward of a deployment with this cost.
+    """Q and R given to an environment have the same effect as the cost of a deployment.
 
     The weights are given as matrices, diagonals or by name. A matrix that is not diagonal is
     refused, as is R together with a deployment.

@@ -25,10 +25,10 @@ def exported(name, point, target):
 def differences(policy, command):
     """Return the largest difference between an exported command and the deployment's command.
 
-    Both are evaluated at random states and inputs about the trim. The difference is divided by the
-    nominal values of the inputs.
+    Both commands are evaluated at random states and inputs about the trim. The difference is
+    divided by the nominal values of the inputs.
 
-    command: (X, U before) -> U
+    command: function (X, previous U) -> U
     """
     model = policy.deployed.model
     random = np.random.default_rng(0)
@@ -45,7 +45,9 @@ def differences(policy, command):
 
 
 def compiled(folder):
-    """Compile the exported C in a folder, and return the function (X, U before) -> U."""
+    """Compile the exported C in a folder, and return the command as a function (X, previous U)
+    -> U.
+    """
     library = folder / "policy.so"
     words = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
     source = folder / "deployed_policy.c"

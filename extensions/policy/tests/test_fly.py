@@ -77,7 +77,9 @@ def test_half_a_sample_has_half_steps_of_integration():
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
 def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
-    """A map without a value at the trim is refused in a flight and in episodes."""
+    """A deployment whose action formula has no value at the trim is refused in flights and in
+    episodes.
+    """
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))

@@ -41,7 +41,8 @@ def stacked(delay=0.0, history=3, gain=GAIN):
 def test_the_loop_is_that_of_past_states():
     """The spectral radius equals that of the loop with state (x_k; x_{k-1}; x_{k-2}).
 
-    The loop for comparison is built with SciPy's held plant. K is the sum over the samples.
+    The loop for comparison is built with SciPy's held plant. The reported K is the sum of the gains
+    on all samples.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     result = hfa.assess(model, stacked(), [point], samples=0)

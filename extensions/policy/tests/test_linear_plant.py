@@ -75,9 +75,9 @@ def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
 
 @pytest.mark.parametrize(("doubles", "code"), [(150.0, 0), (5.0, 1)])
 def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
-    """A slow mode that no observation shows is reported and does not count.
+    """An unobservable mode that doubles in 150 s is reported and does not fail the policy.
 
-    A faster such mode counts, and the policy fails.
+    If the mode doubles in 5 s, the policy fails.
     """
     rate = np.log(2.0) / doubles
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, rate]]
@@ -107,7 +107,8 @@ def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
 
 
 def test_a_gain_alone_is_assessed(folder, capsys):
-    """A gain alone has the spectral radius of a deployment of all states and inputs.
+    """A file with a gain alone has the same spectral radius as a deployment of all states and
+    inputs.
 
     A sample time is required for a gain and refused for a deployment file. Files without a gain of
     the required size are refused.

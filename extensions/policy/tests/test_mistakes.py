@@ -24,7 +24,7 @@ DEGREES = 180.0 / np.pi
 
 
 def kinds(name, deployment):
-    """Return the kinds of mistakes that the files of a policy show."""
+    """Return the kinds of mistakes that follow from the files of a policy."""
     deployed = deployment.on(aircraft(name))
     return [mistake.kind for mistake in mistakes_in_files(deployed, trims(name))]
 
@@ -54,15 +54,17 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
-    """A missing normalizer is the only mistake, proved for A2C and likely for TD3."""
+    """A missing normalizer is the only reported mistake. It is proved for A2C and likely for
+    TD3.
+    """
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
 def of_eight_environments(last, last_original):
-    """Return a deployment of a SAC policy without normalizer, with eight environments.
+    """Return a deployment of a SAC policy without normalizer, trained in eight environments.
 
-    last, last_original: (8, 4), last observations in training
+    last, last_original: last observations in training, normalized and original, (8, 4)
     """
     deployment = Deployment.load(FOLDER / "sac_gtm.toml")
     actor = deployment.actor
@@ -72,7 +74,8 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """Observations that are linear in the original ones prove a normalizer of SAC.
+    """A missing normalizer of SAC is proved if the stored observations are linear in the original
+    ones.
 
     Clipped values are excepted.
     """
@@ -85,9 +88,9 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
-    """A SAC policy that was trained without a normalizer has no finding.
+    """For a SAC policy that was trained without a normalizer, no mistake is reported.
 
-    The last observations differ from the original ones by random changes of any size.
+    The stored observations differ from the original ones by random changes of any size.
     """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
@@ -96,7 +99,7 @@ def test_SAC_without_a_normalizer_lacks_none(change):
 
 
 def test_a_normalizer_too_many_of_SAC_is_named():
-    """A superfluous normalizer of SAC is named if eight environments prove that none was used.
+    """A superfluous normalizer of SAC is reported if eight environments prove that none was used.
 
     The records of one environment do not prove a superfluous normalizer.
     """
@@ -176,7 +179,7 @@ def test_degrees_for_radians_are_named_beyond_limits():
 
 
 def trained_on_absolute_values():
-    """Return a deployment whose normalizer has the statistics of absolute values."""
+    """Return a deployment whose normalizer contains statistics of absolute values."""
     right = observed("ppo_gtm", about=0.0)
     deployed = right.on(aircraft("ppo_gtm"))
     trim = deployed.trim_vector(trims("ppo_gtm")[1])
@@ -188,7 +191,10 @@ def trained_on_absolute_values():
 
 
 def test_order_is_not_proved_to_be_absolute_values():
-    """A wrong order of absolute observations is reported as unclear, not as deviations."""
+    """A wrong order of absolute observations is reported as unclear.
+
+    It is not reported as a confusion of absolute values and deviations.
+    """
     right = trained_on_absolute_values()
     names = ["pitch", "alpha", "pitch_rate", "speed"]
     wrong = right.changed(observation={key: right.observation[key] for key in names})
@@ -197,7 +203,10 @@ def test_order_is_not_proved_to_be_absolute_values():
 
 
 def test_degrees_are_not_proved_to_be_deviations():
-    """Angles in degrees are not reported as deviations. At most an unclear mistake is reported."""
+    """Absolute angles in degrees are not reported as deviations from the trim.
+
+    At most an unclear mistake is reported.
+    """
     right = trained_on_absolute_values()
     observation = {
         key: {**entry, "scale": entry["scale"] / (1.0 if key == "speed" else DEGREES)}
@@ -207,7 +216,7 @@ def test_degrees_are_not_proved_to_be_deviations():
 
 
 def test_scales_left_out_are_not_proved_to_deviations():
-    """Omitted scales of absolute values are reported as unclear, not as deviations."""
+    """Omitted scales of absolute observations are reported as unclear, not as deviations."""
     right = observed("ppo_raw", about=0.0)
     stored = card("ppo_raw").actor.stored
     last = stored.last.copy()
@@ -232,9 +241,11 @@ def exchanged(name, one, other):
 
 
 def suggested(name, deployment, points=None):
-    """Return the texts of the suggested changes. Asserts that no mistake is proved.
+    """Return the texts of the changes that are suggested for a deployment.
 
-    points: trims, or None for those of the policy
+    The function asserts that no mistake is proved.
+
+    points: trims, or None for the trims of the policy
     """
     assessor = Assessor(deployment.on(aircraft(name)), points or trims(name), 24)
     found = list(mistakes_of(assessor, assessor.assessed()))
@@ -257,9 +268,9 @@ def test_the_order_of_observations_is_suggested():
 
 
 def rescaled(name, of):
-    """Return the deployment of a policy with other scales of its angles.
+    """Return the deployment of a policy with changed scales of the observed angles.
 
-    of: scale -> changed scale
+    of: function from a scale to the changed scale
     """
     observation = {
         key: {**entry, "scale": entry["scale"] if key == "speed" else of(entry["scale"])}
@@ -283,7 +294,9 @@ def test_degrees_and_the_sample_time_are_suggested(changed, said):
 
 
 def without_records(deployment, times=1.0):
-    """Remove the records of training from a deployment, and return the deployment.
+    """Return a deployment after removing its records of training.
+
+    The deployment itself is changed.
 
     times: factor on the output of the policy
     """
@@ -303,7 +316,9 @@ def without_records(deployment, times=1.0):
     ],
 )
 def test_degrees_suggested_of_policy_without_records_of_training(of, said):
-    """A wrong angle unit is suggested for a policy without records of its training."""
+    """A wrong angle unit is suggested as the mistake of a policy without records of its
+    training.
+    """
     found = suggested("ppo_raw", without_records(rescaled("ppo_raw", of)))
     assert any(said in text for text in found)
 
@@ -321,7 +336,7 @@ def test_nothing_suggested_of_right_card_without_records_training(times):
 
 @pytest.mark.slow
 def test_nothing_is_suggested_of_exchange_whose_loop_stable():
-    """No change is suggested for an exchange of two observations with which the loop is stable."""
+    """If two observations are exchanged and the loop is still stable, no change is suggested."""
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
 
@@ -329,7 +344,7 @@ def test_nothing_is_suggested_of_exchange_whose_loop_stable():
 @pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
 def test_a_right_card_gets_no_suggestion(name, times):
-    """For a correct deployment file with a policy of another strength, no change is suggested."""
+    """For a correct deployment file whose policy is stronger or weaker, no change is suggested."""
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
@@ -380,7 +395,10 @@ def kinds_on_f16(deployment):
 
 
 def with_mistake(kind):
-    """Return the deployment of the optimum on the F-16 with one mistake of this kind."""
+    """Return the deployment of the optimum on the F-16 with one planted mistake.
+
+    kind: kind of the mistake
+    """
     right = optimum_on_f16()
     observation = {name: dict(entry) for name, entry in right.observation.items()}
     if kind == "sign":
@@ -411,15 +429,16 @@ def test_each_kind_of_mistake_suggested_on_another_aircraft(kind):
 
 @pytest.mark.parametrize(("times", "found"), [(-0.1, ["sign"]), (-0.02, []), (-10.0, [])])
 def test_a_change_is_named_only_near_the_optimum(times, found):
-    """Only the kinds of mistakes expected for a gain of this size are reported.
+    """A wrong sign is reported for -0.1 times the optimal gain, but not for -0.02 or -10 times.
 
     times: factor on the optimal gain
+    found: expected kinds of mistakes
     """
     assert kinds_on_f16(optimum_on_f16(times)) == found
 
 
 def test_optimum_of_changed_flights_is_that_of_scipy():
-    """The exact optimum as a deployment costs as much as the sampled optimum, to 3 %."""
+    """Flights of the exact optimum as a deployment cost as much as the sampled optimum, to 3 %."""
     model = model_of(F16)
     deployed = optimum_on_f16().on(model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)
@@ -444,7 +463,7 @@ def test_all_signs_are_suggested_together():
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
 def test_nothing_is_suggested_of_optimum_of_another_strength(times):
-    """For the optimum multiplied by a factor, no change is suggested."""
+    """For the optimal gain multiplied by 0.02 to 3, no change is suggested."""
     assert kinds_on_f16(optimum_on_f16(times)) == []
 
 

@@ -1,4 +1,4 @@
-"""Compiled evaluation of many rows."""
+"""Compiled functions that are evaluated for many rows of arguments at once."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 17])
 def test_any_number_of_rows_and_functions_called_inside(count: int) -> None:
-    """Any number of rows is evaluated, and functions may call other functions."""
+    """Compiled code evaluates any number of rows, and functions may call other functions."""
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
     inner = ca.Function("inner", [ca.vertcat(x, p)], [x[::-1] * p], {"never_inline": True})
     X, P, nothing = ca.MX.sym("x", 2), ca.MX.sym("p"), ca.MX.sym("nothing", 0)

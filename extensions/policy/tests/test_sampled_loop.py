@@ -56,9 +56,9 @@ def test_the_sampled_aircraft_equals_python_control(case):
 
 
 def test_half_a_period_of_the_slowest_oscillation():
-    """The slowest swing is half the period of the mode at 0.5 rad/s.
+    """`slowest_swing` is half the period of the slowest mode that is not well damped.
 
-    If this mode is well damped, the result is half the period of the mode at 3 rad/s.
+    The modes are at 0.5 and 3 rad/s. If the slower mode is well damped, the faster mode counts.
     """
     for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
         real = -0.5 * damping / math.sqrt(1.0 - damping**2)
@@ -84,10 +84,9 @@ def test_a_delay_is_chain_of_python_controls_delays(case, samples):
 
 
 def test_half_sample_delay_half_sample_at_twice_rate(case):
-    """Half a sample of delay is compared with a loop at half the sample time.
+    """A loop with half a sample of delay has the spectral radius of a loop at half the sample time.
 
-    The spectral radii are equal. In the loop for comparison, the delay is one sample and the
-    command changes every second sample.
+    In the loop for comparison, the delay is one sample and the command changes every second sample.
     """
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
@@ -125,7 +124,7 @@ def test_margins_equal_python_control(case):
 
 
 def test_gain_at_margin_is_at_edge_of_stability(case):
-    """With the gain of an input at its upper margin, the spectral radius is 1 to 1e-9."""
+    """With the gain of an input at its upper margin, the spectral radius is 1 within 1e-9."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     for loop, margin in enumerate(margins(chain_of(equilibrium, DT, 0.0)).inputs):

@@ -1,4 +1,4 @@
-"""Networks evaluated for all flights at once, and flights that end early."""
+"""Evaluation of networks for all flights at once, and flights that end early."""
 
 from itertools import pairwise
 
@@ -35,7 +35,7 @@ def wide_file(path, width, seed=0):
 
 @pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
 def test_an_activation_on_rows_is_that_of_graph(name):
-    """Each activation has equal values on rows and as a graph of CasADi scalars."""
+    """Each activation has the same values on NumPy rows as in a graph of CasADi scalars."""
     values = np.linspace(-45.0, 45.0, 31)
     graph = [float(entry) for entry in ACTIVATIONS[name](values)]
     np.testing.assert_allclose(ROW_ACTIVATIONS[name](values.copy()), graph, rtol=1e-13, atol=1e-15)
@@ -43,7 +43,7 @@ def test_an_activation_on_rows_is_that_of_graph(name):
 
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_the_network_on_rows_is_that_of_graph(name):
-    """The actors of the test policies have equal outputs on rows and as CasADi functions.
+    """The actors of the test policies have the same outputs on NumPy rows as as CasADi functions.
 
     The observations are not changed.
     """
@@ -67,7 +67,7 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
 @pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
 @pytest.mark.parametrize("activation", ["gelu", "selu"])
 def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, width, nearness):
-    """A network of any width and activation has the outputs of its CasADi function on rows.
+    """On NumPy rows, a network of any width and activation has the outputs of its CasADi function.
 
     nearness: largest permitted difference
     """
@@ -127,9 +127,8 @@ def test_flight_that_cycles_is_not_flown_to_end():
 
 
 def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
-    """A flight that settles at another equilibrium ends early.
-
-    The outcome is that of the full duration.
+    """A flight that settles at another equilibrium ends early, with the outcome of the full
+    duration.
     """
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
@@ -171,7 +170,10 @@ def flown_rows(flight, place, count):
     ],
 )
 def test_window_of_flights_is_samples_of_each_alone(name, delay):
-    """A window of several flights has the same result as its samples for each flight alone."""
+    """Several flights simulated together over a window have the states of each flight alone.
+
+    Each flight alone is simulated sample by sample.
+    """
     late = card(name).changed(timing={"dt": 0.02, "delay": delay})
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()

@@ -19,7 +19,7 @@ ANOTHER_PLANT = "the answer belongs to another plant"
 
 @pytest.fixture
 def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
-    """Return a function from the text of a file to its class and the reason.
+    """Return a function from the text of a file to the class of the answer and the reason.
 
     For a plant without an answer, the function returns "no solution" and the error.
     """

@@ -128,7 +128,7 @@ def printed(matrix, decimals):
 
 
 def small_case(decimals=5):
-    """Return the file SMALL with its exact answer, rounded to a number of decimals."""
+    """Return the text of the file SMALL with its exact answer, rounded to a number of decimals."""
     plant = Plant(
         A=np.array([[-1.0189, 0.9051], [0.8223, -1.0774]]),
         B=np.array([[0.3127], [1.4586]]),
@@ -269,7 +269,7 @@ def test_an_unrelated_answer_has_no_class(verdict_of):
 
 
 def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
-    """The reason for a gain with the opposite sign is the sign.
+    """A gain with the opposite sign is "wrong", and the reason names the sign.
 
     If the file declares u = K x, the answer is "as printed".
     """
@@ -348,7 +348,9 @@ def test_formulas_of_parameters_and_a_common_factor():
 
 
 def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
-    """A correct answer is "as printed" if parameters or a common factor are used."""
+    """A correct answer is "as printed" if the plant uses parameters or the answer a common
+    factor.
+    """
     text = small_case()
     parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
         "0.8223 -1.0774", "a -1.0774"
@@ -360,9 +362,9 @@ def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
 
 
 def test_time_that_every_digit_fits_is_asked_for(verdict_of):
-    """A question proposes the time for which every digit is right.
+    """If every digit is right for the other kind of time, the reason proposes this kind.
 
-    If no time is given and no time fits, the error asks for the time.
+    If no kind of time is given, the error proposes it. If none fits, the error asks for the kind.
     """
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()
@@ -423,7 +425,7 @@ def test_errors_name_block_and_row(tmp_path, old, new, message):
 
 
 def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
-    """Return the class of each file that follows from its digits alone, or ""."""
+    """Return the class of each printed answer that its digits alone determine, or "" if none."""
     classes = []
     for text in files:
         path = folder / "right.toml"
@@ -436,9 +438,10 @@ def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
 
 
 def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
-    """Yield files with learned answers or with rounded plants, without a misprint.
+    """Yield files without a misprint, either with learned answers or with rounded plants.
 
-    kind: "learned" for noise of 1e-6 to 1e-3, otherwise plants are printed with 3 digits
+    kind: "learned" for noise of 1e-6 to 1e-3 in the answer, otherwise plants are printed with 3
+        digits
     """
     rng = np.random.default_rng(seed)
     for index in range(count):
@@ -464,7 +467,7 @@ def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
     ],
 )
 def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
-    """Noise or a rounded plant is not reported as one wrong entry of the answer."""
+    """A learned answer or a rounded plant is not reported as one wrong entry of the answer."""
     assert "one entry of the answer" not in quick_classes(tmp_path, right_files(kind, count, 5))
 
 

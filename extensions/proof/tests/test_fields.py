@@ -29,7 +29,7 @@ CASES = ("rate", "second order", "actuators", "critic", "plant", "models")
 
 
 def changed(value: Any) -> Any:
-    """Return the entry with its first number or string changed."""
+    """Return an entry of a statement with its first number or string changed."""
     if isinstance(value, dict):
         if not value:
             return {"x": 1.0}
@@ -176,7 +176,7 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
 def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
     """A file with W alone is refused for a statement whose K is not the gain of W.
 
-    A certificate that claims that this K is the gain of W is refused.
+    A certificate that claims that K is the gain of W is refused too.
     """
     made = certificate("plant")
     statement = read_statement(made["kind"], made["statement"], None)

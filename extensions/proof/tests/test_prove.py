@@ -30,7 +30,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return kind -> path of a certificate."""
+    """Return the path of a certificate of each kind, by kind."""
     folder = tmp_path_factory.mktemp("kinds")
     solved = folder / "solved.json"
     assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
@@ -143,7 +143,9 @@ def test_reports_describe_the_certified_aircraft(tmp_path: Path) -> None:
 
 
 def test_digest_is_of_proof_and_edited_date_shows(certificate: Path, tmp_path: Path) -> None:
-    """The digest does not depend on the date. A file with an edited date is refused."""
+    """The digest of a certificate does not depend on the date. A file with an edited date is
+    refused.
+    """
     again = tmp_path / "again.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "0")

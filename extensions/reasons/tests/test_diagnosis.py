@@ -135,7 +135,7 @@ RIGHT = (("W", lambda game: weights_of(value(game)), ""), ("P", value, ""), ("K"
 
 
 def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
-    """Return how many noisy critics of random games are diagnosed correctly.
+    """Return the number of noisy critics of random games that are diagnosed correctly.
 
     mistake: planted mistake, or "" for noise alone, for which no mistake may be named
     size: standard deviation of the relative noise
@@ -393,7 +393,7 @@ def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistak
 def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None:
     """For the networks as trained, no mistake is named.
 
-    For the network of V, the reason is that V is close but its policy is not.
+    For the network of V, the stated reason is that V is accurate but the policy of V is not.
     """
     candidate = networks.from_network(
         game,
@@ -439,9 +439,9 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
 
 
 def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
-    """A discount is named for a plausible rate.
+    """A discount is named as the mistake only for a plausible discount rate.
 
-    No discount is named for P = Q / 5e4, which fits a very large rate.
+    No discount is named for P = Q / 5e4, which corresponds to a very large rate.
     """
     assert named(game, from_value(game, game.Q / 5e4)) == ""
     slow = discounted(game, 0.3)
@@ -477,7 +477,8 @@ def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
     ("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
 )
 def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
-    """The search finds errors at least as large as those on a grid of states.
+    """The search for errors of a network finds errors at least as large as those on a grid of
+    states.
 
     points: number of values for each state
     """

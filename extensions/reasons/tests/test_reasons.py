@@ -35,7 +35,7 @@ def test_value_eight_digits_right_gain_said_need_more() -> None:
     """The reason states that a P with eight right digits is not accurate enough for its gain.
 
     The input moves both states equally, which costs almost nothing. K = B'P is therefore a small
-    difference.
+    difference of large numbers.
     """
     A = np.array([[-1.0, 0.1], [0.1, -1.0]])
     Q = np.array([[1.0, -0.999], [-0.999, 1.0]])

@@ -50,7 +50,7 @@ def _square(low: int, high: int, diagonal: list[float]) -> Content:
 
 
 def circle(smallest: float) -> Content:
-    """Return a forged certificate that x² + y² <= 3 converges to 0 for the oscillator.
+    """Return a forged certificate. It claims that x² + y² <= 3 converges to 0 for the oscillator.
 
     smallest: factor in smallest |y|², the multiplier of V <= 3. Its terms of degree 4 are positive.
         Its terms of degree 2 are within the rounding error of V' = 0 in rotated coordinates.
@@ -78,7 +78,7 @@ def circle(smallest: float) -> Content:
 
 @pytest.mark.parametrize("smallest", [1e-70, 1e-60, 1e-12])
 def test_a_center_does_not_converge(smallest: float) -> None:
-    """A coefficient of V' that is a ball about 0 is not accepted as exactly 0."""
+    """A coefficient of V' that is known only within a ball about 0 is not accepted as exactly 0."""
     with pytest.raises(Rejected, match="a term of the polynomial is missing"):
         read_and_check(circle(smallest), OSCILLATOR)
 
@@ -158,7 +158,7 @@ def _high_by_the_evidence_of_low(content: Content) -> None:
 
 
 def _small_ball(content: Content) -> None:
-    """Prove V' < 0 in a ball that does not contain the set.
+    """Change the certificate to a proof of V' < 0 in a ball that does not contain the set.
 
     The evidence that V > 0 beyond the ball is true.
     """
@@ -171,7 +171,10 @@ def _small_ball(content: Content) -> None:
 
 
 def _said_to_be_empty(content: Content) -> None:
-    """Claim that the set is empty, with evidence that 1 is positive instead of -1."""
+    """Change the certificate to claim that the set is empty.
+
+    The evidence shows that 1 is positive. It should show that -1 is positive.
+    """
     content["witness"]["parts"] = []
     evidence = _square(0, 0, [1.0]) | {"multipliers": {}}
     content["witness"]["empty"] = [{"inputs": [], "evidence": evidence}]
@@ -188,12 +191,12 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _lower_order(content: Content) -> None:
-    """Use Taylor polynomials of order 1 for a V of degree 2."""
+    """Change the certificate to Taylor polynomials of order 1, for a V of degree 2."""
     content["witness"]["order"] = 1
 
 
 def _thirteen(content: Content) -> None:
-    """Use monomials up to degree 13 in the proof that the ball contains the set."""
+    """Change the proof that the ball contains the set to monomials up to degree 13."""
     content["witness"]["inside"] |= _square(0, 13, [1e-9] * 105)
 
 
@@ -321,9 +324,9 @@ BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
 
 
 def test_what_is_left_out_is_below_lower_bound() -> None:
-    """The lower bound of degree 2 subtracts the norms of the omitted terms and the remainder.
+    """The lower bound of degree 2 of a function is reduced by the omitted terms and the remainder.
 
-    The function is y² - 3 y⁴ with the remainder 2 |y|⁵.
+    Their norms are subtracted. The function is y² - 3 y⁴ with the remainder 2 |y|⁵.
     """
     taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
     (_, _, square) = taylor.lowest(1, 2).parts
@@ -387,7 +390,7 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 def test_each_input_limit_has_its_own_room(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
-    """Whether an input can reach a limit is decided for each limit separately.
+    """Whether an input can reach its limit is decided for the lower and upper limit separately.
 
     u = 2 x + 0.5 x² changes by up to 2.5 in the ball.
     """
@@ -422,7 +425,7 @@ def test_a_disturbance_has_a_positive_size(size: float) -> None:
 
 
 def test_disturbances_are_at_vertices_in_each_part() -> None:
-    """A part is accepted if its disturbance is at an end, and refused if it is free."""
+    """A part of a proof is accepted if its disturbance is at an end, and refused if it is free."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
     for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):
@@ -441,7 +444,7 @@ def test_output_is_within_limits_between_ends_of_disturbance() -> None:
 
 
 def test_a_saturated_rate_keeps_its_center() -> None:
-    """Where u is at its limit, the rate x' at y = 0 is not 0 and is retained."""
+    """If the input u is at its limit, the rate x' at y = 0 is not 0, and the checker retains it."""
     loop = replace(_loop(), limits={"u": (-1.0, 1.0)})
     ball = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     for side, rate in ((LOWEST, 1.0), (HIGHEST, -1.0)):
@@ -452,7 +455,7 @@ def test_a_saturated_rate_keeps_its_center() -> None:
 def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
     """Rates that are not affine in the disturbance are refused.
 
-    The worst case may then be between the ends of the disturbance's range.
+    For such rates, the worst case may be between the ends of the disturbance's range.
     """
 
     def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -476,7 +479,10 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
 
 
 def test_quartic_extents_are_proved_or_the_balls() -> None:
-    """The extents of a quartic set are the stated ones, limited to the ball of radius 2."""
+    """The extents of a quartic set are the stated extents, or those of the ball if smaller.
+
+    The ball has radius 2.
+    """
     loop = RegionStatement.read(sink()["statement"], SINK).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
     statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
@@ -604,14 +610,16 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
 
 
 def test_the_ball_reaches_as_far_as_its_rows() -> None:
-    """The largest deviation z_i in the unit ball of y is the length of row i of T."""
+    """The largest deviation z_i in the unit ball of y is the length of row i of T, for z = T y."""
     loop = _glider_loop()
     for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
         assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
 
 
 def test_parts_are_where_the_input_is_as_stated() -> None:
-    """The constraints of a part hold exactly where its input is free or saturated as stated."""
+    """The constraints of a part of a proof hold exactly where the input is free or saturated as
+    stated.
+    """
     y = _ball_points()
     command = _commanded(y @ GLIDER_T.T)
     loop = _glider_loop()
@@ -635,7 +643,7 @@ def test_every_part_is_needed(missing: int) -> None:
 
 
 def test_the_remainders_of_a_product_multiply() -> None:
-    """The remainder of a product includes the product of the remainders.
+    """The remainder of a product of enclosures includes the product of their remainders.
 
     Each factor is known only to be within |y|² of 0.
     """
@@ -645,7 +653,7 @@ def test_the_remainders_of_a_product_multiply() -> None:
 
 
 def test_a_function_of_a_remainder_has_a_remainder() -> None:
-    """The remainder of a function includes the effect of its argument's remainder.
+    """The remainder of a function includes the effect of the remainder of its argument.
 
     The exponential of a value within |y|² of 0 reaches e at |y| = 1.
     """

@@ -39,7 +39,9 @@ def path(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
 
 
 def _first(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a change that applies `change` to every entry of objects and to the first of lists."""
+    """Return a function that applies `change` to every entry of objects and to the first of
+    lists.
+    """
 
     def changed(value: Any) -> Any:
         if isinstance(value, dict):
@@ -172,7 +174,7 @@ def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
 
 
 def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
-    """The printed extents touch the ellipse, also if the stated extents are wider."""
+    """The printed extents are those of the proved ellipse, also if the stated extents are wider."""
     verified = check_certificate(path, model=model)
     P = np.array(checked_report(verified).data["P"])
     ends = np.sqrt(verified.statement.rho * np.diag(np.linalg.inv(P)))

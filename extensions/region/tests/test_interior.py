@@ -12,7 +12,7 @@ from hfa_region.search.squares import Terms, positive
 
 
 def _correlations(diagonal: float) -> Group:
-    """Return the three equations of Q = [diagonal, t; t, 1] for the unknowns t and Q."""
+    """Return the three equations of Q = [diagonal, t; t, 1] for the unknowns t and Q, (2, 2)."""
     products = products_of(2, 1, 1)
     assert products.keys.tolist() == [2, 17, 32]  # x², x y, y²
     shares = np.array([[1, 0, 0], [0, 0, 1], [0, 0.5, 0]], dtype=float)

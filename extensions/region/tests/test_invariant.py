@@ -56,7 +56,9 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed() -> Region:
-    """Return a region of the van der Pol oscillator without disturbance, not proved."""
+    """Return a region of the van der Pol oscillator without disturbance, for tests without a
+    proof.
+    """
     model = load_model(VAN_DER_POL)
     linear = linearize(model, find_operating_point(model))
     loop = saturated_loop(linear, np.zeros((0, 2)))
@@ -78,7 +80,7 @@ def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> No
 
 
 def test_another_v_of_the_search_may_prove_more(undisturbed: Region) -> None:
-    """A V of the search that proves the largest set under the disturbance is used."""
+    """Of the functions V in the search, the one that proves the largest invariant set is used."""
     flat = PolynomialFunction.quadratic(np.diag([1.0, 30.0]))
     better = PolynomialFunction.quadratic(np.array([[1.5, -0.5], [-0.5, 1.2]]))
     searched = replace(undisturbed, V=flat, T=flat.coordinates(), tried=(better,))
@@ -87,7 +89,7 @@ def test_another_v_of_the_search_may_prove_more(undisturbed: Region) -> None:
 
 
 def test_an_interruption_keeps_the_first_invariant_set(undisturbed: Region) -> None:
-    """Ctrl-C ends the search after the present V. The set proved so far is returned."""
+    """Ctrl-C ends the search after the V that is being tried. The set proved so far is returned."""
     tried = []
 
     def interrupt(done: float, whole: float, what: str = "", /) -> None:
@@ -130,7 +132,7 @@ def test_the_checked_claim_is_reported(certificate: Path, model: Model, tmp_path
 
 
 def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Model) -> None:
-    """No simulation from the boundary leaves the set under the worst disturbance.
+    """No simulation from the boundary of the invariant set leaves it under the worst disturbance.
 
     Under a disturbance five times as large, a simulation leaves the set.
     """

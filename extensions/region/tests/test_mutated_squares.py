@@ -27,7 +27,10 @@ DEVIATIONS = np.sinh(np.linspace(-12.0, 12.0, 40_001)) * 1e-2
 
 
 def content(kind: str) -> dict[str, Any]:
-    """Return a true certificate of this kind, of the region |level| <= 0.9."""
+    """Return a true certificate of the region |level| <= 0.9.
+
+    kind: kind of the certificate
+    """
     terms, rho, setting = FUNCTIONS[kind]
     loop = SaturatedLoop(
         TANK,
@@ -50,7 +53,10 @@ def content(kind: str) -> dict[str, Any]:
 
 
 def is_true(statement: RegionStatement) -> bool:
-    """Return whether the claim is true at `DEVIATIONS`, except within 1e-4 of 0."""
+    """Return whether the claim of a statement is true at `DEVIATIONS` from the equilibrium.
+
+    Points within 1e-4 of the equilibrium are not compared.
+    """
     loop = statement.loop
     x0 = loop.trim["level"]
     x = x0
@@ -71,7 +77,7 @@ def is_true(statement: RegionStatement) -> bool:
 
 
 def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
-    """Return the rate of the level at levels x."""
+    """Return the rate of the tank's level at levels x."""
     z = x - loop.trim["level"]
     curved = sum(value * z ** powers[0] for value, powers in loop.policy.get("valve", ()))
     u = loop.inputs["valve"] - loop.K[0, 0] * z + curved

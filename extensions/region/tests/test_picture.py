@@ -22,7 +22,7 @@ from trim.point.solve import find_operating_point
 
 @pytest.fixture(scope="module")
 def region() -> Region:
-    """Return {angle² + rate² / 36 <= 0.25} of the pendulum as a region that is not proved.
+    """Return the region {angle² + rate² / 36 <= 0.25} of the pendulum, without a proof.
 
     The region has a state with V' >= 0 outside and an initial condition that does not converge.
     """

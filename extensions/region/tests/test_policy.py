@@ -64,7 +64,7 @@ def test_the_command_accepts_a_quartic_critic(tmp_path: Path) -> None:
 
 def test_terms_of_policy_are_those_of_its_critic() -> None:
     # u = -B'∂V/∂z / 2: the fourth power of the rate gives -2 W B rate³.
-    """The terms of the policy follow from u = -B'∂V/∂z / 2.
+    """The terms of a critic's policy follow from u = -B'∂V/∂z / 2.
 
     A quadratic V has no terms of degree 2 or more.
     """

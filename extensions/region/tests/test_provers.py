@@ -66,9 +66,9 @@ def test_kinks_and_tables_are_proved_on_boxes(
 def test_a_quartic_is_proved_on_boxes_and_resumed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A second run continues from the quadratic set and proves a larger set with a quartic V.
+    """A second run with --resume continues from the quadratic set and proves a larger set.
 
-    A certificate of another aircraft cannot be resumed.
+    Its V is quartic. A certificate of another aircraft cannot be resumed.
     """
     proof = tmp_path / "proof.json"
     words = ["prove", "region", "--aircraft", VAN_DER_POL, "--prover", "boxes", "-o", str(proof)]

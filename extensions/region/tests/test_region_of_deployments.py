@@ -28,9 +28,9 @@ def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]
 
 
 def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
-    """The continuous policy equals the policy of the file, here at (0.1 rad, -0.3 rad/s).
+    """The policy of the proof is the deployment file's policy without sampling.
 
-    The effects that the proof neglects are stated.
+    They are compared at (0.1 rad, -0.3 rad/s). The effects that the proof neglects are stated.
     """
     file = Path(card(tmp_path)[-1])
     model = load_model(PENDULUM[1])

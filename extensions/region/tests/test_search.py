@@ -59,7 +59,7 @@ def test_a_small_level_of_f16_is_proved(loop: SaturatedLoop, V: PolynomialFuncti
 def test_largest_level_of_f16_within_limits_is_proved(
     loop: SaturatedLoop, V: PolynomialFunction
 ) -> None:
-    """The largest level of V within the limits of the F-16 is proved.
+    """The largest level of V for which the set is within the limits of the F-16 is proved.
 
     For four times this level, no higher level is proved.
     """

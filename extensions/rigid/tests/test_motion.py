@@ -21,7 +21,7 @@ VALUES = dict(zip(STATES, (50.0, 0.1, -0.2, 0.3, -0.4, 0.5, 0.6, -0.7, 0.8, 1000
 
 
 def derivative_along_motion(quantity, force, moment):
-    """Return the rate of a quantity during the motion, at the state VALUES.
+    """Return the time derivative of a quantity during the motion, at the state VALUES.
 
     quantity: function of (state, velocity)
     force: (3,), force per mass in body axes

@@ -14,7 +14,7 @@ SLIPS = ("sign", "interchanged", "dropped", "added", "changed", "point")
 
 
 class Slip(NamedTuple):
-    """Misprint.
+    """Planted misprint of an entry.
 
     entry: the entry, such as "A21".
     right: right text.
@@ -27,7 +27,7 @@ class Slip(NamedTuple):
 
 
 class PrintedSample(NamedTuple):
-    """Plant and its exact answer.
+    """Printed plant and its exact answer.
 
     texts: the plant as printed
     is_discrete: whether time is discrete
@@ -41,7 +41,7 @@ class PrintedSample(NamedTuple):
     decimals: int
 
     def file(self, *, learned: bool = False) -> str:
-        """Return the file as text.
+        """Return the sample as the text of a file.
 
         learned: whether the file states that the answer was learned
         """
@@ -140,7 +140,11 @@ def _plant(texts: Texts, is_discrete: bool) -> Plant:
 
 
 def _slipped(text: str, kind: str, rng: np.random.Generator) -> str | None:
-    """Return the text with a misprint in its digits, or None if the misprint is not possible."""
+    """Return a printed number with a misprint in its digits, or None if the misprint is not
+    possible.
+
+    kind: kind of the misprint
+    """
     sign = "-" if text.startswith("-") else ""
     digits = text.removeprefix("-")
     first = next(index for index, digit in enumerate(digits) if digit in "123456789")

@@ -24,7 +24,7 @@ Balls = list[Any]
 
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
-    """Return how many points have a rate outside the enclosure.
+    """Return the number of points whose rates are outside the enclosure of the rates.
 
     The points are random in a box of states, inputs and parameters. Their rates are computed with
     200 bits.
@@ -139,7 +139,10 @@ ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
     ],
 )
 def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], at: Any) -> None:
-    """An undecided branch raises Undecided. A value of exactly 0 is not accepted as positive."""
+    """A function with an undecided branch at the argument raises Undecided.
+
+    An argument of exactly 0 does not count as positive.
+    """
     x = ca.SX.sym("x")
     with pytest.raises(Undecided):
         BallFunction(ca.Function("f", [x], [expression(x)]))([at])

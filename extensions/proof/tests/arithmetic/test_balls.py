@@ -1,4 +1,4 @@
-"""Comparisons of balls are true only if proved, and Taylor models contain the exact values."""
+"""Comparisons of balls, which are true only if proved, and Taylor models of exact values."""
 
 from __future__ import annotations
 
@@ -28,21 +28,24 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
 
 
 def test_intervals_about_0_hold_the_whole_radius() -> None:
-    """The interval symmetric about 0 contains the whole ball, including its radius."""
+    """`symmetric` returns an interval about 0 that contains a whole ball, including its radius."""
     assert symmetric(arb(1, 0.1)).contains(arb(1.09))
     assert symmetric(arb(-2, 0.1)).contains(arb(-2.09))
 
 
 @pytest.mark.parametrize("slope", [-1.75, -1.25, -0.75, -0.25, 0.25, 0.75, 1.25, 1.75])
 def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
-    """The corners of slope s + s² reach its lowest value, at s = -slope / 2."""
+    """The lowest corner of the Taylor model slope s + s² is at most the minimum of the parabola.
+
+    The minimum is at s = -slope / 2.
+    """
     corners = TaylorModel(arb(0), arb(slope), arb(1)).corners()
     assert min(float(corner.lower()) for corner in corners) <= -(slope**2) / 4.0
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
-    """The remainder decreases by a factor between 6 and 12 if the box is halved."""
+    """If a box is halved, the remainder of the Taylor models decreases by a factor from 6 to 12."""
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(12.0, dynamics).point
     parameters = hfa_model.parameters_of(family(dynamics).model)
@@ -137,7 +140,7 @@ def test_errors_of_parameters_are_carried_to_first_order() -> None:
 
 
 def test_number_over_taylor_model_taylor_model_over_number() -> None:
-    """The models of 2 / (3 + s / 5) and (3 + s / 5) / 2 contain the values at random s."""
+    """The Taylor models of 2 / (3 + s / 5) and (3 + s / 5) / 2 contain the values at random s."""
     model = TaylorModel(arb(3), arb(0.2))
     for found, exact in (
         (2 / model, lambda s: 2 / (3 + s / 5)),

@@ -1,4 +1,7 @@
-"""The checker accepts certificates of the prover and refuses changed ones."""
+"""The checker of certificates, with certificates of the prover and changed ones.
+
+The former are accepted, and the latter are refused.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +81,7 @@ def test_a_missing_box_is_refused_or_open(name: str, tmp_path: Path) -> None:
 def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
     """A claim of too few or too many unstable modes is refused.
 
-    A of `published` gains a third unstable mode at 16.688 deg.
+    At 16.688 deg, a third mode of the `published` dynamics becomes unstable.
     """
     own = certificate("crossing")
     runs = own["statement"]["modes"]
@@ -110,7 +113,7 @@ def test_a_missing_certificate_is_refused(tmp_path: Path) -> None:
 def test_where_alpha_is_free_derivative_follows_pitch_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """With alpha free, the Jacobian of the trim equations equals central differences.
+    """If alpha is free in the trim, the Jacobian of the trim equations equals central differences.
 
     pitch = alpha + gamma changes with alpha.
     """
@@ -151,7 +154,7 @@ def test_where_alpha_is_free_derivative_follows_pitch_with(
 
 
 def test_the_root_lies_where_newton_s_step_leads() -> None:
-    """For x² = 2 about 1.4 the enclosure contains sqrt(2) - 1.4, and not 0.
+    """The enclosed root of x² = 2 about 1.4 contains the offset sqrt(2) - 1.4, and not 0.
 
     A radius that does not contain the root is refused.
     """

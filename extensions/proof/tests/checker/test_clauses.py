@@ -65,7 +65,7 @@ def _one(*parts: float) -> TaylorModel:
 
 
 def _distance_too_large(made: Any) -> None:
-    """Claim a lower bound of the distance that exceeds the distance."""
+    """Claim a lower bound of a gain's distance from the exact gain that exceeds the distance."""
     _, most = made["statement"]["distances"]["K"]
     made["statement"]["distances"]["K"] = [1.5 * most, 2.0 * most]
 
@@ -76,15 +76,17 @@ def _distance_too_small(made: Any) -> None:
 
 
 def _delta_min(share: float) -> Callable[[Any], Any]:
-    """Return a change that moves one end of the bracket across delta_min.
+    """Return a change that moves one end of the bracket of delta_min across delta_min.
 
-    share: factor, below 1 to move the upper end and above 1 to move the lower end
+    share: factor, below 1 on the upper end and above 1 on the lower end
     """
     return lambda ends: [ends[0], ends[1] * share] if share < 1.0 else [ends[0] * share, ends[1]]
 
 
 def _faster(made: Any) -> None:
-    """Claim actuators of higher bandwidth, with the evidence for slow ones."""
+    """Claim stability with actuators of higher bandwidth, with the evidence for slower
+    actuators.
+    """
     made["statement"]["uncertain_actuators"]["bandwidth"][1] = 1e6
     for box in made["witness"]["loop"]:
         box["pieces"][-1]["bandwidth"][1] = 1e6
@@ -126,7 +128,7 @@ def _refused_by_the_other_solution(made: Any) -> None:
 
 
 def _only_a_gain(made: Any) -> None:
-    """Claim that K is the gain of the critic's P or W, although the critic has neither."""
+    """Claim that K is the gain of the critic's P or W, although the critic has neither P nor W."""
     for name in ("P", "W"):
         made["statement"]["critic"].pop(name, None)
         made["statement"]["distances"].pop(name, None)
@@ -134,7 +136,7 @@ def _only_a_gain(made: Any) -> None:
 
 
 def _a_gain_of_other_weights(made: Any) -> None:
-    """Claim that K is the gain of W, although it is another gain."""
+    """Claim that K is the gain of the critic's W, although it is the gain of other weights."""
     del made["statement"]["critic"]["P"]
     del made["statement"]["distances"]["P"]
     made["statement"]["gain_of_value"] = True
@@ -227,7 +229,10 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 
 
 def _ends_early(runs: Any) -> Any:
-    """Return runs whose last one ends halfway, without a claim above it."""
+    """Return intervals of a statement, the last of which is cut at its middle.
+
+    Nothing is claimed above it.
+    """
     *others, (low, high, least, most) = runs
     return [*others, [low, 0.5 * (low + high), least, most]]
 
@@ -321,9 +326,9 @@ def test_limits_of_outputs_are_checked(load: float) -> None:
 
 
 def test_an_equation_within_rounding_of_0_counts() -> None:
-    """An equation 0 x = 0 needs no unknown. The equation 0 x = e with |e| <= 1e-60 is refused.
+    """A trim equation 0 x = 0 needs no unknown. The equation 0 x = e with |e| <= 1e-60 is refused.
 
-    Its residual may differ from 0.
+    The residual e may differ from 0.
     """
     slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
     assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
@@ -340,7 +345,7 @@ def test_bounds_of_a_distance_hold_all_of_box() -> None:
 
 
 def test_motion_in_both_directions_is_checked() -> None:
-    """A motion is refused if V increases for either sign of the rate.
+    """A moving scheduling variable is refused if V increases for either sign of its rate.
 
     For x' = -x with P = 1 the decrease 2 exceeds a growth of 1, but not of ±3.
     """
@@ -354,7 +359,8 @@ def test_motion_in_both_directions_is_checked() -> None:
 def test_each_actuator_has_its_own_numbers() -> None:
     """The loop contains each actuator with its own order, damping, bandwidth and effectiveness.
 
-    u = -x acts through 0.9 of 2 / (s + 2), v = -3 x through 0.4 of a second order of 5 rad/s.
+    u = -x acts with effectiveness 0.9 through 2 / (s + 2), and v = -3 x with effectiveness 0.4
+    through a second-order actuator of 5 rad/s.
     """
     signals = {name: Signal() for name in ("u", "v")}
     model = Model(
@@ -436,7 +442,7 @@ def test_boxes_of_another_branch_are_refused() -> None:
 def test_solutions_far_from_the_stated_are_enclosed() -> None:
     """A root of 0.75 p² + 2 p = 1 is enclosed if the stated root has an error of 0.1.
 
-    The reach is 0.5. One Newton step would not suffice.
+    The box around the stated root has the half-width 0.5. One Newton step would not suffice.
     """
     one = np.eye(1)
     root = (arb(1.75).sqrt() - 1) / arb(0.75)
@@ -456,9 +462,10 @@ def test_indefinite_weights_are_refused() -> None:
 
 
 def test_a_determinant_of_one_sign_proves_no_axis() -> None:
-    """Frequencies at which the determinant has one sign do not prove an eigenvalue on the axis.
+    """Frequencies at which the determinant of H - jω has one sign do not prove an eigenvalue on the
+    axis.
 
-    H of x' = -x + u without disturbance has none.
+    For x' = -x + u without disturbance, H has no eigenvalue on the axis.
     """
     one = np.eye(1)
     weights = Weights(one, one, one, 1e6)

@@ -1,4 +1,4 @@
-"""Coverage of statements by evidence, tested at every point where coverage could fail."""
+"""Tests whether boxes cover a stated box, at every point that could be left out."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def is_covered(stated: Box, pieces: Sequence[Box]) -> bool:
 
 
 def places(stated: Box, pieces: Sequence[Box]) -> list[tuple[float, ...]]:
-    """Return test points in the stated box: all ends, and a value between each two, per coordinate.
+    """Return test points in a stated box: all ends of boxes, and a value between each two ends.
 
     A set of closed boxes that does not cover the stated box omits at least one of these points.
     """

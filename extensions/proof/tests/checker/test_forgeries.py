@@ -86,7 +86,7 @@ def _bounds_of_the_other_trim(made: Content) -> None:
 
 
 def _of_another_angle(made: Content) -> None:
-    """Use boxes that are proved for the exact gains as evidence for a loop without gains."""
+    """Replace the evidence for a loop without gains by boxes proved for the exact gains."""
     own = content(prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125))
     made["witness"]["loop"] = own["witness"]["loop"]
 
@@ -136,9 +136,8 @@ def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_the_other_trim_has_certificate_of_its_own(tmp_path: Path) -> None:
-    """A certificate of the second trim is accepted for a statement about this trim.
-
-    The statement contains the trim.
+    """A certificate about the second trim of a model is accepted, and its statement contains
+    this trim.
     """
     for kind in ("two trims", "one of two"):
         path = forge(tmp_path / "other.json", of_the_other_trim(kind))

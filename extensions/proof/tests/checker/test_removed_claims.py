@@ -1,4 +1,4 @@
-"""Certificates with parts removed or changed: every claim that is still accepted is true.
+"""Certificates with parts removed or changed. Every claim that is still accepted is true.
 
 In true and in false certificates every list is emptied, shortened, or gets an entry twice. Every
 interval becomes a point, every entry is removed, and every pair is exchanged. `certificate_truth`
@@ -51,7 +51,10 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """Return a certificate of this kind after changes, or None if a change does not apply."""
+    """Return the certificate of a kind after changes, or None if a change does not apply.
+
+    kind: kind of the certificate
+    """
     made = copy.deepcopy(certificate(kind))
     try:
         for change in changes:
@@ -64,7 +67,7 @@ def changed(kind: str, *changes: Change) -> Content | None:
 def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path) -> int:
     """Assert that all claims of accepted changed certificates are true.
 
-    Return the number of accepted certificates.
+    Returns the number of accepted certificates.
 
     names: changes of each certificate: a removal, or a false statement and a removal
     """
@@ -83,7 +86,10 @@ def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path
 
 
 def some_removals(kind: str, count: int, seed: int = 3) -> list[tuple[str, ...]]:
-    """Return the names of `count` random removals from the true certificate, or of all."""
+    """Return the names of `count` random removals from a true certificate.
+
+    If there are fewer removals, all names are returned.
+    """
     names = sorted(removals(certificate(kind)))
     order = np.random.default_rng(seed).permutation(len(names))
     return [(names[number],) for number in order[:count]]
@@ -131,7 +137,7 @@ def test_there_are_thousands_of_removals() -> None:
 
 @pytest.mark.parametrize("kind", ["scalar", "plant", *LARGE_GAMES])
 def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path) -> None:
-    """A wrong critic without a claim about it is not reported as proved."""
+    """A wrong critic is not reported as proved if the certificate claims nothing about it."""
     for name, change in wrong_critics_without_a_claim(kind).items():
         made = changed(kind, change)
         assert made is not None
@@ -145,7 +151,7 @@ def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path
 
 
 def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
-    """The first line reports open stability for a wrong gain about which nothing is claimed."""
+    """For a wrong gain whose stability is not claimed, the first line reports open stability."""
     made = changed(
         "plant",
         put(array(lambda K: -5.0 * K), *CLAIM, "critic", "K"),
@@ -184,7 +190,7 @@ def test_no_pieces_prove_no_bandwidth(
 
 
 def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
-    """A decay rate is refused for a loop without proved runs.
+    """A decay rate is refused for a loop whose stability is proved at no scheduling value.
 
     Without the rate the certificate is accepted, and its report is "not proved".
     """

@@ -130,7 +130,7 @@ def test_doubles_alone_give_a_sharper_model() -> None:
 
 
 def test_trims_that_statement_is_not_about_are_refused() -> None:
-    """Trims with a scheduled speed, or with other free variables, are refused."""
+    """Proofs refuse trims whose speed depends on the angle, or that have other free variables."""
     flights = family()
     flights.check(0.0, 20.0)
     assert len(flights.condition(10.0).free) == 4

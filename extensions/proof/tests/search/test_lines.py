@@ -1,4 +1,4 @@
-"""Eigenvalues on each side of the imaginary axis are counted with proof, or left undecided."""
+"""Proved numbers of eigenvalues on each side of the imaginary axis, or open ones."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def test_an_eigenvalue_on_the_axis_is_undecided(A: list[list[float]]) -> None:
 
 
 def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
-    """A ball of stable and unstable matrices is left undecided.
+    """The number of unstable modes is left open for a ball of stable and unstable matrices.
 
-    A matrix with dependent eigenvectors is counted correctly or left undecided.
+    For a matrix with dependent eigenvectors, the number is correct or left open.
     """
     A = np.diag([-1.0, -1e-9])
     assert unstable_modes(matrix(A)) == 0
@@ -62,9 +62,10 @@ def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
 
 
 def test_additions_do_less_than_entries_could_are_counted() -> None:
-    """Modes of A + E with |E| <= N are counted where h = |Re λ|⁻¹ alone does not prove them.
+    """The unstable modes of A + E with |E| <= N are counted if the spectral radius of |Re λ|⁻¹ N is
+    below 1.
 
-    The condition is that the spectral radius of |Re λ|⁻¹ N is below 1.
+    Here, the scaling |Re λ|⁻¹ alone does not prove the number.
     """
     A = np.diag([-1.0, -1.5])
     N = np.array([[0.0, 2.0], [0.3, 0.0]])

@@ -34,9 +34,12 @@ SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 
 
 def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> ScheduledController:
-    """Return the controller u = -K x_f + direct * acceleration with filters x_f' = (y - x_f)/lag.
+    """Return a controller u = -K x_f + direct acceleration with filters x_f' = (y - x_f)/lag.
 
     K is the gain of the exact game, multiplied by `gain`.
+
+    lag: time constant of the filters, s
+    direct: gain from the acceleration to the first input
     """
     K = np.array([exact_gain(14.0), exact_gain(15.0)])
     n = len(SENSORS)
@@ -147,7 +150,7 @@ def test_too_long_a_lag_is_refuted() -> None:
 
 
 def test_output_reaches_inputs_at_once_part_of_loop() -> None:
-    """Direct feedback of the acceleration enters the loop with the expected entries."""
+    """Direct feedback of the acceleration gives the expected entries of the closed loop."""
     model = model_at(14.0)
     loop = loop_of_servo(filtered(direct=1e-5), fast(), family().model)
     search = TrimSearch(family(), 14.0, 15.0, loop.controller.outputs(family().model))
@@ -194,7 +197,7 @@ def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -
 def test_one_lyapunov_function_serves_all_stable_points() -> None:
     """V = x² proves x' = -x + k (x + d), |d| <= |x|/2, for all k up to 0.5.
 
-    For k up to 0.7 nothing is found.
+    For k up to 0.7, no Lyapunov function is found.
     """
     for most, exists in ((0.5, True), (0.7, False)):
         rows = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
@@ -243,7 +246,7 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
 
 
 def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
-    """The command proves gains of the GTM and verifies the certificate."""
+    """`hfa prove` proves gains of the GTM and verifies the certificate."""
     own = ("--aircraft", "examples/gtm.py:GTM")
     saved = str(tmp_path / "gtm.json")
     assert (
@@ -260,7 +263,7 @@ def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
     [(ca.fabs, None), (lambda v: ca.fmax(v, 0), 1), (lambda v: ca.fmin(v, 1), 0)],
 )
 def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | None) -> None:
-    """v' = u - p v + kink(v) at v = 1 is proved if the kink is elsewhere, else left open.
+    """v' = u - p v + kink(v) is proved at v = 1 if the kink is elsewhere, and left open otherwise.
 
     p is the scheduling variable. An operation that balls do not support is refused by its name.
     """

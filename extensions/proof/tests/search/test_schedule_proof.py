@@ -89,9 +89,9 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
 def test_rate_search_is_wrong_about_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A rate 1.5 times as large as the Lyapunov function allows is not proved.
+    """A dihedral rate 1.5 times as large as the Lyapunov function allows is not proved.
 
-    The loop at constant dihedral is proved.
+    Stability at constant dihedral is proved.
     """
     # The planted fault: a search that claims too much.
     monkeypatch.setattr("hfa_proof.search.schedule_proof._SHARES", (1.5,))
@@ -139,9 +139,9 @@ def test_instability_between_two_angles_is_found_and_refuted(
 
 
 def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
-    """The angle at which a mode of A crosses the axis is enclosed.
+    """The dihedral angle at which a mode of A crosses the imaginary axis is enclosed.
 
-    A of `published` gains a third unstable mode at 16.688 deg.
+    At 16.688 deg, a third mode of the `published` dynamics becomes unstable.
     """
     proof = proved("crossing")
     assert counts(proof.statement.modes) == [(2, 2), (2, 3), (3, 3)]

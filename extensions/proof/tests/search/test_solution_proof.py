@@ -68,7 +68,7 @@ def test_open_stability_of_a_solution_is_null(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_root_that_does_not_stabilize_is_told() -> None:
-    """The root of p² - 2 p - 1 = 0 that does not stabilize is refused.
+    """The root of p² - 2 p - 1 = 0 that does not stabilize is refused as the solution of a game.
 
     For a = 1 the roots are 1 ± sqrt(2). The larger root is positive and stabilizes, and is proved.
     """
@@ -144,7 +144,7 @@ def test_the_search_reports_its_progress() -> None:
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3])
 def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
-    """The proved distance of a changed critic equals the relative change."""
+    """The proved distance of a scaled critic from the exact solution equals the relative change."""
     game = game_at(15.0)
     functions = basis("quadratic", 6)
     exact = solve_game(game)
@@ -168,9 +168,9 @@ def test_games_without_solution_and_networks_are_refused() -> None:
 
 
 def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
-    """delta_min is bracketed from below by an eigenvalue of H on the axis.
+    """delta_min is bracketed from below by an eigenvalue of H on the imaginary axis.
 
-    A lower bracket is refused.
+    A bracket below delta_min is refused.
     """
     own = content(proved("scalar"))
     assert "frequencies" in own["witness"]

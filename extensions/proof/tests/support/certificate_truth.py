@@ -34,7 +34,7 @@ NEAR = 1e-4
 
 
 def what_is_false(statement: Content, kind: str) -> list[str]:
-    """Return descriptions of the false claims of a statement, or [] if none is found."""
+    """Return descriptions of the false claims of a statement, or [] if no false claim is found."""
     if "errors" in statement:
         return list(_false_of_models(statement, kind))
     if "critic" in statement:
@@ -70,7 +70,7 @@ class FlightInDoubles:
         return np.array(model.A), np.array(model.B)
 
     def named(self, value: float) -> dict[str, float]:
-        """Return name -> value of the trim at a scheduling value."""
+        """Return the values of the trim at a scheduling value, by name."""
         return dict(self.point(value).values)
 
     def what_is_false(self) -> Iterator[str]:
@@ -173,7 +173,9 @@ def _closed_loop(
 
 
 def _abscissae(statement: Content, A: np.ndarray, B: np.ndarray, value: float) -> Iterator[float]:
-    """Yield the spectral abscissae of the loop at the corners of the uncertain intervals."""
+    """Yield the spectral abscissa of the loop for each combination of ends of the uncertain
+    intervals.
+    """
     actuators = statement["uncertain_actuators"]
     loop = _loop_of(statement)
     count = len(loop.controller.inputs)

@@ -1,4 +1,6 @@
-"""False statements with correct digests, and witnesses that an attacker may try for them."""
+"""False statements with correct digests, and witnesses that an attacker may try for these
+statements.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ Change = Callable[[Content], None]
 
 
 def put(value: Any, *path: Any) -> Change:
-    """Return a change that replaces the value at a path.
+    """Return a function that replaces the value at a path of a certificate.
 
     value: the new value, a function old value -> new value, or None to remove the entry
     path: keys of the entry
@@ -57,7 +59,7 @@ def runs_of(least: int, most: int) -> Callable[[Any], Any]:
 
 
 def of_flights() -> dict[str, Change]:
-    """Return name -> change to a false or invalid statement about a flight."""
+    """Return changes of a certificate to a false or invalid statement about a flight, by name."""
     changes: dict[str, Change] = {}
 
     def first_trim(function: Callable[[float, float], float]) -> Change:
@@ -72,10 +74,10 @@ def of_flights() -> dict[str, Change]:
         changes[f"trim moved by {step}"] = first_trim(lambda x, _, step=step: x + step)
 
     def limit(end: int, width: float) -> Change:
-        """Return a change to limits that the trim violates.
+        """Return a change of a certificate to limits that the trim violates.
 
         end: 1 for limits above the trim, 0 for limits below it
-        width: distance relative to 1 + |value|
+        width: distance from the trim, relative to 1 + |value|
         """
 
         def change(content: Content) -> None:
@@ -236,7 +238,7 @@ def false_statements(kind: str) -> dict[str, Change]:
 
 
 def _each_box(content: Content) -> Iterator[Content]:
-    """Yield every object in the witness."""
+    """Yield every JSON object in the witness of a certificate."""
     waiting: list[Any] = [content["witness"]]
     while waiting:
         part = waiting.pop()
@@ -266,7 +268,7 @@ def _wider_trims(content: Content) -> None:
 
 
 def _follows_the_statement(content: Content) -> None:
-    """Set rates, trims and bandwidths in the witness to the values of the statement."""
+    """Set rates, trims and bandwidths in the witness of a certificate to those of the statement."""
     statement = content["statement"]
     for box in _each_box(content):
         if "rate" in box and box in content["witness"].get("loop", []):
@@ -321,7 +323,10 @@ def forged(kind: str, statement: str, witness: str) -> Content:
 
 
 def removals(content: Content) -> dict[str, Change]:
-    """Return name -> change that removes or changes a part of the statement or the witness."""
+    """Return changes that remove or alter one part of a certificate, by name.
+
+    The parts are in the statement and in the witness.
+    """
     changes: dict[str, Change] = {}
     for part in ("statement", "witness"):
         for path, value in _containers((part,), content[part]):
@@ -335,7 +340,7 @@ def removals(content: Content) -> dict[str, Change]:
 
 
 def _containers(path: tuple[Any, ...], value: Any) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Yield the path and the value of every object and list.
+    """Yield the path and the value of every JSON object and list in a part of a certificate.
 
     In matrices and stacks, only the first list of each level is included.
     """
@@ -356,7 +361,7 @@ def _has_objects(value: list[Any]) -> bool:
 
 
 def _without(value: Any) -> dict[str, Any]:
-    """Return name -> changed copy of a list or an object, {} for an empty list.
+    """Return changed copies of a list or an object by name, {} for an empty list.
 
     A copy is emptied, shortened, reordered or has its last entry twice. An interval also becomes a
     point.
@@ -382,7 +387,7 @@ def _without(value: Any) -> dict[str, Any]:
 
 
 def _exchanged_entries(value: Content) -> dict[str, Any]:
-    """Return name -> copy of the object with two adjacent entries of equal type exchanged."""
+    """Return copies of an object with two adjacent entries of equal type exchanged, by name."""
     changed = {}
     keys = list(value)
     for first, second in pairwise(keys):
@@ -393,7 +398,10 @@ def _exchanged_entries(value: Content) -> dict[str, Any]:
 
 
 def wrong_critics_without_a_claim(kind: str) -> dict[str, Change]:
-    """Return name -> change to a wrong part of a critic, without a true claim about it."""
+    """Return changes of a certificate to a wrong part of the critic, by name.
+
+    The changed certificates claim nothing about this part that is true.
+    """
     changes: dict[str, Change] = {}
     for part in certificate(kind)["statement"]["critic"]:
         for factor in (-5.0, -3.0, 0.0, 1.5):

@@ -1,4 +1,6 @@
-"""Proofs for tests, one of every kind, each made once per process, and loops of the aircraft."""
+"""Proofs for tests, one of every kind, each computed once per process, and loops of the
+aircraft.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ def family(dynamics: str = "published") -> Family:
 
 
 def exact_loop(*angles: float, dynamics: str = "published") -> Loop:
-    """Return the loop of the exact game's gains at these angles, deg."""
+    """Return the loop with the gains of the exact game at these dihedral angles, deg."""
     gains = np.array([exact_gain(angle, dynamics) for angle in angles])
     return loop_of_gains(hfa.aircraft(dynamics), angles, gains)
 
@@ -47,8 +49,10 @@ def exact_loop(*angles: float, dynamics: str = "published") -> Loop:
 def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8) -> Loop:
     """Return the loop of an LQR with uncertain actuators of effectiveness 0.5 to 1.
 
+    The highest bandwidth that the statement covers is 10 rad/s.
+
     delay: largest delay, s
-    slowest: lowest bandwidth that the statement covers, rad/s, below the highest, 10 rad/s
+    slowest: lowest bandwidth that the statement covers, rad/s
     """
     eye = np.eye(5)
     gains = []
@@ -95,7 +99,7 @@ class LoopInDoubles:
 
 
 def loop_in_doubles(loop: Any, A: np.ndarray, B: np.ndarray, angle: float) -> LoopInDoubles:
-    """Return the loop in doubles.
+    """Return the closed loop in doubles at a dihedral angle.
 
     loop: an object with controller and actuators, such as a statement
     A, B: linear model of the aircraft at the angle
@@ -177,7 +181,7 @@ def delayed_abscissa(
 
 @cache
 def unstable_between(low: float, high: float) -> Loop:
-    """Return the loop of random gains that stabilize at both angles but not halfway."""
+    """Return the loop of random gains that stabilize at both of two angles but not halfway."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
     K = exact_gain(low)
     random = np.random.default_rng(0)
@@ -316,7 +320,7 @@ def content(proof: Proof) -> dict[str, Any]:
 
 @cache
 def certificate(kind: str) -> dict[str, Any]:
-    """Return the content of the certificate of this kind, which is shared and must not be changed."""
+    """Return the content of the certificate of this kind. It is shared and must not be changed."""
     return content(proved(kind))
 
 

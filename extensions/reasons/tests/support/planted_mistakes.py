@@ -30,9 +30,9 @@ def changed(matrix: np.ndarray, factor: float, *places: tuple[int, int]) -> np.n
 
 
 def in_order(game: Game, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return the exact weights in another order.
+    """Return the exact weights of a quadratic basis in another order.
 
-    order: (row, column) of each weight -> indices
+    order: function from row and column of each weight to indices
     """
     row, column = np.triu_indices(len(game.A))
     return weights_of(value(game))[order(row, column)]
@@ -49,7 +49,7 @@ def without_the_factor(game: Game) -> np.ndarray:
 
 
 def recorded_policy(game: Game) -> np.ndarray:
-    """Return the value of policies that belong to another P."""
+    """Return the value matrix of the policies that belong to another P."""
     return value_of_policies(
         game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
     )
@@ -60,7 +60,7 @@ def lqr(game: Game) -> np.ndarray:
 
 
 def turned(game: Game, degrees: np.ndarray) -> np.ndarray:
-    """Return the exact P with some states in degrees.
+    """Return the exact P in other units: some states are in degrees.
 
     degrees: mask of these states
     """
@@ -350,7 +350,7 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
 
 
 def exchanged(size: int) -> np.ndarray:
-    """Return the order (size,) in which the first two entries are exchanged."""
+    """Return the indices 1, 0, 2, 3, ..., in which the first two are exchanged, (size,)."""
     order = np.arange(size)
     order[:2] = [1, 0]
     return order

@@ -1,4 +1,4 @@
-"""Simulate flights from a proved set, and count those that leave it or do not converge.
+"""Simulate flights from a proved set, and count those that leave the set or do not converge.
 
 python tests/support/flown_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
 """
@@ -29,10 +29,11 @@ _CHUNK = 20_000
 def starts_lost(
     statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
 ) -> tuple[int, int]:
-    """Return the numbers of initial conditions that leave a set or limit, and do not converge.
+    """Return the number of flights that leave the set or a limit, and of those that do not
+    converge.
 
-    Half of the `count` initial conditions are in {V <= rho} and half on its boundary. With
-    disturbances, the worst disturbance for V acts all the time, and the second number is 0.
+    Half of the `count` flights begin in {V <= rho} and half on its boundary. With disturbances, the
+    worst disturbance for V acts all the time, and the second number is 0.
 
     statement: a proved statement
     farther: factor on the initial conditions. Above 1, leaving the set is not counted.
@@ -54,7 +55,7 @@ def starts_lost(
 def drawn(
     V: PolynomialFunction, statement: RegionStatement, count: int, generator: np.random.Generator
 ) -> np.ndarray:
-    """Return points z (count, n): half uniform in {V <= 1}, half on its boundary."""
+    """Return random points z, (count, n), half uniform in {V <= 1} and half on its boundary."""
     ends = np.array([max(-low, high) for low, high in statement.extents.values()])
     n = len(ends)
     rows = np.linalg.inv(np.linalg.cholesky(V.matrix())).T
@@ -71,7 +72,8 @@ def drawn(
 def _flown(
     plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
-    """Return the numbers of flights that leave {V <= level} or a limit, and do not converge.
+    """Return the number of flights that leave {V <= level} or a limit, and of those that do not
+    converge.
 
     The second number counts flights within the set and limits that do not converge in the simulated
     time.

@@ -13,9 +13,9 @@ Forgery = Callable[[Content, np.random.Generator], None]
 
 
 def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str, Content]]:
-    """Yield name and content of forgeries of a certificate, each kind in turn.
+    """Yield the name and the content of forgeries of a certificate, each kind in turn.
 
-    count: number of attempts, of which those that change nothing are skipped
+    count: number of attempts. Attempts that change nothing are left out.
     """
     generator = np.random.default_rng(seed)
     disturbed = bool(content["statement"]["disturbances"])
@@ -101,7 +101,7 @@ def _extent(content: Content, generator: np.random.Generator) -> None:
 
 
 def _grams(content: Content) -> list[Content]:
-    """Return every Gram matrix of the proofs of decrease and of the ball."""
+    """Return every Gram matrix in the content of a certificate."""
     found: list[Content] = []
 
     def walk(value: Any) -> None:
@@ -133,9 +133,9 @@ def _gram_gone(content: Content, generator: np.random.Generator) -> None:
 
 
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
-    """Negate the Gram matrix of a multiplier.
+    """Negate the Gram matrix of a random multiplier in a certificate.
 
-    The checker computes the main Gram matrix from the identity.
+    The main Gram matrix is not stored, because the checker computes it from the identity.
     """
     parts = content["witness"]["parts"]
     part = parts[generator.integers(len(parts))]
@@ -215,7 +215,10 @@ def _disturbance_negative(content: Content, generator: np.random.Generator) -> N
 
 
 def _disturbance_left_out(content: Content, generator: np.random.Generator) -> None:
-    """Remove the disturbances, and thereby claim convergence of a loop that they disturb."""
+    """Remove the disturbances from a certificate.
+
+    The certificate then claims convergence of a loop that is disturbed.
+    """
     disturbances = content["statement"]["disturbances"]
     count = len(disturbances)
     disturbances.clear()
@@ -244,7 +247,7 @@ def _ends_exchanged(content: Content, generator: np.random.Generator) -> None:
 
 
 def _edge_everywhere(content: Content, generator: np.random.Generator) -> None:
-    """Exchange the multipliers of V <= rho and V >= rho."""
+    """Exchange the multipliers of V <= rho and V >= rho in a certificate."""
     for part in content["witness"]["parts"]:
         multipliers = part["evidence"]["multipliers"]
         multipliers["level"], multipliers["edge"] = multipliers["edge"], multipliers["level"]

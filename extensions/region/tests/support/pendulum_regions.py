@@ -1,4 +1,4 @@
-"""Proved regions of the example's pendulum, as data for tests of the checker."""
+"""Proved regions of the pendulum in the examples, as data for tests of the checker."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
 
 
 def pendulum_loop(model: Model) -> SaturatedLoop:
-    """Return the closed loop of the pendulum with the LQR that the command uses."""
+    """Return the closed loop of the pendulum with the LQR that `hfa prove region` uses."""
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     return saturated_loop(linear, hfa.solve_game(hfa.game(linear)).K)
 
@@ -75,9 +75,9 @@ def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
 
 
 def read_and_check(content: dict[str, Any], model: Model) -> int:
-    """Return the number of proved parts of a certificate's content, without a test of its digest.
+    """Return the number of proved parts in the content of a certificate.
 
-    Raises one of `NOT_PROVED` if the checker refuses it.
+    The digest is not tested. Raises one of `NOT_PROVED` if the checker refuses the content.
     """
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
     statement, witness = read_content(closing | content, model)
