@@ -80,11 +80,14 @@ def paper_game(
 def usual_game(
     model: Model, A: np.ndarray, B: np.ndarray, names: PlantNames | None = None, **changes: Any
 ) -> Game:
-    """Return the default game on (A, B) of a model.
+    """Return the default game of a model with the linear plant (A, B).
 
     - all states and exactly the inputs of the paper's aircraft: the paper's game
     - any other model: Q and R are diag(1/nominal²), E is the identity and delta is inf
 
+    model: model of the plant
+    A: (n, n)
+    B: (n, m)
     names: names of the plant; by default those of the model
     changes: Q, R, delta or E in place of the defaults
     """

@@ -114,8 +114,8 @@ class Regeneration(ByValue, Result, Reported):
         return Picture("regeneration.png", text, lambda: _figure(self.pairs))
 
     def summary(self) -> Report:
-        """Return a short report: the verdict, the checks, and the entries with the largest
-            differences.
+        """Return a short report with the verdict, the checks, and the entries with the largest
+        differences.
 
         The data of the report contain all entries.
         """

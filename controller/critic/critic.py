@@ -72,11 +72,11 @@ class Critic(Reported):
 
     @property
     def is_quadratic(self) -> bool:
-        """True if the value V and the policy u are fully described by the matrices P and K.
+        """True if the matrices P and K fully describe the value V and the policy u.
 
-        - True for a critic without a basis or a `network`
-        - for a critic with weights: True if all weights of monomials other than z_i z_j are 0
-        - False for a critic with a `network`
+        - a `network`: False
+        - weights: True if all weights of monomials other than z_i z_j are 0
+        - a gain or a matrix P: True
         """
         if self.network:
             return False

@@ -52,7 +52,9 @@ class Reading:
         return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
 
     def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
-        """Return the basis of the weights, or a CasADi Function for a list of functions.
+        """Return the basis ψ of the weights, according to the options.
+
+        The result is a CasADi Function z -> ψ(z) if the basis is a list of functions.
 
         states: number of states
         names: names of the states, for a list of functions
@@ -253,8 +255,11 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
 def single_parts(
     entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Return the entries W (M,), P (n, n) and K (m, n) that are present, in the units of the plant.
+    """Return the arrays W (M,), P (n, n) and K (m, n) of a critic file, in the units of the plant.
 
+    Arrays that the file does not contain are omitted.
+
+    entries: entries of the file
     plant: names and units of the plant
     functions: basis of W
 

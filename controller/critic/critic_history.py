@@ -32,7 +32,7 @@ def critics_over_time(
 
     Raises BadInputError
     - if a number is not finite or too large,
-    - if the times do not increase from 0 or later,
+    - if a time is negative, or the times do not increase,
     - if no array has one row per time, or an array has another number of rows or a wrong shape.
 
     >>> import hfa

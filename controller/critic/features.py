@@ -25,7 +25,7 @@ _LONGEST = 20_000
 
 
 def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
-    """Return the CasADi Function z (n,) -> values of the functions listed in the text.
+    """Return the CasADi Function z (n,) -> values of the functions in a list of formulas.
 
     text: a list such as "x1**2, x1*x2, sin(alpha)". The expressions may contain numbers, x1 ... xn,
         the names of the states, + - * / **, and the functions in `_FUNCTIONS`.

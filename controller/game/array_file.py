@@ -15,7 +15,7 @@ from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Return name -> value of the entries of a file. A structure is a mapping.
+    """Return the entries of a data file, name -> value. A structure is a nested mapping.
 
     - A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv.
     - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also

@@ -17,7 +17,7 @@ _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,
 
 
 def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
-    """Return name -> matrix of each file, and the names and units of states and inputs.
+    """Return the matrices of .csv files, and the names and units of states and inputs, by name.
 
     The names are stored as "states" and "inputs", the units as "state_units" and "input_units".
     Names and units that the files do not contain are omitted.

@@ -31,8 +31,8 @@ class Excitation(Result):
 
     rank: rank of the (N_h, M) matrix with the rows ψ(z_j)/|ψ(z_j)|; singular values below
         `recording.RANK_TOLERANCE` times the largest count as 0
-    size: M
-    samples: N_h
+    size: number of weights M
+    samples: number of samples N_h
     smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0)
     condition: ratio of the largest to the smallest singular value of the matrix with the rows
         ψ(z_j)/|ψ(z_j)|

@@ -42,7 +42,7 @@ class StoredGame(NamedTuple):
     """Game read from a plant file, with notes for the user.
 
     game: the game
-    notes: one text on unused entries, on defaults that were used, and so on
+    notes: texts on unused entries, on defaults that were used, and on ignored names
     provenance: entry -> text on the origin of the plant, as stored in the file
     discrete: discrete-time game with the matrices of `game` as its step, or None for a plant in
         continuous time
@@ -80,7 +80,7 @@ def stored_game(
       also contain `discount` and the cross weights `N`.
 
     path: the plant file
-    found: its entries, if `read_arrays` has already read them; None to read the file
+    found: entries of the file, if `read_arrays` has already read them, or None
     defaults: function (entries, names) -> defaults for missing entries
     changes: Q, R or delta in place of the entry of the file; None keeps the entry
 

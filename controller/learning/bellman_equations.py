@@ -119,9 +119,12 @@ class StackEquations:
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
-        """Return the regressors and residuals of all samples for scaled weights (M,).
+        """Return the regressors and residuals of all samples for given weights.
 
         The last result is cached. Therefore the weights must not be changed in place.
+
+        weights: (M,), scaled
+        problem: discount and share
         """
         last_weights, last_problem, last_residuals = self._last
         if last_weights is weights and last_problem == problem:
@@ -201,15 +204,20 @@ class StackEquations:
         return product
 
     def closed_loop_eigenvalues(self, weights: np.ndarray, problem: PartialGame) -> np.ndarray:
-        """Return the eigenvalues of A - βI - S_s P, (n,), 1/s, with A fitted to the recorded
-        drifts."""
+        """Return the eigenvalues of the closed loop A - βI - S_s P, (n,), 1/s.
+
+        A is fitted to the recorded drifts.
+
+        weights: (M,), scaled, of the value with the quadratic part P
+        problem: discount and share
+        """
         pushed, _ = self._policies(self.basis.matrix(weights), problem)
         return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 
     def margin(self, weights: np.ndarray, problem: PartialGame) -> float:
-        """Return the negative of the largest real part of `closed_loop_eigenvalues`, 1/s.
+        """Return the stability margin of the closed loop, 1/s, positive for a stable loop.
 
-        The margin is positive for a stable closed loop.
+        The margin is the negative of the largest real part of `closed_loop_eigenvalues`.
         """
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 
@@ -258,7 +266,7 @@ def _squares(rows: np.ndarray) -> np.ndarray:
 
 
 def control_root(game: Game) -> np.ndarray:
-    """Return a factor G, (n, m), with G G' = B R⁻¹B'."""
+    """Return a matrix G, (n, m), with G G' = B R⁻¹B' of a game."""
     root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
     return root
 

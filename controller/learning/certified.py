@@ -204,12 +204,12 @@ def stabilizing_step(
 
 
 def discount_at(progress: float, start: float) -> float:
-    """Return the discount β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s.
+    """Return the discount at a time of stage 2, β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s.
 
     The discount falls from β₀ at p = 0 to 0 at p = 1.
 
-    progress: p
-    start: β₀
+    progress: p in [0, 1]
+    start: β₀, 1/s
     """
     return start * (1.0 - progress) / (1.0 + 2.0 * start * progress)
 
@@ -314,9 +314,7 @@ MOST_SAMPLES = 100_000
 
 
 def enough_for(weights: int, least: int) -> int:
-    """Return the default number of samples: the larger of `least` and 1.5 times the weights'
-    number.
-    """
+    """Return the default number of samples, at least `least` and at least 1.5 per weight."""
     return max(least, weights + (weights + 1) // 2)
 
 
@@ -346,7 +344,7 @@ class CertifiedSettings:
     predefined_time: T_w, s
     tick: step of the recorded history, s
     eta: η in (0, 1), exponent of the scalar law
-    theta: θ in (0, 1), the fraction of its time within which each stage converges
+    theta: θ in (0, 1), the fraction of a stage's duration within which the stage converges
     basis: name of the basis
     samples: N_h >= M, number of samples chosen from the pool; None means 50, or more for a basis of
         more than 33 weights (`enough_for`)
@@ -436,12 +434,13 @@ class CertifiedLaw:
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:
-        """Return the initial memory: the point at W(0), its normalization (N_h,), and the discount,
-            1/s.
+        """Return the initial memory of the law, which consists of a point, a normalization and a
+        discount.
 
-        The discount is 0 if W(0) stabilizes the plant with a decay rate of at least
-        `RELATIVE_MARGIN` times the largest eigenvalue magnitude. Otherwise the discount is large
-        enough for W(0) to stabilize the discounted plant.
+        The point contains W(0). The normalization has shape (N_h,). The discount, 1/s, is 0 if W(0)
+        stabilizes the plant with a decay rate of at least `RELATIVE_MARGIN` times the largest
+        eigenvalue magnitude. Otherwise the discount is large enough for W(0) to stabilize the
+        discounted plant.
         """
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
@@ -602,11 +601,14 @@ class CertifiedLaw:
 def certified_law(
     game: Game, chosen: CertifiedSettings, seed: int, pool: Stack | None = None
 ) -> CertifiedLaw:
-    """Return the certified law on recorded samples.
+    """Return the certified law for a game, with its recorded samples.
 
     The drifts are replaced by their linear fit over all samples, which reduces the effect of noise.
     The law then uses the samples that differ most (`recording.choose`).
 
+    game: the game
+    chosen: settings of the law
+    seed: seed of random samples
     pool: recorded samples, or None for random ones (`recording.random_pool`)
 
     Raises BadInputError if the number or the rank of the chosen samples is below M, or if the pool
@@ -633,11 +635,11 @@ def learn(
     progress: Progress | None = None,
     **options: Any,
 ) -> TrainingRun:
-    """Learn the value z'Pz and the gain K of a game with the certified law. Return the training
-    run.
+    """Return the training run of the certified law on a game, with the learned value z'Pz and gain
+    K.
 
-    Use `run` for a learning law that you define yourself. The result is not verified: use
-    `hfa.check_critic`, which uses A.
+    Use `run` for a learning law that you define yourself. The result is not verified. Use
+    `hfa.check_critic`, which uses A, to verify it.
 
     game: the game
     law: "certified"

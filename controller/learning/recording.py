@@ -92,7 +92,10 @@ class Stack(Reported):
 
 @checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
-    """Return the samples (z_j, A z_j) of a game at the given states (N, n), without noise.
+    """Return samples of a plant at given states, with the exact drifts A z.
+
+    game: the game, with A
+    states: (N, n)
 
     Raises BadInputError if the states are not (N, n).
     """

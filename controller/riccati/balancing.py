@@ -19,9 +19,10 @@ MAYBE_ON_AXIS = 1e-6
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of a matrix M, sorted by real part, then by imaginary part.
+    """Eigenvalues of a matrix M.
 
-    balanced: M after balancing by a diagonal similarity transformation
+    eigenvalues: (n,), sorted by real part, then by imaginary part
+    balanced: (n, n), M after balancing by a diagonal similarity transformation
     """
 
     eigenvalues: np.ndarray
@@ -97,7 +98,7 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:
-    """Return the eigenvalues of a matrix (n, n), as complex numbers even if all are real."""
+    """Return the eigenvalues of a matrix (n, n) and the balanced matrix."""
     scaled, _ = balanced(matrix)
     eigenvalues = np.linalg.eigvals(scaled).astype(complex)
     return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
@@ -109,9 +110,9 @@ def is_hurwitz(matrix: np.ndarray) -> bool:
 
 
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return D⁻¹ M D, with rows and columns of similar size, and the diagonal of D, (n,).
+    """Return the balanced form D⁻¹ M D of a matrix M, (n, n), and the diagonal of D, (n,).
 
-    The diagonal consists of powers of two.
+    Rows and columns of the balanced form have similar size. The diagonal consists of powers of two.
 
     Raises ValueError if an entry is not finite.
     """
@@ -120,8 +121,7 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return the balanced form D⁻¹ M D of each matrix M of (N, n, n), and the diagonals of D, (N,
-    n).
+    """Return the balanced forms D⁻¹ M D of matrices M, (N, n, n), and the diagonals of D, (N, n).
 
     The diagonals consist of powers of two.
 
@@ -146,12 +146,13 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     The units are powers of two. The change of units therefore causes no rounding. The units do not
     depend on P, and an entry of P that is zero up to rounding therefore remains small. If Q = 0 and
     A and S are not 0, the units also make the largest entry of S in y about as large as the largest
-    entry of A. Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput.
-        22 (2001).
+    entry of A.
 
     A: (..., n, n)
     S: (..., n, n)
     Q: (..., n, n)
+
+    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
     """
     n = A.shape[-1]
     matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)

@@ -25,17 +25,20 @@ _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
 
 def by_schur(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, followed by `refined`.
+    """Return the solution X, (n, n), of a Riccati equation from the Schur form of its Hamiltonian.
+
+    The solution is refined by Newton's method (`refined`).
+
+    Source: Laub, IEEE Trans. Automatic Control 24 (1979), 913-921.
 
     Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, if V1 is
-    singular, or if the equation of a refinement step is singular within rounding. Source: Laub,
-    IEEE Trans. Automatic Control 24 (1979), 913-921.
+    singular, or if the equation of a Newton correction is singular within rounding.
     """
     return refined(form, unrefined(form))
 
 
 def unrefined(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, without refinement.
+    """Return the solution X, (n, n), from the Schur form of the Hamiltonian, without refinement.
 
     If Q = 0 and A is Hurwitz, X is exactly 0, because the Schur form would return rounding errors.
 
@@ -55,7 +58,7 @@ def unrefined(form: NormalForm) -> np.ndarray:
 
 
 def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
-    """Return X after Newton (Kleinman) corrections X <- X + Z.
+    """Return the solution X of a Riccati equation after Newton (Kleinman) corrections X <- X + Z.
 
     Each correction solves (A - S X)'Z + Z (A - S X) + residual(X) = 0. If the condition number of
     this equation is near 1e16, the corrections decrease and then increase. The X after the smallest
@@ -92,9 +95,9 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
 
 
 def by_refined_doubling(form: NormalForm) -> np.ndarray:
-    """Return X, (n, n), by doubling, followed by `refined`.
+    """Return the solution X, (n, n), of a Riccati equation by doubling, refined by Newton's method.
 
-    Raises NoSolutionError if the equation of a refinement step is singular within rounding.
+    Raises NoSolutionError if the equation of a Newton correction is singular within rounding.
     """
     with np.errstate(all="ignore"):
         X = by_doubling(form[None], np.linalg.eigvals(form.hamiltonian[None]))

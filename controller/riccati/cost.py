@@ -110,12 +110,15 @@ def cost_lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
-    """Return D >= 0, (n, n), the excess of the cost of u = -K z, or None if the cost has no bound.
+    """Return the excess D >= 0, (n, n), of the cost of u = -K z, or None if the cost has no bound.
 
-    Under the worst disturbance for u = -K z the cost is z'(P* + D) z. D solves F'D + D F + (K -
-    K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*, the cost equation of K minus the cost
-    equation of K*. Small losses therefore keep their digits. The result is also None if the
-    iteration does not converge.
+    Under the worst disturbance for u = -K z the cost is z'(P* + D) z. D solves the cost equation of
+    K minus the cost equation of K*:
+
+    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
+
+    Small losses therefore keep their digits. The result is also None if the iteration does not
+    converge.
 
     game: the game
     exact: solution of the game, with P*, K* and L*

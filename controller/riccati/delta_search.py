@@ -97,11 +97,12 @@ def smallest_delta(
     tolerance: float,
     progress: Progress | None = None,
 ) -> Bracket:
-    """Return the bracket of the smallest δ with a solution, by bisection of log δ.
+    """Return bounds of the smallest δ with a solution, by bisection of log δ.
 
-    ask: δ -> existence; the set of δ with a solution is an interval (δ_min, inf]
+    ask: function δ -> existence. The set of δ with a solution must be an interval (δ_min, inf].
     begin: a δ that should have a solution
     tolerance: relative width of the bracket, if no δ is undecided
+    progress: called during the search, or None
 
     Raises NoSolutionError if no δ up to `MOST` times `begin` is found to have a solution.
     """

@@ -51,13 +51,15 @@ class FromEigenvectors(NamedTuple):
 
 
 def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
-    """Return X = V2 V1⁻¹ of N games after Newton steps, [V1; V2] the Hamiltonian's stable
-    eigenvectors.
+    """Return the solutions X of N games from the eigenvectors of their Hamiltonians, after Newton
+    steps.
 
-    V1 contains the eigenvectors of A - S X. V1⁻¹ (A - S X) V1 is therefore diagonal up to rounding.
-    The condition number of all eigenvectors of the Hamiltonian bounds its distance to the imaginary
-    axis (Bauer and Fike). The eigenvectors of the other eigenvalues are [U; X U + (V1')⁻¹], and the
-    rows of the inverse matrix have the same norms. Source: Zhou, Doyle and Glover, Section 13.2.
+    [V1; V2] are the stable eigenvectors, and X = V2 V1⁻¹. V1 contains the eigenvectors of A - S X.
+    V1⁻¹ (A - S X) V1 is therefore diagonal up to rounding. The condition number of all eigenvectors
+    of the Hamiltonian bounds its distance to the imaginary axis (Bauer and Fike). The eigenvectors
+    of the other eigenvalues are [U; X U + (V1')⁻¹], and the rows of the inverse matrix have the
+    same norms.
+    Source: Zhou, Doyle and Glover, Section 13.2.
     """
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)

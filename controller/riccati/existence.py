@@ -54,7 +54,7 @@ class Found(NamedTuple):
     """Decision whether the value of a game exists, with its data.
 
     answer: the decision
-    form: normal form in whose coordinates it was made
+    form: normal form in whose coordinates the decision was made
     subspace: stable subspace of the Hamiltonian of `form`, or None if unknown
     """
 

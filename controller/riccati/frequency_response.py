@@ -118,7 +118,12 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Return (jω I - loop)⁻¹ B, (N, n, m), at N frequencies ω, rad/s.
+    """Return the response of the states to the inputs, (jω I - loop)⁻¹ B, (N, n, m), at N
+    frequencies.
+
+    loop: (n, n), state matrix of a closed loop
+    B: (n, m)
+    frequencies: ω, (N,), rad/s
 
     Raises NoSolutionError if a pole of the loop is on the imaginary axis within rounding.
     """

@@ -23,7 +23,11 @@ POINTS = 20
 
 
 class SweptGain(NamedTuple):
-    """Largest gain found in a frequency sweep, and its frequency, rad/s."""
+    """Largest gain found in a frequency sweep.
+
+    gain: the gain, or inf for an unstable loop
+    frequency: its frequency, rad/s
+    """
 
     gain: float
     frequency: float

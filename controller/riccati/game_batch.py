@@ -22,11 +22,11 @@ TOGETHER = 250
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GameBatch(Reported):
-    """Solutions of N games.
+    """Certified solutions of N games.
 
     P: (N, n, n), nan if not certified
     K: (N, m, n), nan if not certified
-    certified: (N,), whether the solution is certified
+    certified: (N,), True if the solution of the game is certified
     reasons: N lines, the reason for a missing certificate, or "" for a certified solution
     """
 

@@ -140,7 +140,7 @@ class Solution(Result, Reported):
 
 @checks_arguments
 def solve_game(game: Game, progress: Progress | None = None) -> Solution:
-    """Solve a game exactly and certify the solution (paper Section 3.1).
+    """Return the certified exact solution of a game (paper Section 3.1).
 
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
 

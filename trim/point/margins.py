@@ -73,9 +73,9 @@ class Margin(Result):
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
     def row(self) -> tuple[str, ...]:
-        """Return a row of a table: name, value, unit, role, limits, distance and nearer limit, as
-            text.
+        """Return a table row on the variable, as text.
 
+        The cells are name, value, unit, role, lowest and highest value, distance and nearer limit.
         Angles are in degrees.
         """
         lowest, highest = (

@@ -180,10 +180,10 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Return data on each equation: imposed value, residual, tolerance, unit, and whether it
-        balances.
+    """Return data on each equation of a trim, state or output -> data.
 
-    The keys are the names of the states and outputs.
+    The data are the imposed value, the residual, its tolerance, the unit, and whether the equation
+    balances.
     """
     imposed = {**condition.imposed, **condition.rates}
     equations = {}

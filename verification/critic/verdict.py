@@ -189,18 +189,19 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Return the first line of the report: PASS, NEAR or FAIL on the linear game, and the first
-            finding.
+        """Return the first line of the report, with the grade on the linear game and the first
+        finding.
 
-        A second finding is added if the line then has at most 100 columns.
+        The grade is PASS, NEAR or FAIL. A second finding is added if the line then has at most 100
+        columns.
 
         limit_cost: as for `holds`
         """
         return self._first_lines(limit_cost)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the first lines of the report: the headline, then one line for each further
-            finding.
+        """Return the first lines of the report, which are the headline and a line for each further
+        finding.
 
         The findings are errors, stability, the equilibrium and the L2 gain.
 
