@@ -37,9 +37,11 @@ ANGLES = np.radians([9.0, 11.0])
 
 
 def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
-    """Return the matrix of the closed loop at 11 deg, at constant commands, and the controller.
+    """Return the matrix of a design's closed loop at 11 deg, at constant commands, and its
+    controller.
 
-    The controller is also computed as part of a table, which must contain the same matrices.
+    The controller is also computed as part of a table. The function asserts that the table contains
+    the same matrices.
     """
     model = model_at(11.0)
     found = controller_at(aircraft, model, design)
@@ -64,7 +66,9 @@ def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
 
 @pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
 def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, name: str) -> None:
-    """The loop with the state-feedback controller has the poles of A - B K with the exact K."""
+    """The closed loop of a state-feedback design has the poles of A - B K with the game's exact
+    K.
+    """
     design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
     loop, _ = whole(published_aircraft, design)
@@ -76,8 +80,8 @@ def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, n
 def test_output_feedback_has_the_poles_of_central_controller(
     published_aircraft: Model, delta: float
 ) -> None:
-    """The loop with the output-feedback controller has the poles of the plant with the central
-    controller.
+    """The closed loop of an output-feedback design has the poles of the central controller's
+    loop.
     """
     design = measured_servo(delta=delta)
     built = design_model(published_aircraft, model_at(11.0), design)
@@ -120,8 +124,8 @@ def test_impossible_designs_name_angle_and_reason(published_aircraft: Model) -> 
 def test_matrices_are_linear_between_angles_and_constant_beyond(
     published_aircraft: Model,
 ) -> None:
-    """The matrices are linear between breakpoints and constant beyond the first and last
-    breakpoint.
+    """A controller's matrices are linear between breakpoints and constant beyond the outermost
+    ones.
     """
     controller = small_controller(published_aircraft)
     cases = (
@@ -246,8 +250,9 @@ def test_the_report_lists_limit_and_checks(published_aircraft: Model, limit: str
 
 
 def test_a_loop_whose_numbers_overflow_is_none() -> None:
-    """The abscissa of a loop whose numbers overflow is refused, here with an effectiveness of
-    1e308.
+    """The spectral abscissa of a loop whose numbers overflow is refused.
+
+    The effectiveness of the actuators is 1e308.
     """
     one = np.ones((1, 1))
     loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one)
@@ -260,7 +265,7 @@ def test_path_from_inputs_sensor_once_closed_equations_say(
 ) -> None:
     """With a direct path D from inputs to a sensor, the closed loop has the correct rates.
 
-    The rates are those of the equations solved for u, u = Ck x_c + Dk (C x + D u).
+    The rates are compared with those of the equations solved for u, u = Ck x_c + Dk (C x + D u).
     """
     rng = np.random.default_rng(0)
     shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
@@ -286,7 +291,7 @@ def test_path_from_inputs_sensor_once_closed_equations_say(
 
 
 def gentle(aircraft: Model, gain: float) -> ScheduledController:
-    """Return a stable controller whose output is aileron_outer = gain pitch_rate, for 5 deg
+    """Return a stable controller with the output aileron_outer = gain pitch_rate, valid at 5 deg
     only.
     """
     table = small_controller(aircraft)
@@ -302,8 +307,8 @@ def gentle(aircraft: Model, gain: float) -> ScheduledController:
 def test_controller_does_little_passes_with_abscissa_of_aircraft(
     published_aircraft: Model,
 ) -> None:
-    """A controller with a very small gain passes, with nearly the abscissa of the aircraft
-    alone.
+    """A controller with a very small gain passes, with nearly the spectral abscissa of the
+    aircraft.
     """
     found = check_margins(
         published_aircraft, gentle(published_aircraft, 1e-4), np.radians([5.0]), (0.5, 2.0)
@@ -317,7 +322,7 @@ def test_controller_does_little_passes_with_abscissa_of_aircraft(
 def test_planted_unstable_controller_is_found_with_its_actuator(
     published_aircraft: Model,
 ) -> None:
-    """A controller that is unstable with some actuators fails, and the report names the worst
+    """A controller that is unstable with some actuators fails. The report names the worst
     actuator.
     """
     table = gentle(published_aircraft, 0.3)

@@ -37,8 +37,9 @@ PEER = ROOT / "extensions/servo/tests/peer_gains.json"
 def test_exact_gain_of_design_with_names_and_units(
     name: str, size: int, published_aircraft: Model
 ) -> None:
-    """`hfa solve --design` returns the peer's gain within 2e-5, with names and units of the
-    design.
+    """`hfa solve --design` returns the gain of the independent program SimVFA within 2e-5.
+
+    Names and units are those of the design.
     """
     data = answer("solve", "--design", SIMVFA[name], *AT_11)
     theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
@@ -83,9 +84,9 @@ load_factor = 1e-3
 
 
 def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
-    """Write the design `simvfa-1` with replaced texts and added sensors, and return the name of the
-    file.
+    """Write a changed copy of the design `simvfa-1` to a file, and return the name of the file.
 
+    sensors: text appended to the file
     changed: old text -> new text
     """
     text = Path(SIMVFA["simvfa-1"]).read_text(encoding="utf-8")
@@ -98,10 +99,9 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
 
 @pytest.mark.slow
 def test_design_with_sensors_is_designed_from_its_measurements() -> None:
-    """A design with sensors gives an output-feedback controller with a larger delta_min than the
-    gain.
+    """A design with sensors gives an output-feedback controller.
 
-    A delta between the two values is refused.
+    Its delta_min is larger than with state feedback. A delta between the two values is refused.
     """
     file = own("own.toml", **{"delta = inf": "delta = 200.0"})
     data = answer("solve", "--design", file, *AT_11)
@@ -173,7 +173,7 @@ def test_what_no_controller_can_do_is_one_line(
 
 @pytest.mark.slow
 def test_a_design_becomes_file_that_prints_same_table() -> None:
-    """The file that `hfa design -o` writes prints the same report and contains the same
+    """`hfa design FILE` prints the report of a file written by `hfa design -o`, with the same
     matrices.
     """
     made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
@@ -196,7 +196,7 @@ def test_a_design_becomes_file_that_prints_same_table() -> None:
 
 
 def test_a_controller_in_metres_is_controller_in_feet() -> None:
-    """A controller designed with --units si is the converted controller.
+    """A controller designed with --units si equals the converted controller in English units.
 
     A flight with --units si ends in the converted state.
     """

@@ -1,6 +1,7 @@
 """Designs in files and their design models.
 
-Gains are compared with a peer's, and matrices with differences. Faulty designs are refused.
+Gains are compared with those of the independent program SimVFA, and matrices with finite
+differences. Faulty designs are refused.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
 def test_the_peer_s_settings_give_peer_s_gains(
     published_aircraft: Model, name: str, degrees: str
 ) -> None:
-    """The exact gain for the peer's settings equals the peer's gain within 2e-5."""
+    """The exact gain for the settings of the program SimVFA equals SimVFA's gain within 2e-5."""
     theirs = np.array(PEER[name][degrees])
     ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
     assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
@@ -132,7 +133,7 @@ def test_the_peer_s_settings_give_peer_s_gains(
 
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
 def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
-    """At the altitude with the peer's air density, gains agree in all six stored digits.
+    """At the altitude with SimVFA's air density, gains agree with SimVFA in all six stored digits.
 
     At 40,000 ft, some digits differ.
     """
@@ -161,7 +162,9 @@ def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Gam
 def test_loop_of_servo_brings_integrated_outputs_to_zero(
     published_aircraft: Model,
 ) -> None:
-    """With a constant disturbance of the inputs, the integrated outputs are 0 in steady state."""
+    """With a constant disturbance of the inputs, a servo's integrated outputs are 0 in steady
+    state.
+    """
     built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
     K = solve_game(built.game()).K
     closed = built.A - built.B @ K
@@ -172,8 +175,9 @@ def test_loop_of_servo_brings_integrated_outputs_to_zero(
 
 
 def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
-    """Return the rates of states and integrals per ft/s of updraft, from differences of the
-    nonlinear equations.
+    """Return the rates of states and integrals per ft/s of updraft, by finite differences.
+
+    The differences are those of the nonlinear equations.
     """
     point = built.model.point
     h = 1e-4
@@ -201,8 +205,8 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
-    """The column of E for an updraft agrees with differences, also for integrals of outputs, e'
-    = F w.
+    """The column of E for an updraft agrees with finite differences, also in the rows of
+    integrals.
     """
     aircraft = hfa.aircraft(dynamics)
     built = design_at(
@@ -219,8 +223,9 @@ def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
 def test_sensors_states_or_outputs_in_order_of_names(
     published_aircraft: Model,
 ) -> None:
-    """The rows of C and D are those of the named states and outputs, in the order of the
-    sensors.
+    """The rows of C and D of a design model are those of its sensors, in their order.
+
+    A sensor is a state or an output.
     """
     names = (
         "dihedral_integral",
@@ -269,7 +274,7 @@ def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> No
 def test_output_and_short_period_part_may_both_named(
     published_aircraft: Model,
 ) -> None:
-    """An output and its short-period part may both be sensors.
+    """An output and its short-period part may both be sensors of a design.
 
     Only the row of the part omits the speed.
     """
@@ -352,9 +357,7 @@ def test_unusable_designs_are_refused(make: Callable[[], object], message: str) 
 @pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
 @pytest.mark.parametrize("value", [3, "text", [1.0]])
 def test_value_in_place_of_table_of_variant_named(entry: str, value: object) -> None:
-    """A value in place of a table, such as `[newton] weights = 3`, is refused with the name of
-    the entry.
-    """
+    """A number given in place of a table, such as `[newton] weights = 3`, is refused by name."""
     table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
     data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
     with pytest.raises(BadInputError, match=entry):

@@ -1,5 +1,6 @@
-"""Generalized plants compared with slycot, closed forms, 60-digit solutions and LQG, and refused
-plants.
+"""Controllers of generalized plants, and refused plants.
+
+The results are compared with slycot, closed forms, 60-digit solutions and LQG.
 """
 
 from __future__ import annotations
@@ -73,10 +74,11 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
     "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
 def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
-    """delta_min is at most the gain that slycot's loop attains.
+    """delta_min is at most the gain of the closed loop with slycot's controller.
 
-    At δ = 1.001 delta_min, the loop has a gain below δ. If slycot reports another value than
-    delta_min, slycot's loop has a gain above delta_min or above the reported value.
+    At δ = 1.001 delta_min, the loop with the project's controller has a gain below δ. If slycot
+    reports another value than delta_min, slycot's loop has a gain above delta_min or above the
+    reported value.
     """
     plant = random_plant(seed, seed % 3)
     smallest, (stated, reached) = smallest_of(seed, seed % 3), of_slycot(plant)
@@ -94,8 +96,7 @@ def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_X_Y_solve_general_equations_to_sixty_digits(seed: int) -> None:
-    """X and Y satisfy the general Riccati equations (Theorem 17.1) and equal 60-digit solutions of
-    the games.
+    """X and Y satisfy the general Riccati equations (Theorem 17.1) and equal 60-digit solutions.
 
     The tolerance is 1e-10. In the equations, R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0).
     """
@@ -140,11 +141,10 @@ def test_state_feedback_equals_the_game(game: Game) -> None:
 
 @pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.slow), 5])
 def test_state_feedback_limit_measuring_every_state_ever_better(seed: int) -> None:
-    """delta_min of state feedback is the limit for measurements of all states with decreasing
-    noise.
+    """delta_min of state feedback is the limit of delta_min for measurements of all states.
 
-    The plant has cross terms and D11. delta_min is at least |D11|, because the gain does not
-    measure w.
+    The noise of the measurements tends to 0. The plant has cross terms and D11. delta_min is at
+    least |D11|, because a gain u = -K x does not measure w.
     """
     plant = random_plant(seed, 0.3)
     state = replace(plant, C2=None, D21=None, D22=None)
@@ -201,7 +201,7 @@ def test_a_planted_error_in_the_controller_is_seen(
 
 
 def test_a_gain_that_is_too_large_is_seen() -> None:
-    """The peak 1/(2 ζ) of a resonance with ζ = 1e-7 is found."""
+    """`peak_gain` finds the peak 1/(2 ζ) of a resonance with ζ = 1e-7."""
     A = np.array([[0.0, 1.0], [-1.0, -2e-7]])
     B = np.array([[0.0], [1.0]])
     C = np.array([[1.0, 0.0]])
@@ -216,7 +216,10 @@ def transfer(numerators: list, denominators: list) -> Any:
 
 
 def with_noise(system: Any, size: float) -> GeneralizedPlant:
-    """Return the generalized plant of a system with one y and one u, with noise added to y."""
+    """Return the generalized plant of a system with one y and one u, with noise added to y.
+
+    size: gain of the noise
+    """
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
     k = B.shape[1] - 1
     B = np.insert(B, k, 0.0, axis=1)
@@ -226,9 +229,9 @@ def with_noise(system: Any, size: float) -> GeneralizedPlant:
 
 
 def python_control_367() -> Any:
-    """Return the system of python-control issue 367: a mass, spring and damper given to hinfsyn.
+    """Return the system of python-control issue 367: mass, spring and damper, given to hinfsyn.
 
-    w has no direct effect on y.
+    The disturbance w has no direct effect on the measurement y.
     """
     damped = [1.0, 12.0, 20.0]
     return transfer(
@@ -254,7 +257,7 @@ def octave_13() -> Any:
 def octave_14(weighted: bool = True) -> Any:
     """Return the system of Octave control issue 14: one double integrator.
 
-    w has no direct effect on y.
+    The disturbance w has no direct effect on the measurement y.
 
     weighted: whether u has the weight 10 (s + 1) / (s + 100)
     """
@@ -270,7 +273,7 @@ def octave_14(weighted: bool = True) -> Any:
 
 
 def test_plants_of_public_issues_are_refused_by_name() -> None:
-    """Plants from public issues that violate an assumption are refused with the name of the
+    """Plants from public issues that violate an assumption are refused. The message names the
     assumption.
     """
     for system in (python_control_367(), octave_13(), octave_14()):
@@ -496,10 +499,10 @@ ONE = np.eye(1)
 def servo(
     request: pytest.FixtureRequest, published_aircraft: Model
 ) -> tuple[Game, np.ndarray, GeneralizedPlant]:
-    """Return a game of the peer's servo at 11 deg, the matrix C of three measurements, and the
-    plant.
+    """Return the game of a servo at 11 deg, the matrix C of three measurements, and the plant.
 
-    The disturbance acts on every state.
+    The plant is the generalized plant of the game with these measurements. The disturbance acts on
+    every state.
     """
     built = design_model(published_aircraft, model_at(11.0), simvfa_design(request.param))
     C = np.array([[float(state == name) for state in built.states] for name in MEASURED])
@@ -537,7 +540,7 @@ def test_a_scalar_plant_by_hand() -> None:
 
 @pytest.mark.parametrize("size", [pytest.param(1e-14, marks=pytest.mark.slow), 1e14])
 def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
-    """If z is scaled by a factor, delta_min is scaled by the same factor."""
+    """If the cost output z is scaled by a factor, delta_min is scaled by the same factor."""
     plant = random_plant(8)
     expected = smallest_of(8).value
     scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
@@ -607,10 +610,10 @@ def test_infinite_delta_gives_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlan
 
 
 def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
-    """With all states measured, delta_min approaches delta_min of the state-feedback game at low
-    noise.
+    """With measurements of all states, delta_min approaches that of the state-feedback game.
 
-    At the lowest noise, X equals P of the state-feedback game at the same delta to 1e-12.
+    The noise of the measurements tends to 0. At the lowest noise, X equals P of the state-feedback
+    game at the same delta to 1e-12.
     """
     n = len(game.A)
     smallest = minimum_delta(game).value

@@ -39,7 +39,7 @@ def _data_array(table: pandas.DataFrame) -> xarray.DataArray:
 
 @pytest.mark.parametrize("form", [pandas.DataFrame, _data_array])
 def test_gains_are_aligned_by_name(form: Callable[..., Any]) -> None:
-    """A gain with permuted labels is checked and flown like the gain in the order of the plant.
+    """A gain with labels in another order is checked and flown like the gain in the plant's order.
 
     Read by position, the same numbers fail.
     """
@@ -60,7 +60,10 @@ def test_gains_are_aligned_by_name(form: Callable[..., Any]) -> None:
 
 
 def test_weights_and_initial_states_are_aligned_by_name() -> None:
-    """Vectors and matrices of weights are aligned, and a missing state has the weight 0."""
+    """Labelled weights and initial states are aligned with the states by name.
+
+    A state without a weight has the weight 0.
+    """
     linear = _point().linearize()
     weights = pandas.Series({name: 1.0 + i for i, name in enumerate(reversed(linear.states))})
     expected = np.arange(6.0, 0.0, -1.0)

@@ -1,5 +1,6 @@
-"""Critics learned for design models with 55 to 105 weights: exact and in time from every initial
-condition.
+"""Critics with 55 to 105 weights, learned for design models from random initial critics.
+
+They are exact by the predefined time.
 """
 
 from __future__ import annotations

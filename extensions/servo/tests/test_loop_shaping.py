@@ -28,7 +28,9 @@ INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 
 
 def shaped_plant(degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, C of the shaped plant W2 G W1 of the servo, connected in series here."""
+    """Return A, B, C of the servo's shaped plant W2 G W1, which this function connects in
+    series.
+    """
     design = load_design("servo", hfa.aircraft())
     assert design.shaping is not None
     built = design_model(hfa.aircraft(), model_at(degrees), design)
@@ -50,7 +52,7 @@ def random_plant(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0, None])
 def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
-    """gamma_min agrees with γ² = 1/(1 - ‖[N M]‖_H²) (Glover and McFarlane) and with SLICOT's
+    """gamma_min agrees with Glover and McFarlane's γ² = 1/(1 - ‖[N M]‖_H²) and with SLICOT's
     SB10AD.
 
     SB10AD searches the smallest gain of the equivalent four-block problem.
@@ -127,7 +129,7 @@ def test_mode_that_is_not_seen_has_no_controller() -> None:
 
 @cache
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
-    """Return the controller of the design `servo`, at its breakpoints or at the given angles."""
+    """Return the controller of the design `servo`, at its own breakpoints or at given angles."""
     aircraft = hfa.aircraft(dynamics)
     design = load_design("servo", hfa.aircraft()).of(hfa.aircraft(dynamics))
     assert design.shaping is not None
@@ -185,7 +187,9 @@ def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
 
 
 def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> None:
-    """If one loop is changed by its gain or phase margin, a pole lies on the imaginary axis."""
+    """If one input or sensor is changed by its gain or phase margin, a pole is on the imaginary
+    axis.
+    """
     controller = servo("published", (11.0,))
     actuators = dict.fromkeys(INPUTS, Actuator(2, 2.0))
     loop = servo_loop(
@@ -213,8 +217,9 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
 
 
 def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) -> None:
-    """The loop 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s and infinite gain
-    margin.
+    """The loop 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s.
+
+    Its gain margin is infinite.
     """
     from hfa_servo.servo_loop import ServoLoop
 
@@ -231,7 +236,7 @@ def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) 
 def test_model_answers_command_and_loop_feels_none_of(
     published_aircraft: Model,
 ) -> None:
-    """With the actuators of the followed model, the aircraft's states equal those of the model.
+    """With the actuators of the reference model, the aircraft's states equal those of this model.
 
     The states of the observer remain 0. In steady state, the outputs equal the commands.
     """
@@ -324,7 +329,7 @@ def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
 def pencil_of(
     dynamics: str, degrees: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> np.ndarray:
-    """Return [A, B; C, D] of the aircraft for these inputs and outputs."""
+    """Return [A, B; C, D] of the aircraft with these inputs and outputs, at a dihedral angle."""
     design = Design(
         "zeros",
         inputs,
@@ -339,8 +344,8 @@ def pencil_of(
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
 def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
-    """From two surfaces to dihedral and A_z, a pair of zeros at 0.67 rad/s is in the right half
-    plane.
+    """The plant from two surfaces to dihedral and A_z has a pair of right-half-plane zeros at 0.67
+    rad/s.
 
     At a zero s, [A - s I, B; C, D] loses rank. With pitch in place of A_z, no zero is complex. With
     all inputs of the servo, the matrix has full rank at the zeros of the two surfaces.

@@ -1,6 +1,4 @@
-"""Calls in notebooks: responses of linear models, names of other tools, and functions as
-methods.
-"""
+"""Calls in notebooks: responses of linear models, names of other tools, functions as methods."""
 
 from __future__ import annotations
 
@@ -70,7 +68,9 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
 
 
 def test_other_attributes_are_those_of_python_control() -> None:
-    """A linear model has the attributes of python-control, with named inputs and outputs."""
+    """A linear model has the attributes of python-control's StateSpace, with named inputs and
+    outputs.
+    """
     linear = _linear()
     assert linear.ninputs == 5
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
@@ -92,7 +92,7 @@ def test_other_attributes_are_those_of_python_control() -> None:
 
 
 def test_functions_of_matrices_take_those_of_the_model() -> None:
-    """Functions of python-control such as ctrb(A, B) are called with the matrices of the linear
+    """A linear model's method ctrb() calls python-control's ctrb(A, B) with the matrices of the
     model.
 
     An error of python-control becomes a one-line message.
@@ -171,9 +171,7 @@ def test_simulate_accepts_a_sample_time() -> None:
 
 
 def test_keywords_of_python_control_are_accepted() -> None:
-    """The keywords input=, output=, T= and X0= are accepted for inputs, outputs, time and
-    initial.
-    """
+    """Calls accept input=, output=, T= and X0= for inputs, outputs, time and initial."""
     linear = _linear()
     usual = linear.step(time=3.0, inputs="throttle", outputs="speed")
     assert np.array_equal(
@@ -243,7 +241,7 @@ def test_a_missing_argument_is_computed() -> None:
     """Functions accept an earlier member of the chain Model -> OperatingPoint -> LinearModel ->
     Game.
 
-    Further keywords specify the steps between.
+    Further keywords specify the trim and the weights of the game.
     """
     point = find_operating_point(MODEL, dihedral=0.2)
     linear = point.linearize()
@@ -285,7 +283,7 @@ def test_a_gain_file_is_converted_to_aircraft_units(folder: Path) -> None:
 
 
 def test_a_gain_closes_a_linear_loop() -> None:
-    """linear.closed_loop(K) is z' = (A - B K) z + B v. linear.margins(K) are the solution's
+    """linear.closed_loop(K) is z' = (A - B K) z + B v, and linear.margins(K) are the solution's
     margins.
     """
     linear = _linear()
@@ -307,7 +305,9 @@ def test_a_gain_closes_a_linear_loop() -> None:
 
 
 def test_values_of_a_model_are_the_points() -> None:
-    """environment(model, dihedral=...) and assess(point, FILE) use the trims at these values."""
+    """environment(model, dihedral=...) and assess(point, FILE) use the trims at the given
+    values.
+    """
     env = hfa.environment(MODEL, dihedral=[0.1, 0.2])
     assert [point["dihedral"] for point in env.episodes.points] == [0.1, 0.2]
     model = hfa.load_model("examples/gtm.py:GTM")
@@ -321,7 +321,7 @@ def test_values_of_a_model_are_the_points() -> None:
 
 
 def test_prove_chooses_by_its_arguments() -> None:
-    """hfa.prove(game, K) proves statements on a critic, and hfa.prove(game) on the exact
+    """hfa.prove(game, K) proves statements on a critic. hfa.prove(game) proves the exact
     solution.
     """
     game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -418,7 +418,9 @@ def test_modes_are_a_table_and_a_method() -> None:
 
 
 def test_sweeps_and_flights_are_tables_and_curves() -> None:
-    """Sweeps and flights have the methods of a pandas table, and can be plotted by name."""
+    """Sweeps and flights have the methods of a pandas table, and their variables can be plotted
+    by name.
+    """
     swept = hfa.sweep(MODEL, at=[0.1, 0.2])
     assert np.array_equal(hfa.sweep(MODEL, [0.1, 0.2]).A, swept.A)
     table = swept.to_pandas()

@@ -1,4 +1,4 @@
-"""delta_min of mixed-sensitivity plants is the same for transformed copies and for slycot."""
+"""delta_min of mixed-sensitivity plants, compared with slycot and with transformed copies."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def decade(rng: Generator, low: float, high: float) -> float:
 
 
 def signed(rng: Generator) -> float:
-    """Return 1 (a stable pole) with probability 3/4, otherwise -1."""
+    """Return 1 for a stable pole, with probability 3/4, or -1 for an unstable pole."""
     return 1.0 if rng.random() < 0.75 else -1.0
 
 
@@ -81,7 +81,7 @@ def mixed_sensitivity(seed: int) -> GeneralizedPlant:
 
 
 def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
-    """Return the bracket of delta_min, or (0, inf) if rounding leaves it undecided."""
+    """Return the bracket of a plant's delta_min, or (0, inf) if rounding leaves it undecided."""
     try:
         return plant.minimum_delta()
     except NoSolutionError as refusal:
@@ -159,7 +159,9 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
 
 
 def test_axes_are_left_as_they_were_entered() -> None:
-    """A change of coordinates and back leaves matrices unchanged within 1e-14 of the largest entry."""
+    """A change of coordinates and its inverse change matrices by at most 1e-14 of the largest
+    entry.
+    """
     turned = [copy.problem for copy in copies(mixed_sensitivity(15), 15, 4)][-1]
     axes = turned.axes
     for name, into, back in (
@@ -181,9 +183,10 @@ def test_axes_are_left_as_they_were_entered() -> None:
 
 
 def test_sizes_are_those_of_the_parts_that_cancel() -> None:
-    """If u = -N⁺ C x subtracts 1e6 from A and leaves 1, `sizes` contains 2e6 and not 1.
+    """If u = -N⁺ C x cancels 1e6 in A and leaves 1, the magnitude of the terms of A is 2e6 and not
+    1.
 
-    The error of the stable subspace is more than 1e5 times that without these sizes.
+    The error of the stable subspace is more than 1e5 times the error without these magnitudes.
     """
     side = Side(
         A=np.array([[1e6 + 1.0]]),
@@ -212,7 +215,7 @@ def test_the_closed_loop_gain_is_below_delta() -> None:
 
 @pytest.mark.slow
 def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
-    """For 171 plants, the brackets of delta_min of plant, copies and slycot overlap.
+    """For 171 plants, the brackets of delta_min of the plant, its copies and slycot overlap.
 
     No bracket is wider than 1 %, and at most 20 of 684 are wider than the tolerance.
     """

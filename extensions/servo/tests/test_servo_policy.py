@@ -89,7 +89,8 @@ def test_outputs_are_those_of_the_linear_model(
 def test_in_moving_air_accelerometer_feels_alpha_through_air(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """An updraft w changes the measured acceleration by F w, where F is its derivative.
+    """An updraft w changes the measured acceleration by F w, for the derivative F in the linear
+    model.
 
     F agrees within 5 % with the effect of a change of alpha by w / V.
     """
@@ -114,7 +115,7 @@ def test_in_moving_air_accelerometer_feels_alpha_through_air(
 def test_flight_on_linear_model_is_loop_written_out(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """The linear prediction of a flight equals an integration of the same loop in NumPy."""
+    """The linear prediction of a flight equals an integration of the same closed loop in NumPy."""
     controller = integrating_controller(published_aircraft)
     result = flown(published_aircraft, point, controller)
     assert result.predicted is not None
@@ -149,7 +150,7 @@ def test_anti_windup_input_is_what_was_not_applied(
 ) -> None:
     """Without saturation, the anti-windup term W (u_applied - u) has no effect.
 
-    With saturation, the largest integral is less than half of that without the term.
+    With saturation, the term reduces the largest integral to less than half.
     """
     lowest = np.array(point.inputs) - 1e-4
     highest = np.array(point.inputs) + 1e-4
@@ -171,7 +172,7 @@ VALUES = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 
 
 def test_signal_same_at_one_time_at_many_expression() -> None:
-    """A signal has the same values at one time, at several times, and as an expression."""
+    """A waveform has the same values at one time, at several times, and as an expression."""
     rng = np.random.default_rng(2)
     constant, slope, sine, cosine = rng.normal(size=(4, 3))
     signal = Waveform(constant, slope, (Harmonic(1.3, sine, cosine), Harmonic(0.2, cosine, -sine)))
@@ -195,7 +196,9 @@ def steps(damping: float = 2.0) -> CommandSteps:
 
 @pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
 def test_the_closed_form_solves_the_equation_of_filter(damping: float) -> None:
-    """The closed form of filtered commands agrees with an integration of the filter's equation."""
+    """The closed form of filtered commands agrees with a numerical integration of the command
+    filter.
+    """
     commands = steps(damping)
     w = 0.5
     y = np.zeros(4)

@@ -1,4 +1,4 @@
-"""The bound on the effect of rounding on a value v'P v."""
+"""The bound on the effect of rounding on a value v'P v of a state v."""
 
 import math
 from dataclasses import replace

@@ -30,7 +30,9 @@ SWEEP = (
 def test_job_filled_disk_goes_on_when_there_room(
     small_disk: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """A job that fills the disk is refused in one line, and resumed after the disk is enlarged."""
+    """A job that fills the disk is refused in one line. It can be resumed after the disk is
+    enlarged.
+    """
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     full = hfa_process(*SWEEP, folder=small_disk, TMPDIR=str(elsewhere))
     assert (full.code, full.out) == (BAD_INPUT, "")

@@ -1,4 +1,4 @@
-"""Sweeps into a store, ended by Ctrl-C, SIGTERM, SIGHUP or SIGKILL, and resumed."""
+"""Sweeps into a store that are ended by Ctrl-C, SIGTERM, SIGHUP or SIGKILL, and resumed."""
 
 from __future__ import annotations
 

@@ -57,7 +57,9 @@ def test_an_abandoned_job_leaves_no_worker() -> None:
 
 
 def test_worker_that_dies_ends_job_in_one_line() -> None:
-    """The death of a worker is reported with the proposal of --resume, and no worker is left."""
+    """The death of a worker is reported in one line that suggests --resume, and no worker is
+    left.
+    """
     with (
         pytest.raises(
             NoSolutionError, match=r"a worker process ended unexpectedly; .*continue with --resume"
@@ -69,7 +71,7 @@ def test_worker_that_dies_ends_job_in_one_line() -> None:
 
 
 def test_no_worker_starts_without_free_file_handles() -> None:
-    """If no file handle is free, no worker is started, and the error proposes fewer workers."""
+    """If no file handle is free, no worker is started, and the error suggests fewer workers."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     next_descriptor = os.dup(0)

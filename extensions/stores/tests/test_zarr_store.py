@@ -46,7 +46,8 @@ def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
     """Return the arrays of `numbers` after a delay.
 
-    The delay is long for all chunks but the first, so that a kill comes before they are done.
+    The delay is long for all chunks but the first. A signal can then end the job before they are
+    done.
     """
     time.sleep(0.05 if start == 0 else 3.0)
     return numbers(start, stop)
@@ -67,7 +68,9 @@ def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numb
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return name -> bytes of each file in a store, except files that a kill left unfinished."""
+    """Return the bytes of each file in a store by name, without files that a kill left
+    unfinished.
+    """
     files = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".partial"]
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 

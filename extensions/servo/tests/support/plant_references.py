@@ -1,6 +1,4 @@
-"""Reference results for generalized plants from SLICOT (slycot), which shares no code with this
-project.
-"""
+"""Reference results for generalized plants from SLICOT, which shares no code with this project."""
 
 from __future__ import annotations
 
@@ -14,8 +12,7 @@ from hfa_servo.generalized_plant import GeneralizedPlant, closed_plant
 
 
 def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
-    """Return the smallest gain that SLICOT's SB10AD reports, and the gain of the loop that it
-    returns.
+    """Return the smallest gain that SLICOT's SB10AD reports, and the gain of its closed loop.
 
     Both are inf if SB10AD finds no controller.
     """
