@@ -24,7 +24,7 @@ _MEMBER = "member"
 
 
 def chunk_of(plan: MonteCarlo) -> int:
-    """Return the number of members that one task simulates."""
+    """Return the number of flights of a Monte Carlo plan that one task simulates."""
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
     return min(-(-CHUNK_STEPS // steps), plan.members)
 

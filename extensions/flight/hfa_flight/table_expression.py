@@ -9,7 +9,9 @@ from hfa_support.linear_table import LinearTable
 
 
 def table_expression(table: LinearTable, where: ca.SX) -> ca.SX:
-    """Return `table.at(where)` as a CasADi column (k,) of the entries of the array, row by row.
+    """Return the value of a table at an argument, as a CasADi column (k,).
+
+    The value of the table is an array with k entries. The column contains them row by row.
 
     where: argument of the table, one expression
     """

@@ -346,8 +346,8 @@ def _all(conditions: Iterable[ca.SX]) -> ca.SX:
 class EpisodeAir:
     """Turbulence of N episodes, each about one of several trims.
 
-    The turbulence is exact at the samples. During a sample, the mean of the values at both ends is
-    held.
+    The turbulence is exact at the samples. During a sample, each disturbance is constant and equals
+    the mean of its values at both ends.
     """
 
     def __init__(
@@ -388,7 +388,7 @@ class EpisodeAir:
         self._states[numbers] = _rowwise(self._stationary[owners], draw)
 
     def step(self) -> np.ndarray:
-        """Advance the turbulence by one sample.
+        """Advance the turbulence of all episodes by one sample.
 
         Returns the disturbances during that sample, (N, k).
         """

@@ -83,7 +83,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """Append the names in a syntax tree to `names`.
+    """Check the syntax tree of a formula, and append the names that it contains to `names`.
 
     Raises BadInputError for a node that is not supported and for an unknown name.
 

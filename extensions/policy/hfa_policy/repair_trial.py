@@ -148,12 +148,12 @@ def _weakens(repair: Repair) -> bool:
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Return whether a change of gain alone is about as good as a change.
+    """Return whether a change of gain alone improves the flights about as much as another change.
 
     With such a gain, about as many flights converge at about the same cost, or the cost is clearly
     lower. In both cases, the cost must be clearly lower than without control.
 
-    flown: results with the change
+    flown: results with the other change
     none: results without control
     other_gains: results with other gains
     """

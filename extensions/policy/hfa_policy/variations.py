@@ -102,7 +102,9 @@ def variations(
     changes: Sequence[tuple[str, float]],
     progress: Progress | None = None,
 ) -> list[Variation]:
-    """Assess the policy at each trim on each changed aircraft, one change at a time.
+    """Return the assessments of the policy on changed aircraft, one change at a time.
+
+    Each change is assessed at each trim.
 
     changes: (name, value) of each change, from `changes_of`
     """

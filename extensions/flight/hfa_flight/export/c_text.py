@@ -91,7 +91,10 @@ def braced(values: Any) -> str:
 
 
 def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
-    """Return name -> unit for these signals of a model."""
+    """Return the units of some signals of a model, by name.
+
+    names: names of the signals
+    """
     return dict(zip(names, model.units(tuple(names)), strict=True))
 
 
