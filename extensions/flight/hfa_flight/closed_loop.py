@@ -214,8 +214,8 @@ class StateParts(NamedTuple):
     """Parts of the state y, or their sizes, in the order in which y contains them.
 
     plant: deviations of the plant's states from trim, (n,)
-    actuators: states of the actuators; size 0 without actuators
-    memory: states of the policy; size 0 without memory
+    actuators: states of the actuators, or size 0 without actuators
+    memory: states of the policy, or size 0 without memory
     """
 
     plant: Any

@@ -23,7 +23,7 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
 
     Names are kept. Disturbances are 0.
 
-    outputs: names of states and outputs of the model; by default all
+    outputs: names of states and outputs of the model, by default all
 
     >>> import hfa
     >>> from hfa_flight import to_control

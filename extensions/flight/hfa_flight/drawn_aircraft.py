@@ -88,7 +88,7 @@ def drawn_figure(plan: MonteCarlo) -> Figure:
 
 
 def _draw_state(axes: Any, name: str, place: int, itself: Flight, flights: list[Flight]) -> None:
-    """Draw one state on the left and the right axes.
+    """Draw one state in the left and the right panel of a row of the figure.
 
     place: index of the state
     itself: flight of the nominal aircraft

@@ -33,5 +33,5 @@ class Deviations(Reported):
 
     @property
     def updrafts(self) -> np.ndarray:
-        """Updraft at each time, (N,), positive up, in the model's units; 0 in still air."""
+        """Updraft at each time, (N,), positive up, in the model's units, or 0 in still air."""
         return self.winds.get(UPDRAFT, np.zeros(len(self.times)))

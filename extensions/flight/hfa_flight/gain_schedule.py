@@ -100,7 +100,7 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     """Return the gain schedule in a file.
 
     path: file with one gain K (m, n), or with K (G, m, n) and G breakpoints under the model's
-      `schedule_key`, angles in degrees; in MATLAB files K is (m, n, G)
+      `schedule_key`, angles in degrees. In MATLAB files, K is (m, n, G)
     model: model with m inputs and n states of the linear model
 
     The entry `state_units` may state SI or English units for one gain. A table must be in the units

@@ -58,9 +58,10 @@ def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
 
 
 def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
-    """Return the report of a plan: outcomes, and quantiles over the members inside the envelope.
+    """Return the report of a Monte Carlo plan: outcomes, and quantiles of the results.
 
-    The data of the report are a `MemberSummary`.
+    The quantiles are over the members inside the envelope. The data of the report are a
+    `MemberSummary`.
 
     read: function from the name of a result to its values, (N, ...), one row for each member
     where: where the members are stored, for the title

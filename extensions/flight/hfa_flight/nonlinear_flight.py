@@ -107,7 +107,7 @@ def fly(
     predict: whether the linear model is simulated too
     method: "runge-kutta", or for a JSBSim aircraft "jsbsim": JSBSim's integration steps and Earth
       model, with the lags of engines and filters
-    step: integration step of method "jsbsim", s; default: 1/120
+    step: integration step of method "jsbsim", s. Default: 1/120
     progress: called during the nonlinear flight
 
     Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
@@ -213,8 +213,10 @@ class Flight(StatesAndInputs, Result, Reported):
     envelope: limits of the states
     loop: the simulated loop
     flight: deviations from `point`
-    departure: first departure from the envelope: state, time, value, limit; null if there is none.
-    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit; null if there is none.
+    departure: first departure from the envelope: state, time, value, limit, or null if there is
+        none.
+    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
+        none.
     predicted: flight of the linear model, or None if it was not simulated
     decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     method: "runge-kutta" or "jsbsim"
@@ -275,8 +277,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Absolute angle of attack of the center of mass through the air, (N,), rad; alpha in still
-        air.
+        """Absolute angle of attack of the center of mass through the air, (N,), rad. In still air,
+        it is alpha.
         """
         alpha = list(self.point.model.states).index(ALPHA)
         return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
@@ -454,8 +456,8 @@ class Flight(StatesAndInputs, Result, Reported):
     def plot(self, *names: Any) -> np.ndarray:
         """Draw states and inputs over time in a new pyplot figure and return its Axes.
 
-        names: variables to be drawn, such as plot("alpha", "pitch"); by default all states that
-          move and all inputs
+        names: variables to be drawn, such as plot("alpha", "pitch"). By default, all states that
+            move and all inputs
         """
         if names:
             drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)

@@ -26,9 +26,9 @@ class Measurements(NamedTuple):
 
     error: (k,), x - x_d of the states of the linear model
     states: (k,), x
-    positions: (m,), actuator positions; (0,) without actuators
-    rates: (m,), actuator rates; (0,) without actuators of order 2
-    updraft: (1,); (0,) in still air
+    positions: (m,), actuator positions, or (0,) without actuators
+    rates: (m,), actuator rates, or (0,) without actuators of order 2
+    updraft: (1,), or (0,) in still air
     """
 
     error: ca.SX

@@ -21,7 +21,7 @@ class MemberSummary(Result):
     duration: s.
     within_limits: number of flights inside the envelope and control limits, without limit cycle.
     held: number of flights that stayed inside the envelope.
-    first_left: time of the first departure, s; null if there is none.
+    first_left: time of the first departure, s, or null if there is none.
     left: state -> number of flights in which it left the envelope first.
     exceeded: input -> number of flights in which it exceeded its control limit.
     limit_cycle: input or state -> number of flights that end in its limit cycle.

@@ -194,7 +194,7 @@ class Scenario(Reported):
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s; inf if one never ends."""
+        """Time at which the last signal, gust or noise ends, s, or inf if one never ends."""
         if self.samples is not None:
             return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())

@@ -40,8 +40,8 @@ def assess(
 
     model: the aircraft
     deployment: observations, actions and timing of the policy, or the path of a deployment file
-    points: operating points, or values of the scheduling variable in the units of the model;
-        default: the model's default trim
+    points: operating points, or values of the scheduling variable in the units of the model.
+        Default: the model's default trim
     samples: number of initial conditions at each trim. Each is flown with and without the
         disturbance pulse
     seed: seed of the initial conditions

@@ -53,11 +53,12 @@ class AssessedPoint(Result):
     deployed: the policy on its aircraft.
     point: the trim.
     place: initial-condition box and equilibrium.
-    radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
+    radius: spectral radius of the sampled loop with the deployed delay, or nan without an
+        equilibrium.
     delays: spectral radii with other delays, or None without an equilibrium.
-    margins: margins of the loop; None without an equilibrium, if the loop is unstable, or if the
+    margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
         computation fails.
-    cost: cost above the optimum; None without an equilibrium, weights or an optimum.
+    cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
     nonlinearity: largest deviation of the command from its linearization over the initial-condition
         box, or None without an equilibrium.
     flights: outcomes from seeded initial conditions, or None without flights.
@@ -66,7 +67,7 @@ class AssessedPoint(Result):
     findings: findings at this trim, one sentence each.
     best: comparison with the best flights found, or None if it was not requested.
     rough: flights with sensor noise or in moving air, or None if they were not requested.
-    slowest: eigenvalue of the sampled loop with the largest absolute value; nan without an
+    slowest: eigenvalue of the sampled loop with the largest absolute value, or nan without an
         equilibrium.
     """
 
@@ -146,7 +147,7 @@ class AssessedPoint(Result):
 
     @property
     def offset(self) -> np.ndarray:
-        """Equilibrium minus trim in the linear states, (k,); defined only with an equilibrium."""
+        """Equilibrium minus trim in the linear states, (k,), defined only with an equilibrium."""
         assert self.equilibrium is not None
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
@@ -154,8 +155,9 @@ class AssessedPoint(Result):
 
     @property
     def radii(self) -> tuple[float, ...]:
-        """Spectral radii of the sampled loop, delayed by 0, 1, 2, ... samples; () without an
-        equilibrium.
+        """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples.
+
+        The result is () without an equilibrium.
         """
         return () if self.delays is None else self.delays.radii
 
@@ -215,7 +217,7 @@ class SampledLoop(NamedTuple):
     """Sampled loop about one equilibrium.
 
     radius: spectral radius, or nan without an equilibrium.
-    cost: cost above the optimum; None without an equilibrium, weights or an optimum.
+    cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
     """
 
     radius: float

@@ -49,12 +49,12 @@ class BestCosts(Result):
         did not confirm the flight.
     lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
         initial conditions with a best flight.
-    policy_over_best: cost of the policy's flights that end at the trim, relative to the best; None
-        if no flight ends at the trim.
-    lqr_over_best: cost of the flights with the saturated linear optimum, relative to the best; None
-        if no flight ends at the trim.
+    policy_over_best: cost of the policy's flights that end at the trim, relative to the best, or
+        None if no flight ends at the trim.
+    lqr_over_best: cost of the flights with the saturated linear optimum, relative to the best, or
+        None if no flight ends at the trim.
     offset_rate: cost per second of the steady-state error, or None without an equilibrium.
-    brackets: bounds on the cost from each initial condition with a lower bound; empty without a
+    brackets: bounds on the cost from each initial condition with a lower bound, or empty without a
         certificate.
     """
 
@@ -100,8 +100,8 @@ class BestCosts(Result):
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
     """Return a phrase on the ratios of flight costs to their positive lower bounds.
 
-    costs: each lower bound with the cost of a flight from its initial condition; None for a flight
-        that does not end at the trim
+    costs: each lower bound with the cost of a flight from its initial condition, or None for a
+        flight that does not end at the trim
     """
     inside: list[float] = []
     beyond: list[float] = []

@@ -194,7 +194,7 @@ class ChangeFlights:
 
         repairs: the changes
         sample: number of initial conditions for each change, and duration of a flight
-        dt, delay: sample time and delay, s; default: those of the deployment file
+        dt, delay: sample time and delay, s. Default: those of the deployment file
         """
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)

@@ -26,13 +26,13 @@ _COSTS_NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class CostLost(Result):
-    """Cost above the optimum for deviations from the equilibrium, percent; inf if unbounded.
+    """Cost above the optimum for deviations from the equilibrium, percent, or inf if unbounded.
 
-    worst: worst case of u = -K x in continuous time, without delay; nan for a policy that uses
+    worst: worst case of u = -K x in continuous time, without delay, or nan for a policy that uses
         several samples.
     mean: mean over all initial conditions, as for `worst`.
     sampled_worst: worst case of the sampled loop with delay, relative to the sampled optimum
-        without delay; a step of dt costs dt (x'Qx + u'Ru), with x and u at its start.
+        without delay. A step of dt costs dt (x'Qx + u'Ru), with x and u at its start.
     sampled_mean: mean over all initial conditions, as for `sampled_worst`.
     """
 
@@ -43,7 +43,7 @@ class CostLost(Result):
 
     @property
     def largest(self) -> float:
-        """Larger of `worst` and `sampled_worst`; nan is ignored."""
+        """Larger of `worst` and `sampled_worst`. nan is ignored."""
         return float(np.fmax(self.worst, self.sampled_worst))
 
 

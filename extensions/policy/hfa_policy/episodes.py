@@ -62,8 +62,8 @@ class Episodes:
     states: (N, n), X of each episode.
     inputs: (N, m), the input just before the sample.
     frames: (N, k), observations of all samples of the history, the oldest first.
-    outcomes: (N, 3), of the last sample: reward; 1.0 if the aircraft left its limits; 1.0 if the
-        duration of the episode has elapsed.
+    outcomes: (N, 3), of the last sample: reward, 1.0 if the aircraft left its limits, and 1.0 if
+        the duration of the episode has elapsed.
 
     Each sample overwrites these four arrays in place.
     """

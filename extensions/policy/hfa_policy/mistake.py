@@ -9,7 +9,7 @@ class Mistake(NamedTuple):
     """Mistake of a deployment.
 
     kind: type of mistake, such as "scale" or "no normalizer".
-    proved: True if the files prove the mistake; False if the files make the mistake likely, or if
+    proved: True if the files prove the mistake, False if the files make the mistake likely, or if
         the correction clearly improves the flights.
     text: description in one sentence.
     """

@@ -21,8 +21,8 @@ class Nonlinearity(NamedTuple):
 
     u_e is the input at the equilibrium.
 
-    part: largest deviation found, relative to the largest |K z| in the box; a lower bound on the
-        true maximum.
+    part: largest deviation found, relative to the largest |K z| in the box. It is a lower bound on
+        the true maximum.
     state: linear state -> z at the largest deviation.
     """
 

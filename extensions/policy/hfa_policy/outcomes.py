@@ -138,11 +138,11 @@ class Outcome(Result):
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
         "converges".
-    slowest: longest time of convergence, s; 0 if no flight converges.
+    slowest: longest time of convergence, s, or 0 if no flight converges.
     cycle: limit cycle of a flight that does not converge, or about an unstable equilibrium, or
         None.
     elsewhere: number of flights that converge to another equilibrium.
-    elsewhere_at: linear state -> value at the first other equilibrium; empty if there is none.
+    elsewhere_at: linear state -> value at the first other equilibrium, or empty if there is none.
     moving: number of flights that neither converge to an equilibrium nor leave the limits.
     seconds: duration of a flight, s.
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
@@ -551,9 +551,9 @@ def fly_places(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[list[Outcome], list[Outcome]]:
-    """Simulate flights about each trim, without and with a disturbance pulse.
+    """Return the outcomes of flights about each trim, without and with a disturbance pulse.
 
-    Returns the outcomes at each trim without a pulse, and the outcomes with a pulse.
+    The results are two lists with an `Outcome` for each trim.
 
     samples: number of initial conditions at each trim
     """

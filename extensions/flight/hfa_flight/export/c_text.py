@@ -34,7 +34,7 @@ def comment_lines(text: str) -> str:
 def positions(units: Mapping[str, str], prefix: str = "") -> str:
     """Return the lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
 
-    units: name -> unit; "" if there is no unit
+    units: name -> unit, or "" without a unit
     prefix: inserted between HFA_ and the name
     """
     lines = []

@@ -148,7 +148,7 @@ def exported_loop(
     The inputs are [w; v], with w the disturbances of the model. Actuator states and memory are
     deviations from trim.
 
-    steering: defines v and computes U; by default v = U
+    steering: policy and input signals v, or None for v = U
 
     Raises BadInputError if a trim input is outside its actuator's limits, or if the policy measures
     actuator states that do not exist.

@@ -68,7 +68,7 @@ class InterpolatedModel:
         return tuple(np.unique(column) for column in self.sweep.values.T)
 
     def at(self, **values: float | np.ndarray) -> Interpolated:
-        """Return trims and linear models at values of the variables.
+        """Return trims and linear models at given values of the variables of the sweep.
 
         values: for each variable of the sweep by name, a number or (N,)
 

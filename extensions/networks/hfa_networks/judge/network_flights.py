@@ -52,10 +52,10 @@ class Flown(NamedTuple):
     multiples too.
 
     flights: number of initial conditions, or 0 if nothing was simulated.
-    cost_lost_flown_percent: largest cost above V*, in percent of V*; inf if a simulation does not
-        converge.
-    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*; inf if a simulation does not
-        converge.
+    cost_lost_flown_percent: largest cost above V*, in percent of V*, or inf if a simulation does
+        not converge.
+    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf if a simulation does
+        not converge.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
     reach: largest tested multiple of the box from which the loop converges on the linear plant, or
         0.
