@@ -43,8 +43,8 @@ _FORMS = (
 def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
     """Return the policy of a flight and the scenario.
 
-    For a deployed policy, the scenario is changed to the policy's sampling. For other policies, it
-    is returned unchanged.
+    If `given` is a deployment, the scenario is changed to the sampling of the deployment.
+    Otherwise, it is returned unchanged.
 
     given: policy in any form that `hfa.fly` accepts
     point: the trim

@@ -54,8 +54,8 @@ _OVER_GROUND = (
 def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]]:
     """Return the gust components u, v, w, p, q, r for which a model declares disturbances.
 
-    The result maps each component to {disturbance: factor}. The factor times the component is the
-    value of the disturbance. Disturbances to the north and east are resolved along the heading.
+    The result maps each component to {disturbance: factor}. The value of a disturbance is the sum
+    of factor times component. Disturbances to the north and east are resolved along the heading.
 
     heading: heading of the trim, rad
     """

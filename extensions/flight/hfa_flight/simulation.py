@@ -30,7 +30,8 @@ _MOST_PARTS = 10_000
 
 
 class Tick(Protocol):
-    """Callable that advances a loop by one tick of s steps, in place.
+    """Callable that advances a loop by one tick, in place. A tick contains several integration
+    steps.
 
     inputs: [t; y] at the start of the tick, and the held inputs.
     results: [t; y] after each step, and the observed values before each step.

@@ -45,20 +45,22 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class Argument:
-    """A reference that is an input of an exported loop, in place of a function of time.
+    """A vector signal that is an input of an exported loop, in place of a function of time.
 
-    value: symbols of the input
+    Examples are the reference of a policy and the disturbances of the aircraft.
+
+    value: symbols of the signal
     """
 
     value: ca.SX
 
     @property
     def size(self) -> int:
-        """Number of channels."""
+        """Number of channels of the signal."""
         return int(self.value.numel())
 
     def at(self, _: Any) -> ca.SX:
-        """Return the symbols of the input. They do not depend on t."""
+        """Return the symbols of the signal. They do not depend on t."""
         return self.value
 
 
