@@ -277,8 +277,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Absolute angle of attack of the center of mass through the air, (N,), rad. In still air,
-        it is alpha.
+        """Absolute angle of attack of the center of mass through the air, (N,), rad.
+
+        In still air, it is alpha.
         """
         alpha = list(self.point.model.states).index(ALPHA)
         return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])

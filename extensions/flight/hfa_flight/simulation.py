@@ -30,8 +30,7 @@ _MOST_PARTS = 10_000
 
 
 class Tick(Protocol):
-    """Callable that advances a loop by one tick, in place. A tick contains several integration
-    steps.
+    """Callable that advances a loop by one tick of several integration steps, in place.
 
     inputs: [t; y] at the start of the tick, and the held inputs.
     results: [t; y] after each step, and the observed values before each step.

@@ -244,10 +244,10 @@ def _free_names(
 
 
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
-    """Return quantity -> Theil's inequality coefficient, rms(z - y) / (rms(z) + rms(y)).
+    """Return Theil's inequality coefficient of each measured quantity, by name.
 
-    z is measured, and y is simulated in calm air with the identified parameters. Only the initial
-    conditions are fitted to these records.
+    The coefficient is rms(z - y) / (rms(z) + rms(y)). z is measured, and y is simulated in calm air
+    with the identified parameters. Only the initial conditions are fitted to these records.
 
     records: records that were not used for the identification
 

@@ -302,8 +302,7 @@ class Responses:
     # Simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """Raise BadInputError if the sampling intervals are so long that the time is not in
-        seconds.
+        """Raise BadInputError if the sampling intervals are too long for a time in seconds.
 
         The limit is `_FAR_TOO_LONG` time constants of the fastest mode at the initial state.
         """

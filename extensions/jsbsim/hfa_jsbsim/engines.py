@@ -156,7 +156,9 @@ class Effect:
 def read_engine(
     number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
 ) -> EngineFile | Element:
-    """Return the engine of an <engine> element, or the element that is not supported.
+    """Return the engine that an <engine> element describes.
+
+    If the engine or its thruster is not supported, the element of the unsupported part is returned.
 
     opened: function that returns the root of the file that an element names
     """

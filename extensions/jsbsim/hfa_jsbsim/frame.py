@@ -114,7 +114,7 @@ class Frames:
         step: float,
         names: tuple[list[str], list[str], list[str]],
     ) -> None:
-        """Build the functions of a frame.
+        """Build the CasADi functions of one frame, the time step of JSBSim.
 
         step: duration of a frame, s
         names: names of the model's states, inputs and parameters

@@ -263,8 +263,9 @@ _WEIGHTS = {
 
 
 def _pid(component: Element, properties: Properties) -> Any:
-    """Return the output of a <pid> or an <integrator> with the input u, by JSBSim's integration
-    rules.
+    """Return the output of a <pid> or an <integrator> with the input u.
+
+    The integral follows JSBSim's integration rules.
 
     - <pid>: kp u + ki ∫ u dt + kd u'
     - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')

@@ -24,7 +24,7 @@ _FEATHERING = 1.0 / 300.0
 
 
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
-    """Return the effect of a propeller.
+    """Return the force, moment and power of a propeller, as an `Effect`.
 
     C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T ρ n² D⁴, and
     the absorbed power is C_P ρ n³ D⁵. An engine at rest absorbs no power (`FGPiston::Calculate`).

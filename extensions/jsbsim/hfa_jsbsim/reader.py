@@ -246,8 +246,9 @@ class _Declaration:
         )
 
     def _own_aliases(self) -> dict[str, str]:
-        """Return JSBSim's names of the parameters for tanks, point masses and wind, as name ->
-        parameter.
+        """Return JSBSim's names of the parameters, as JSBSim's name -> parameter.
+
+        The parameters are those of tanks, point masses and wind.
         """
         names = {}
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
@@ -441,9 +442,7 @@ class _Declaration:
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
-        """Return the equations of motion with and without gusts, and the simulation with JSBSim's
-        frames.
-        """
+        """Return the equations of motion with and without gusts, and in JSBSim's time steps."""
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
@@ -519,9 +518,7 @@ class _Declaration:
         return [name for name in self.equations.outputs if name.startswith("spool_error")]
 
     def _engine_modes(self) -> dict[str, tuple[str, ...]]:
-        """Return the states of the modes of propellers, governors and engine lags, by name of the
-        mode.
-        """
+        """Return the modes of propellers, governors and engine lags, as name -> states."""
         modes: dict[str, tuple[str, ...]] = {}
         for file in self.parts.engines:
             if file.has_propeller:

@@ -81,8 +81,9 @@ def cut_surfaces(
 
 
 def _surface(name: str) -> str:
-    """Return the surface that the name of a property contains: "elevator" for
-    fcs/mag-elevator-pos-rad.
+    """Return the surface in the name of a property.
+
+    For example, it is "elevator" for fcs/mag-elevator-pos-rad.
     """
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:

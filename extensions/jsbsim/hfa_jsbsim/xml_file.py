@@ -78,8 +78,9 @@ class Element:
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
-        """Return a BadInputError with the file and line of the element and a description of the
-        fault.
+        """Return a BadInputError with the file and line of the element, and a description.
+
+        fault: description of the fault
         """
         return BadInputError(f"{self.where}: {fault}")
 

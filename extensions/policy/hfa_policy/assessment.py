@@ -331,10 +331,9 @@ class Assessor:
         return [self._point(*row) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
-        """Return the spectral radius and the cost of the sampled loop at each trim, without
-        flights.
+        """Return the spectral radius and the cost of the sampled loop at each trim.
 
-        Raises BadInputError as `assessed` does.
+        No flights are simulated. Raises BadInputError as `assessed` does.
         """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)

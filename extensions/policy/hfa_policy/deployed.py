@@ -38,8 +38,7 @@ TRIM = "trim"
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class Deployed:
-    """Deployment on an aircraft: observations, policy and actions as functions of states and
-        inputs.
+    """Deployment on an aircraft, as functions of the aircraft's states and inputs.
 
     deployment: the deployment.
     model: the aircraft.
@@ -245,8 +244,9 @@ class Deployed:
 
     @cached_property
     def unlimited_inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs of the aircraft, not clipped to the control
-        limits.
+        """Function (a, X, U, trim) -> all inputs of the aircraft.
+
+        The inputs are not clipped to the control limits.
         """
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))

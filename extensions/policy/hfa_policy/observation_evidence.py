@@ -69,8 +69,9 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the deployment file specifies absolute values, False for deviations from the
-        trim.
+        """True if the deployment file specifies absolute values.
+
+        False means deviations from the trim.
         """
         return bool(self.about != "trim")
 
@@ -85,8 +86,7 @@ class _Observed(NamedTuple):
         return self._leaves_limits(record, is_absolute)
 
     def fits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the values at the trims are consistent with the statistics in the
-        training.
+        """Return whether the values at the trims fit the statistics in the training.
 
         record: the statistics
         is_absolute: True if absolute values are observed, False for deviations
@@ -123,11 +123,10 @@ class _Observed(NamedTuple):
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
-        """Return the distance of the observation from its mean in the training, in standard
-        deviations.
+        """Return the distance of the observation from its mean in the training.
 
-        The distance is that of the nearest trim. If the standard deviation is 0, a value is
-        returned that counts neither as a fit nor as a contradiction.
+        The distance is that of the nearest trim, in standard deviations. If the standard deviation
+        is 0, a value is returned that counts neither as a fit nor as a contradiction.
 
         record: statistics in the training
         is_absolute: True if absolute values are observed, False for deviations
@@ -137,8 +136,7 @@ class _Observed(NamedTuple):
         return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
 
     def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the mean in the training corresponds to a state clearly outside its
-        limits.
+        """Return whether the mean in the training is a state clearly outside its limits.
 
         The result is False for an observed formula.
 

@@ -457,8 +457,7 @@ class FlownRows:
         return int(soonest[first]), left
 
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
-        """Return the number of flights that have settled at other equilibria, and one such
-        equilibrium.
+        """Return the number of flights at other equilibria, and one such equilibrium.
 
         The equilibrium is the first that is found, as linear state -> value, or {} if none is
         found. At most `_OTHERS` equilibria are searched.
@@ -506,8 +505,9 @@ class FlownRows:
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Return whether an equilibrium coincides with that of a place, as precisely as flights
-    converge.
+    """Return whether an equilibrium coincides with the equilibrium of a place.
+
+    The difference must be at most that of a flight that has converged.
 
     linear: indices of the linear states
     """

@@ -1,5 +1,7 @@
-"""Export of an aircraft to C: equations of motion, a trim, the linear model and a policy about this
-trim, and an example 100 Hz loop.
+"""Export of an aircraft to C.
+
+The C code contains the equations of motion, a trim, the linear model and a policy about this trim,
+and an example 100 Hz loop.
 """
 
 from __future__ import annotations

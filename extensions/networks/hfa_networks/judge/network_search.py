@@ -97,7 +97,7 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """Functions of the critic that are compared: "policy", and optionally "value" and
+        """Functions that are compared: "policy", and if the critic has them, "value" and
         "gradient".
         """
         functions = {"policy": self.critic.policy}
