@@ -294,7 +294,10 @@ class Equations:
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
-        """Return the height above ground of the aerodynamic reference point, divided by the span."""
+        """Return the height of the aerodynamic reference point, divided by the span.
+
+        The height is above ground at sea level.
+        """
         arm = self.mass.arm(self.reference_point(""))
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span

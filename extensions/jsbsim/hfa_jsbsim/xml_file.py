@@ -85,7 +85,11 @@ class Element:
         return BadInputError(f"{self.where}: {fault}")
 
     def error_at(self, line: int, fault: str) -> BadInputError:
-        """Return a BadInputError with the file, a line of the element's text and the fault."""
+        """Return a BadInputError with the file and a line number inside the element.
+
+        line: number of the line
+        fault: description of the fault
+        """
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
