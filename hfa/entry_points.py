@@ -36,7 +36,8 @@ class CommandEntry(NamedTuple):
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
-        """Import the command and return it with the entry's example and install requirement.
+        """Return the command, imported from its module, with the example and install text of the
+        entry.
 
         Raises BadInputError if the object is not a `Command` whose request class declares options.
         """
@@ -121,7 +122,7 @@ CORE = {
 
 
 def commands() -> dict[str, CommandEntry]:
-    """Return name -> entry for the commands of the core and of installed packages.
+    """Return the commands of the core and of installed packages, name -> entry.
 
     A name has one or two words, for example "prove region". A command whose entry cannot be loaded
     is left out with a warning.

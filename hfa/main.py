@@ -53,7 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def reported(words: list[str], find: Find) -> int:
-    """Run a command, print errors in one line and warnings as notes, and return the exit code.
+    """Run a command and return its exit code. Errors are printed in one line, and warnings as
+    notes.
 
     words: command line without the program name
     find: function that returns (command, program name, option words)
@@ -234,10 +235,13 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
-    """Return (command, program name, option words) for a command line.
+    """Return the command in a command line, its name for messages, and the remaining words.
 
-    The program name is "hfa" and the name of the command. Raises BadInputError if no command has
-    this name, and SystemExit after --help or --version.
+    The name for messages is "hfa" and the name of the command.
+
+    words: command line without the program name
+
+    Raises BadInputError if no command has this name, and SystemExit after --help or --version.
     """
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]

@@ -87,9 +87,13 @@ def _write(report: Report, path: Path) -> None:
 
 
 def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
-    """Print the report or, with --json, its data. Then print the notes.
+    """Print the report or, with --json, its data, and then the notes.
 
     The text is colored only on a terminal, unless NO_COLOR is set or TERM is "dumb".
+
+    report: the report
+    request: the options of the command
+    notes: notes on the result
     """
     report = stated(report, request)
     if request.json:

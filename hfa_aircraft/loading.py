@@ -176,7 +176,7 @@ def _digest(model: Model, text: str) -> str:
 
 
 def _executed(file: str) -> types.ModuleType:
-    """Execute a Python file and return it as a module."""
+    """Return the module that results from executing a Python file."""
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # the module finds its data files with it
@@ -186,7 +186,7 @@ def _executed(file: str) -> types.ModuleType:
 
 
 def _imported(name: str) -> types.ModuleType:
-    """Import a module from the working folder or the installed packages."""
+    """Return a module, imported from the working folder or the installed packages."""
     if "" not in sys.path:
         sys.path.insert(0, "")
     return importlib.import_module(name)

@@ -230,7 +230,7 @@ class Model(Reported):
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
-        """Name -> signal, for all states, inputs, outputs, parameters and disturbances."""
+        """All states, inputs, outputs, parameters and disturbances of the model, name -> signal."""
         return {
             **self.states,
             **self.inputs,
@@ -417,7 +417,7 @@ class Model(Reported):
     def at(
         self, x: Any, u: Any, outputs: Sequence[str] = (), disturbances: Sequence[str] = ()
     ) -> Linearization:
-        """Return f, y and their derivatives at a state and an input, exact up to rounding.
+        """Return the rates f, the outputs y and their derivatives at a point, exact up to rounding.
 
         x: state, (n,)
         u: input, (m,)
@@ -463,22 +463,29 @@ class Model(Reported):
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
-        """Return output -> value at a state and an input, without disturbance.
+        """Return the outputs at a state and an input, without disturbance, name -> value.
 
+        x: state, (n,)
+        u: input, (m,)
         names: names of outputs, by default all
         """
         _, outputs = self._numbers_at(x, u)
         return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
     def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
-        """Return state -> rate at a state and an input, without disturbance."""
+        """Return the rates of the states at a state and an input, without disturbance, name ->
+        rate.
+
+        x: state, (n,)
+        u: input, (m,)
+        """
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
 
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return state -> rate and output -> value at a state and an input, without disturbance.
+        """Return the rates and the outputs at a state and an input, without disturbance, by name.
 
         x: state, (n,)
         u: input, (m,)

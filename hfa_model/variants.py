@@ -133,7 +133,7 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 
 def further_dynamics() -> dict[str, EntryPoint]:
-    """Return name -> entry point of the dynamics that installed packages supply.
+    """Return the dynamics of the aircraft that installed packages supply, name -> entry point.
 
     Each entry point is a function from the parameters to a `Model` with more than seven states,
     declared in `hfa.parts` as dynamics.NAME.
@@ -144,7 +144,7 @@ def further_dynamics() -> dict[str, EntryPoint]:
 
 
 def variant_named(name: str) -> Variant:
-    """Return the variant with a name in `VARIANTS`.
+    """Return the variant of the equations of motion with a name in `VARIANTS`.
 
     Raises BadInputError for any other name.
     """

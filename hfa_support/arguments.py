@@ -29,7 +29,8 @@ _Test = Callable[[Any], bool]
 
 
 def checks_arguments(public: Public) -> Public:
-    """Decorate a function or a class so that its arguments are checked against their annotations.
+    """Return a function or class that checks its arguments against their annotations, as a
+    decorator.
 
     For a class, the arguments of the constructor are checked. An argument that does not match
     raises BadInputError. These annotations are checked: classes and unions of classes, numbers,

@@ -29,7 +29,9 @@ PARTS = "hfa.parts"
 
 @cache
 def offered(group: str) -> dict[str, EntryPoint]:
-    """Return name -> entry point for all entry points in a group, sorted by name.
+    """Return the entry points that installed packages declare in a group, name -> entry point.
+
+    The names are sorted.
 
     Raises BadInputError if two packages declare different objects under one name.
     """
@@ -47,7 +49,7 @@ def offered(group: str) -> dict[str, EntryPoint]:
 
 
 def loaded(entry: EntryPoint) -> Any:
-    """Import and return the object of an entry point.
+    """Return the object of an entry point, imported from its package.
 
     Raises BadInputError with the name of the package if the import fails.
     """

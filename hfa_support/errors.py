@@ -38,7 +38,7 @@ class NoSolutionError(RuntimeError):
 
 @contextmanager
 def said_of(what: str | Path) -> Iterator[None]:
-    """Begin the message of a BadInputError that is raised in the `with` block with a file name.
+    """Put a file name before the message of a BadInputError that is raised in the `with` block.
 
     A message that already begins with this name is not changed.
 

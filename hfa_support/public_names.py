@@ -12,11 +12,10 @@ from typing import Any
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return the functions `__getattr__` and `__dir__` of a package that imports public names when
-    used.
+    """Return the functions `__getattr__` and `__dir__` of a package, which import its public names.
 
-    The stub of the package imports all public names. The AttributeError for an unknown name
-    suggests the nearest public name.
+    A public name is imported when it is first used. The stub of the package imports all public
+    names. The AttributeError for an unknown name suggests the nearest public name.
 
     package: name of the package
     file: `__file__` of the package, with the stub `__init__.pyi` in the same folder

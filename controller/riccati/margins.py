@@ -148,7 +148,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     """Return the disk margin of a stable closed loop M.
 
     Intervals of frequencies are divided until the bound min_D σ_max(D M D⁻¹) is shown to be below
-    one level on all intervals.
+    a common level on all intervals. The margin is the inverse of this level.
 
     loop: M
     near: estimate of the critical frequency, rad/s, which shortens the search; 0 if unknown
@@ -222,15 +222,16 @@ def _above(
 
 
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-    """Return log D, (m,), of the diagonal D > 0 that minimizes σ_max(D M D⁻¹) by BFGS.
+    """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹), by BFGS.
 
-    The minimum is an upper bound of μ(M), exact for m <= 3. The line search does not need
-    smoothness, because the two largest singular values are often equal at the minimum. Sources:
-    Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical Programming 141
-    (2013), 135-163.
+    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. The line search does not
+    need smoothness, because the two largest singular values are often equal at the minimum.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`
+
+    Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical
+    Programming 141 (2013), 135-163.
     """
     start = _osborne_scaling(M) if start is None else start
     free = start[:-1] - start[-1]
@@ -276,6 +277,7 @@ def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]
     u and v are the singular vectors of σ, and D_m = 1.
 
     free: log D_1 ... log D_(m-1)
+    M: (m, m), complex
     """
     D = np.exp(np.append(free, 0.0))
     u, sizes, v = np.linalg.svd(D[:, None] * M / D)

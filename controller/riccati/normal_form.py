@@ -194,8 +194,9 @@ class NormalForm:
         return 1.0 / np.diag(self.T)
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
-        """Return X, the matrix P of the user's coordinates in the coordinates y. Not for `turned`
-        forms.
+        """Return the solution X in the coordinates y that belongs to P in the user's coordinates.
+
+        The form must not be `turned`.
 
         P: (..., n, n)
         """
@@ -286,10 +287,10 @@ class NormalForm:
         this cost hides all other modes.
 
         The change of coordinates is T <- D W'T. [X1; X2] is an orthonormal basis of the stable
-        subspace, X1 = W cos(θ) Z', and tan(θ) are the singular values of P. The diagonal D contains
-        the units of the
-        columns of W. Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between
-        subspaces).
+        subspace, X1 = W cos(θ) Z', and tan(θ) are the singular values of P. The diagonal matrix D
+        contains the units of the columns of W.
+
+        Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between subspaces).
         """
         from controller.riccati.schur import stable_basis
 

@@ -40,12 +40,18 @@ def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def not_decaying(values: np.ndarray) -> np.ndarray:
-    """Return the nearest complex numbers with a nonnegative real part, for each of the numbers."""
+    """Return the nearest complex numbers with a nonnegative real part.
+
+    values: complex numbers
+    """
     return np.maximum(values.real, 0.0) + 1j * values.imag
 
 
 def on_axis(values: np.ndarray) -> np.ndarray:
-    """Return the nearest numbers on the imaginary axis, for each of the numbers."""
+    """Return the nearest complex numbers on the imaginary axis.
+
+    values: complex numbers
+    """
     return 1j * values.imag
 
 

@@ -29,7 +29,7 @@ from trim.linear.linear_model import LinearModel
 class AnalysedGame(Solution):
     """Certified solution with the smallest delta, the cost of its policies and its margins.
 
-    smallest: bracket of the smallest delta
+    smallest: bounds of the smallest delta
     meaning: checks of the cost and the L2 gain of the policies
     loops: margins of each input
     disk_margin: disk margin for all inputs together

@@ -224,7 +224,7 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return other games with which a critic is compared: it may belong to one of them.
+    """Return other games, to one of which a critic may belong by mistake.
 
     - the games of the printed matrices whose B has the same shape
     - the games at other dihedral angles

@@ -15,7 +15,10 @@ from hfa_support.files import MATRIX_FILES
 
 
 def listed_numbers(text: str) -> list[float]:
-    """Convert "a,b,..." to a list of numbers. Raises BadInputError if an entry is not a number."""
+    """Return the numbers in a text "a,b,...".
+
+    Raises BadInputError if an entry is not a number.
+    """
     try:
         return [number(word) for word in text.split(",")]
     except BadInputError as error:

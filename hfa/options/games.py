@@ -152,7 +152,7 @@ class LearningOptions(SeedOption):
     set: Mapping[str, Any] = setting_option()
 
     def learned(self, game: Game) -> TrainingRun:
-        """Run the selected learning law on a game and return its training run."""
+        """Return the training run of the selected learning law on a game."""
         from controller.learning.certified import learn
 
         return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)
@@ -324,7 +324,7 @@ class NamedGame(Result):
 
     @property
     def weights(self) -> Weights:
-        """Q and R, with the sources of Q, R and delta."""
+        """Weights Q and R of the game, with the sources of Q, R and delta."""
         return Weights(self.game.Q, self.game.R, self.weights_from)
 
     def weights_line(self) -> str:

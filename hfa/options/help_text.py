@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 def help_text(parser: Parser, more: bool) -> str:
     """Return the help of a command: usage, description, options, subcommands and example.
 
+    parser: parser of the command
     more: whether rare options are explained, or only listed by name
     """
     texts = [_options_text(parser, more)]
@@ -30,8 +31,9 @@ def help_text(parser: Parser, more: bool) -> str:
 def _options_text(parser: Parser, more: bool) -> str:
     """Return the usage, the description and the options of a command.
 
-    Options whose part is not installed are omitted.
+    Options that need a package which is not installed are omitted.
 
+    parser: parser of the command
     more: whether rare options are explained, or only listed by name
     """
     declared = []

@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
         self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
-        """Return the help text.
+        """Return the help text of the command.
 
         more: whether rare options are explained, or only listed by name
         """

@@ -154,7 +154,7 @@ class Request:
 
     @cached_property
     def provenance(self) -> Provenance:
-        """Provenance to write into the outputs of this run."""
+        """Provenance of the run, which is written into its outputs."""
         from hfa_support.provenance import Provenance
 
         return Provenance(self.line, date=self.date, **self.origin())

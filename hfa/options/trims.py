@@ -43,7 +43,7 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 
 
 def is_own(model: Model | None) -> bool:
-    """Return whether a model was loaded from a file of the user.
+    """Return whether a model is an aircraft that the user loaded with --aircraft.
 
     The result is False for the paper's flexible aircraft and for None.
     """
@@ -103,7 +103,7 @@ class HfaOptions(Request):
 
     @property
     def own(self) -> bool:
-        """True if the model was loaded from a file of the user, and is not the HFA."""
+        """True if the model is an aircraft that the user loaded, and not the HFA."""
         return is_own(self.model)
 
     @property
@@ -441,10 +441,13 @@ class TrimOptions(HfaOptions):
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
-        """Trim the aircraft at the condition set by the options and return the operating point.
+        """Return the trim of an aircraft at the condition set by the options.
 
-        If --start gives a point, the search begins there. Raises TrimError with an explanation if
-        no trim is found.
+        If --start gives a point, the search begins there.
+
+        aircraft: the model with the parameter values of the options
+
+        Raises TrimError with an explanation if no trim is found.
         """
         condition = self.trim_condition
         by = self.model.schedule

@@ -31,8 +31,9 @@ class Check(Result):
     limit: the limit
     ok: whether the relation is satisfied
     reason: reason for a failure, or "" if `ok`.
-    relation: "<=", "<", ">=" or ">"
-    kind: "error", "stability", "game loop", "cost", "gain", "data" or "".
+    relation: "<=", "<", ">=", ">" or "=="
+    kind: "error", "rest" (of an equilibrium), "stability", "game loop", "cost", "gain", "data" or
+        "".
     """
 
     json_keys = "name value limit ok reason"

@@ -85,7 +85,7 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the printed value is 0 and the computed value is at most 1e-6 half units."""
+        """True if the entry is printed as 0 and its computed magnitude is below 1e-6 half units."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property

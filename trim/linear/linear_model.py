@@ -147,7 +147,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         *,
         residualize: Sequence[str] = (),
     ) -> LinearModel:
-        """Return the model with only the named states and inputs.
+        """Return the linear model with only the named states and inputs.
 
         Omitted states and inputs are constant at their offsets.
 
@@ -164,7 +164,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return reduced(self, states, inputs, residualize)
 
     def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
-        """Return the model from named inputs to named outputs.
+        """Return the linear model from named inputs to named outputs.
 
         The outputs are named first, as in linear["pitch_rate", "elevator_center"]. Inputs and
         outputs are each a name or a list of names.
@@ -231,7 +231,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def step(
         self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
-        """Return the outputs after a unit step of each input, (outputs, inputs, N), as deviations.
+        """Return the responses of the outputs to a unit step of each input, (outputs, inputs, N).
+
+        The outputs are deviations from the operating point.
 
         time: (N,), or the final time, s; by default chosen by python-control
         inputs, outputs: names; by default all
@@ -242,8 +244,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def impulse(
         self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
-        """Return the outputs after a unit impulse of each input, (outputs, inputs, N), as
-        deviations.
+        """Return the responses of the outputs to a unit impulse of each input, (outputs, inputs,
+        N).
+
+        The outputs are deviations from the operating point.
 
         time, inputs, outputs: as for `step`
         """
@@ -288,13 +292,13 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return _responses().nyquist(self, inputs, outputs)
 
     def report(self) -> Report:
-        """Return a report with A, B, the offsets and the modes."""
+        """Return a report of the linear model, with A, B, the offsets and the modes."""
         from trim.linear.linear_report import linear_model_report
 
         return linear_model_report(self)
 
     def to_control(self) -> control.StateSpace:
-        """Return the model as a python-control `StateSpace`, with the names of its signals."""
+        """Return the linear model as a python-control `StateSpace`, with the same signal names."""
         from trim.linear.exchange import state_space
 
         return state_space(self)

@@ -41,7 +41,7 @@ def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarra
 def exact_sides(
     model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives of the rates on both sides of a kink, below and above, (n, columns)
+    """Return the exact derivatives of the rates just below and just above a kink, (n, columns)
     each.
 
     The derivatives are extrapolated by 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h) from exact derivatives J

@@ -94,10 +94,10 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable whose effect on the equations others can replace.
+    """Return a sentence for each free variable without an effect of its own on the equations.
 
-    The column of the variable in the Jacobian depends linearly on the columns of the free variables
-    before it. The list is empty if the Jacobian has full row rank.
+    The column of such a variable in the Jacobian is a linear combination of the columns of the free
+    variables before it. The list is empty if the Jacobian has full row rank.
 
     z: scaled unknowns, (k,)
     """

@@ -100,7 +100,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """Name -> value of all variables: states, inputs, and outputs that replace states."""
+        """Values of the states, inputs, and outputs that replace states, name -> value."""
         outputs = list(self.model.replaced.values())
         replacing = self.model.outputs_at(self.states, self.inputs, outputs) if outputs else {}
         return self.states._asdict() | self.inputs._asdict() | replacing
@@ -141,12 +141,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def state_units(self) -> dict[str, str]:  # type: ignore[override]
-        """Name of a state -> its unit."""
+        """Unit of each state, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
     def input_units(self) -> dict[str, str]:  # type: ignore[override]
-        """Name of an input -> its unit."""
+        """Unit of each input, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.inputs}
 
     @property
@@ -192,7 +192,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def margins(self) -> dict[str, Margin]:
-        """Name -> `Margin` of each state, input and relevant output (`all_margins`)."""
+        """Margins of each state, input and relevant output, name -> `Margin` (`all_margins`)."""
         from trim.point.condition import usual_condition
         from trim.point.margins import all_margins
 
@@ -254,7 +254,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return "; ".join(words)
 
     def report(self) -> Report:
-        """Return the report that `hfa trim` prints.
+        """Return the report of the trim that `hfa trim` prints.
 
         For a point that was not found by a search, the report contains only the states and inputs.
         """

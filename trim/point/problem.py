@@ -92,7 +92,7 @@ class TrimProblem:
         return evaluation
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
-        """Return the scaled unknowns (k,) after Newton's method, converged or not.
+        """Return the scaled unknowns (k,) after Newton's method, even if it has not converged.
 
         z: initial unknowns, (k,)
         moving: indices of the unknowns that may change; None for all

@@ -71,11 +71,11 @@ def _shared_rows(equations: Equations) -> tuple[RowFunction, ...]:
 
 
 def without_shared(*functions: ca.Function) -> list[ca.Function]:
-    """Return a function that computes the terms without z, and the given functions without these
-    terms.
+    """Return functions equivalent to the given ones, in which terms without z are computed
+    beforehand.
 
-    The first function is c -> (c, g), where g are the terms of all functions that do not depend on
-    z. The other functions are those given, with the arguments z and (c, g).
+    The first function computes these terms g, c -> (c, g). The other functions are those given,
+    with the arguments z and (c, g).
 
     functions: functions of (z, c)
     """

@@ -143,7 +143,7 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
 
 
 class SweptMode(NamedTuple):
-    """Mode at N points.
+    """Mode at the N points of a sweep.
 
     name: name of the mode at the first trimmed point.
     eigenvalue: (N, 1), or (N, 2) for a pair, 1/s; nan without a trim.
@@ -166,9 +166,10 @@ class SweptMode(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(StatesAndInputs, ByValue, Result, Reported):
-    """N points in the order of the grid, in which the last variable varies fastest.
+    """Trims and linear models at the N points of a sweep.
 
-    All numbers are in the units of the model.
+    The points are in the order of the grid, in which the last variable varies fastest. All numbers
+    are in the units of the model.
 
     plan: the swept variables and values.
     values: (N, variables), the swept values at each point.
@@ -511,7 +512,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return part(PARTS, "notebook.frame", "to_pandas")(self)
 
     def at(self, **values: float) -> LinearModel:
-        """Return the linear model at one value of each swept variable: sweep.at(speed=46.0).
+        """Return the linear model at one value of each swept variable, as in sweep.at(speed=46.0).
 
         The model is trimmed at these values, which need not be in the grid.
 

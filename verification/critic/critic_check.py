@@ -168,10 +168,10 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Return three checks of a critic's P: A - S P is stable, P is not indefinite, the residual is
-    small.
+    """Return three checks of a critic's P, on the loop A - S P, the sign of P and the residual.
 
-    The residual is that of the Riccati equation.
+    A - S P must be stable, P must not be indefinite, and the residual of the Riccati equation must
+    be small.
 
     - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted, because
       rounding can make the value of a state without cost negative.
