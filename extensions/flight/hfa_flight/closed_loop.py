@@ -450,7 +450,7 @@ class ClosedLoop:
     def parts(self, y: np.ndarray) -> StateParts:
         """Return the columns of y for the plant, the actuators and the memory of the policy.
 
-        rows: y at one or several times, (..., size)
+        y: values of y at one or several times, (..., size)
         """
         return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
 
