@@ -99,8 +99,7 @@ def check_discrete(
 
     limit: largest permitted relative error
     more: further matrices of the critic: L (k, n) of w = L x, and H of its Q-function over (x, u,
-        w) or
-        (x, u)
+        w) or (x, u)
     scope: extent of the checks of a network; by default `Scope()`
 
     Raises BadInputError if the limit is not positive, an entry of the critic is not finite, or L

@@ -51,8 +51,7 @@ class DiscreteSolution(Reported):
     certificate: the checks that the solution passed
     radius: spectral radius of A - B K. The policy stabilizes the plant if the radius is below 1.
     discounted_radius: spectral radius of sqrt(discount) (A - B K). The cost is finite if the radius
-        is
-      below 1.
+        is below 1.
     """
 
     P: Matrix

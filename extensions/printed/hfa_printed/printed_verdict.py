@@ -36,11 +36,9 @@ class PrintedVerdict(Result, Reported):
     file: the printed answer
     classified: class of the answer, with the comparison and the result of the search
     cost_lost: upper bound on the cost above the optimum, percent, for an answer of the class
-        "close";
-        nan for other classes
+        "close"; nan for other classes
     limit_cost: largest cost above the optimum, percent, at which a close answer passes, or None if
-        no
-        close answer passes
+        no close answer passes
     """
 
     schema = "hfa.printed-check/1"
@@ -128,8 +126,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
     """Return the verdict on the printed answer in a TOML file.
 
     progress: called with the number of entries of the plant searched so far and the total number,
-        or
-        None
+        or None
 
     Raises BadInputError for a file that is not a printed answer or does not state the time. Raises
     NoSolutionError if the plant in the file has no certified answer.

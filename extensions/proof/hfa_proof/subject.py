@@ -22,8 +22,7 @@ class Field(NamedTuple):
     """Treatment of an entry of a statement.
 
     subject: name of the entry in the first line of a report if the user does not give a value, or
-        "" for
-        a claim, which is not compared
+        "" for a claim, which is not compared
     shown: whether a report shows the entry, apart from the digest
     """
 

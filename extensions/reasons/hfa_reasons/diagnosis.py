@@ -70,8 +70,8 @@ class Demands(NamedTuple):
     """Thresholds for naming a mistake.
 
     left: kind of the fitted numbers (`Hypothesis.fitted`) -> permitted remaining part of the error.
-        The
-        part is smaller if numbers were fitted, because fitted numbers explain part of any error.
+        The part is smaller if numbers were fitted, because fitted numbers explain part of any
+        error.
     least: error below which `_EXACT` applies.
     entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
     share: fraction of the informative entries that must satisfy `entry`.

@@ -106,11 +106,9 @@ class FoundSet(ProvedSet):
     origin: origin of V.
     decrease_fails_at: lowest level of V at which V' >= 0 was found, with the state, or None.
     leaves_limits_at: lowest level of V at an initial condition whose trajectory exceeds a limit,
-        with the
-        state, or None.
+        with the state, or None.
     lost_at: lowest level of V at an initial condition whose trajectory diverges or converges to
-        another
-        equilibrium, with the state, or None.
+        another equilibrium, with the state, or None.
     limits_that_bind: signals whose limits the set nearly reaches.
     stopped: "interrupted" after Ctrl-C, otherwise "".
     """

@@ -107,8 +107,7 @@ def check_cost_certificate(
     progress: callback for the progress of the proof, or None
     model: the user's aircraft, or None if the certificate concerns a built-in model
     agrees: function of the statement, called before the proof, that raises an error if the user's
-        data
-        differ from the statement, or None
+        data differ from the statement, or None
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
     Raises Rejected if an entry is not understood or the statement is not proved.

@@ -102,8 +102,7 @@ class SearchSettings:
     degree: highest degree of V
     resume: whether to continue an earlier run from the certificate in the output file
     reason: reason why the proof uses boxes instead of sums of squares, for the report, or "" if the
-        user
-        chose boxes
+        user chose boxes
     """
 
     seconds: float

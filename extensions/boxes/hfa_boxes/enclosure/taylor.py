@@ -67,8 +67,7 @@ class Models(NamedTuple):
     c: coefficients, (values, 1 + n + n (n + 1) / 2, boxes)
     radius: radii, (values, boxes)
     own: (values, boxes), the part of each radius that is caused by the last operation itself, not
-        by
-        the radii of its arguments
+        by the radii of its arguments
     """
 
     c: np.ndarray
@@ -94,8 +93,7 @@ class Step(NamedTuple):
 
     arguments: models of the rows of each argument
     factors: for each argument, (values, boxes), the derivative by which an error of the argument
-        enters
-        the node
+        enters the node
     nodes: models of the nodes
     """
 

@@ -335,12 +335,10 @@ class ScheduleStatement:
     controller: the controller
     actuators: the actuators, or None
     loop: numbers of unstable modes of the loop, for consecutive ranges of the scheduling value. A
-        range
-        with bounds from 0 to the number of all modes claims nothing.
+        range with bounds from 0 to the number of all modes claims nothing.
     modes: numbers of unstable modes of the aircraft alone, in the same form
     decay_rate: bound, 1/s, with Re λ < -decay_rate for every eigenvalue λ of the loop in ranges
-        without
-        unstable modes. 0 if there is no such range or the actuators are uncertain.
+        without unstable modes. 0 if there is no such range or the actuators are uncertain.
     scheduled_rate: largest rate of the scheduling value, per s, at which the loop is stable, or
         None
     """

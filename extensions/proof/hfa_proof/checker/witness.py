@@ -126,8 +126,7 @@ class ModesBox:
 
     trim: enclosure of the trims on the box
     proof: a matrix that counts eigenvalues, or Lyapunov functions that together cover the
-        bandwidths of
-        uncertain actuators
+        bandwidths of uncertain actuators
     """
 
     trim: TrimBox
@@ -264,8 +263,7 @@ class PointTrim:
     center: unknown -> (c0, 0, 0) with the center c0
     radii: unknown -> radius about c0 that contains the trim of the stored doubles
     wide_radii: unknown -> radius about c0 that contains the trims of all decimal numbers that round
-        to
-        these doubles
+        to these doubles
     """
 
     center: dict[str, list[arb]]
@@ -301,10 +299,8 @@ class GameWitness:
     value: enclosure of the solution at the upper bound of delta_min, or None if delta_min is not
         claimed
     refused: proof that the game has no value at the lower bound of delta_min. This is a solution
-        whose
-        lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian matrix
-          has an
-        eigenvalue on the imaginary axis. None if delta_min is not claimed.
+        whose lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian
+        matrix has an eigenvalue on the imaginary axis. None if delta_min is not claimed.
     """
 
     trim: PointTrim | None

@@ -29,8 +29,7 @@ class Stated(NamedTuple):
     named: the game
     family: aircraft and its trims, or None for a plant from a file
     value: scheduling value in the unit of the option, by default that of the model's trim, or None
-        for a
-        plant from a file
+        for a plant from a file
     """
 
     request: SolutionRequest

@@ -73,8 +73,8 @@ def bisected(
     prove: box -> result, or None
     narrowest: smallest width of a box that is halved
     start: end of the part that is already proved. Boxes below it are skipped, and boxes that
-        contain it
-        are halved without a trial. A resumed proof then has the same boxes as an uninterrupted one.
+        contain it are halved without a trial. A resumed proof then has the same boxes as an
+        uninterrupted one.
     """
     waiting = list(boxes)[::-1]
     while waiting:

@@ -91,8 +91,7 @@ def loop_of_gains(
 
     breakpoints: values of the scheduling variable, (g,)
     K: gains, (g, m, n). With intervals also (g, m, n + m), with the last m columns for the
-        positions of
-        the actuators.
+        positions of the actuators.
     intervals: intervals of bandwidth, effectiveness and delay of the actuators, or None
 
     Raises BadInputError if there are fewer than two breakpoints or K has another number of columns.
@@ -191,8 +190,7 @@ def exact_gains(
     """Return the loop of the gains of the exact game at breakpoints from `low` to `high`.
 
     intervals: intervals of uncertain actuators, or None. With intervals, the game is that of the
-        aircraft
-        with its slowest actuators, without disturbance unless delta is changed.
+        aircraft with its slowest actuators, without disturbance unless delta is changed.
     changes: weights that differ from the default game, name -> value
     """
     model = family.model

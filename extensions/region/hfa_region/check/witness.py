@@ -34,8 +34,7 @@ class Part:
     In a part, each input is free or at a limit, and each disturbance is at an end of its range.
 
     inputs: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`. In an
-        empty
-        part also `ANY`.
+        empty part also `ANY`.
     evidence: proof that V' < 0 on the part, or that the part is empty
     """
 

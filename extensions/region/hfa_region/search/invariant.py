@@ -122,8 +122,7 @@ def invariant_region(
     region: proved region of the loop without disturbance
     disturbances: name -> largest absolute value
     progress: called for each V that is tried, or None. A KeyboardInterrupt from the callback ends
-        the
-        search with the largest set proved so far.
+        the search with the largest set proved so far.
 
     Raises NoSolutionError if no set is proved.
     """

@@ -165,8 +165,7 @@ class Squares:
         """Return the solution of the problem, or None if the solver finds no solution.
 
         margin: fixed margin of the Gram matrices, or None to maximize the margin. With a fixed
-            margin, the
-            cost is minimized to the relative tolerance `_NEAR`.
+            margin, the cost is minimized to the relative tolerance `_NEAR`.
         seconds: limit of the processor time, s
         enough: a sufficient margin, or None. The search ends when this margin is reached or proved
             unreachable.
