@@ -1,4 +1,4 @@
-"""The `unsteady` dynamics of the highly flexible aircraft: apparent mass of the air and lagged
+"""The `unsteady` dynamics of the flexible aircraft, with apparent mass of the air and lagged
 lift.
 """
 

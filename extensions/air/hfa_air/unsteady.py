@@ -209,7 +209,13 @@ class UnsteadyEquations:
 
 
 def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
-    """Return the motion relative to the air of the panel "center" or "outer"."""
+    """Return the motion of a panel relative to the air.
+
+    panel: "center" or "outer"
+    x: states
+    p: parameters
+    winds: winds at the center and outer panels
+    """
     # Vertical and outward air motion is a gust. Air from ahead counts as motion of the panel.
     calm = Winds(
         winds.center._replace(updraft=0.0, outward=0.0),
@@ -233,7 +239,9 @@ def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
 
 
 def _aspect_ratio(p: Any) -> Quantity:
-    """Return the aspect ratio Λ = 3 s / c of the complete wing."""
+    """Return the aspect ratio Λ = 3 s / c of the complete wing, with the panel span s and
+    chord c.
+    """
     return 3 * p.panel_span / p.chord
 
 
@@ -246,13 +254,13 @@ def _slope_factor(p: Any, aspect_ratio: Quantity) -> Quantity:
 
 
 def _tail_chord(p: Any) -> Quantity:
-    """Return the chord of the tail, sqrt(S_t / Λ_t), ft."""
+    """Return the chord of the tail, sqrt(S_t / Λ_t), ft, from its area and aspect ratio."""
     return ca.sqrt(p.tail_area / p.tail_aspect_ratio)
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Return Σ A_i (a - z_i), rad: the part of an angle of attack that does not yet act on the
-    lift.
+    """Return the part of an angle of attack that does not yet act on the lift, Σ A_i (a - z_i),
+    rad.
 
     kind: "lag" for motion and controls, "gust" for gusts
     strip: one of `STRIPS`
@@ -267,11 +275,11 @@ def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantit
 def lag_rates(
     kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_chords: Quantity
 ) -> dict[str, Quantity]:
-    """Return the rates z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
+    """Return name of a lag state z_i -> rate z_i' = b_i (V/b) (a - z_i), rad/s.
+
+    The first five arguments are those of `missing`.
 
     half_chords: V/b, airspeed in half chords b per second, 1/s
-
-    The other arguments are those of `missing`.
     """
     names = [f"{kind}_{strip}_{i}" for i in (1, 2)]
     return {
@@ -339,7 +347,8 @@ def _lagged_alpha(
 ) -> tuple[Quantity, dict[str, Quantity]]:
     """Return the effective angle of attack of a strip, rad, and the rates of its lag states.
 
-    The effective angle is the geometric angle minus the delayed parts of motion, control and gust.
+    The effective angle is the angle due to motion, control and gust, minus the parts that do not
+    yet act on the lift.
     """
     moved = p.local_motion * motion.turn * strip.behind
     alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash

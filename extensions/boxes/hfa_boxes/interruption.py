@@ -1,4 +1,7 @@
-"""Interruption of long searches by Ctrl-C, which keeps the result found so far."""
+"""Interruption of long searches by Ctrl-C.
+
+The result found so far is kept.
+"""
 
 from __future__ import annotations
 

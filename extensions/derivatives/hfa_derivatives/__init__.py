@@ -2,7 +2,7 @@
 
 - `names.py` lists the entries of a table.
 - `table.py` reads the entries and their units.
-- `aircraft.py` makes the `Model`.
+- `aircraft.py` creates the `Model`.
 - `changed.py` reads a file that changes parameters of another aircraft.
-- `matrices.py` makes linear models from given matrices.
+- `matrices.py` creates linear models from given matrices.
 """

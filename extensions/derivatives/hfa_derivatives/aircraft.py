@@ -104,8 +104,7 @@ def _model(table: Table) -> Model:
 
 
 def _turns_both_ways(table: Table) -> bool:
-    """Return whether at least two control surfaces have a derivative of the rolling or yawing
-    moment.
+    """Return whether two or more control surfaces have a derivative of the roll or yaw moment.
 
     If so, a trim can impose the sideslip.
     """
@@ -125,9 +124,7 @@ def _mass(table: Table) -> float:
 
 
 def _parameters(table: Table) -> dict[str, Signal]:
-    """Return the parameters of the aircraft, name -> signal: mass, inertias, gravity and
-    derivatives.
-    """
+    """Return name -> signal of the parameters: mass, inertias, gravity and derivatives."""
     mass_unit = "slug" if table.system == "english" else "kg"
     mass = _mass(table)
     signals = {"mass": Signal(mass_unit, mass, 0.0, start=mass)}
@@ -228,10 +225,10 @@ class _Equations:
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """Return the rate of alpha, rad/s, including the lift due to this rate (derivative
-        CL_alphadot).
+        """Return the rate of alpha, rad/s, including the lift due to this rate.
 
-        The drag due to the rate of alpha acts along the flight path and does not change alpha.
+        The derivative of this lift is CL_alphadot. The drag due to the rate of alpha acts along the
+        flight path and does not change alpha.
 
         specific: force per mass without the forces that depend on the rate of alpha, (3,)
         """

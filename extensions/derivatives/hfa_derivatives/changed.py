@@ -20,8 +20,8 @@ _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 def changed_aircraft(path: str) -> Model | None:
     """Return the aircraft of a TOML file that names another aircraft and new values of parameters.
 
-    The entry `aircraft` names the other aircraft. The table [parameters] has its units. Return None
-    if the file has no entry `aircraft`.
+    The entry `aircraft` names the other aircraft. The values in the table [parameters] are in the
+    units of the other aircraft. Return None if the file has no entry `aircraft`.
 
     Raises BadInputError if an entry is unknown or invalid, or if the other aircraft cannot be
     loaded.
@@ -52,8 +52,7 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around the present
-    value.
+    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around its value.
 
     Each entry must be named like a parameter of the model or a sensor error of the file.
     """

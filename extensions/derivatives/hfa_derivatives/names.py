@@ -42,7 +42,7 @@ class Derivative:
 
     coefficient: the coefficient, such as CL
     argument: suffix of the variable, such as alpha, or name of a control surface
-    is_by_angle: whether the argument is an angle, so that the value is per rad or per deg
+    is_by_angle: whether the argument is an angle. The derivative is then per rad or per deg.
     """
 
     coefficient: str
@@ -51,8 +51,7 @@ class Derivative:
 
 
 def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
-    """Return the parts of the name of a derivative, or None if the name is not that of a
-    derivative.
+    """Return the parts of the name of a derivative, or None if the name is another one.
 
     surfaces: names of the control surfaces
     """

@@ -208,8 +208,9 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
-    """Return the lowest and highest value of an input, rad for a control surface, lbf or N for
-    thrust.
+    """Return the lowest and highest value of an input.
+
+    The values of a control surface are in rad, and those of the thrust in lbf or N.
 
     Raises BadInputError in these cases:
     - The name is not a valid name of an input.
@@ -278,9 +279,7 @@ def _unit(name: str, system: str) -> str:
 
 
 def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
-    """Return the error for an entry with an unknown name, or with one value where two limits are
-    required.
-    """
+    """Return the error for an unknown entry, or for an entry without the two limits it requires."""
     arguments = (*ARGUMENTS, *surfaces)
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)

@@ -14,8 +14,7 @@ from hfa_support.errors import said_of
 def critic_of_steps(
     path: str | Path, problem: DiscreteGame, reading: Reading | None = None
 ) -> tuple[Critic, dict[str, Any]]:
-    """Return the critic in a file for a discrete-time plant, and its matrices L and H, name ->
-    matrix.
+    """Return the critic in a file for a discrete-time plant, and name -> matrix of L and H.
 
     L or H is omitted if the file does not determine it. If the file contains H, missing P, K and L
     are computed from H. An H over (x, u) gives no L.

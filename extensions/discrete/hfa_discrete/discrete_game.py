@@ -116,8 +116,8 @@ class DiscreteGame(Reported):
 
         L is omitted if H is over (x, u).
 
-        H: symmetric matrix of the Q-function, over (x, u, w) or (x, u), and only over (x, u) if δ =
-            inf
+        H: symmetric matrix of the Q-function, over (x, u, w) or (x, u). With δ = inf, only over (x,
+            u).
 
         Raises BadInputError if H has a wrong shape or is not symmetric, or if H_aa is singular.
         """

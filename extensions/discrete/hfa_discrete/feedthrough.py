@@ -14,8 +14,8 @@ def without_feedthrough(
 ) -> Triple:
     """Return A, E and Q = C'C of a system without feedthrough.
 
-    The gain of the returned system is below δ if and only if the gain of x' = A x + E w, z = C x +
-    D w is below δ. The gain of D alone must be below δ.
+    The original system is x' = A x + E w, z = C x + D w. The gain of the returned system is below δ
+    if and only if the gain of the original system is below δ. The gain of D alone must be below δ.
     """
     if not D.any() or math.isinf(delta):
         return A, E, C.T @ C

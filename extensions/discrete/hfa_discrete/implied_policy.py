@@ -51,9 +51,12 @@ def policy_of_next(
 ) -> ca.Function:
     """Return the policy x (n,) -> u (m,) that is optimal for one step, followed by the cost V.
 
-    u and w are the saddle point of the cost. With g = ∂V/∂x at the next state, they satisfy R u +
-    N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. With δ = inf, w is 0. u is NaN if Newton's method,
-    started at u = -K x and w = L x, does not converge.
+    u and w are the saddle point of the cost. With g = ∂V/∂x at the next state, they satisfy
+
+      R u + N'x + ½ α B'g = 0,  -δ² w + ½ α E'g = 0
+
+    With δ = inf, w is 0. u is NaN if Newton's method, started at u = -K x and w = L x, does not
+    converge.
 
     problem: the discrete-time game
     gradient: function x (n,) -> ∂V/∂x (n,)

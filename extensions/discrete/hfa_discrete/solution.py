@@ -89,10 +89,10 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at the beginning of the step. The weights of the
     step are therefore Q dt and R dt, and the delta of the step is √dt δ.
 
-    The matrix A of a step is stored with twice the digits. Its difference from I is computed
-    without
-    cancellation. Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section
-        4.3.
+    The matrix A of a step is stored with twice the digits, and A - I is computed without
+    cancellation.
+
+    Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section 4.3.
 
     dt: sample time, s
     discount: discount of one step
@@ -196,7 +196,9 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
-    """Return the six checks of `_checks` for a given P (n, n) of a game."""
+    """Return the six checks of `_checks` for a given matrix P (n, n) of the value x'P x of a
+    game.
+    """
     form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
@@ -325,7 +327,7 @@ def _unreached(value: complex) -> str:
 
 
 def _mode_text(value: complex) -> str:
-    """Return a text such as "mode with eigenvalue 1.1 ± 0.2i"."""
+    """Return a phrase that names the mode, such as "mode with eigenvalue 1.1 ± 0.2i"."""
     text = f"mode with eigenvalue {value.real:.4g}"
     return f"{text} ± {abs(value.imag):.4g}i" if value.imag else text
 

@@ -87,9 +87,7 @@ class StepForm(NormalForm):
 
     @classmethod
     def unbalanced(cls, problem: DiscreteGame) -> StepForm:
-        """Return the normal form of a game without the balancing by the equivalent continuous-time
-        game.
-        """
+        """Return the normal form of a game without balancing."""
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -222,15 +220,17 @@ class StepForm(NormalForm):
 
     @property
     def _signs(self) -> np.ndarray:
-        """Diagonal of W, (m + k,)."""
+        """Diagonal of W = blkdiag(I, -I), (m + k,)."""
         return np.repeat([1.0, -1.0], [self.B.shape[1], self.E.shape[1]])
 
     def gain(self, X: np.ndarray) -> np.ndarray:
-        """Return K of u = -K x in the user's coordinates, (m, n)."""
+        """Return the gain K (m, n) of u = -K x in the user's coordinates, for the solution X."""
         return np.linalg.solve(self.root.T, self.policies(X).K @ self.T)
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
-        """Return L of the worst disturbance w = L x in the user's coordinates, (k, n)."""
+        """Return L (k, n) of the worst disturbance w = L x in the user's coordinates, for the
+        solution X.
+        """
         return self.policies(X).L @ self.T / self.delta
 
     def newton_step(self, X: np.ndarray) -> NewtonStep:

@@ -16,7 +16,7 @@ from hfa_support.errors import BadInputError
 def candidates(words: list[str]) -> list[str]:
     """Return the completions of the last word of a command line, in alphabetical order.
 
-    words: the words typed so far, without `hfa`; the last word may be empty
+    words: the words typed so far, without `hfa`. The last word may be empty.
     """
     *before, begun = words
     try:

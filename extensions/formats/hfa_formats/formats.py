@@ -74,8 +74,9 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Return whether a declaration defines a complete result instead of additional entries of a
-    result.
+    """Return whether a declaration defines a complete result.
+
+    Other declarations define additional entries of a result.
     """
     return ":" in text.split()[0]
 

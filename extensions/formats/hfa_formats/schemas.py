@@ -69,8 +69,7 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the evaluated annotation of a field or property of a class or of its nearest base
-    class.
+    """Return the evaluated annotation of a field or property, of a class or its nearest base class.
 
     Raises KeyError if no class declares the name.
     """

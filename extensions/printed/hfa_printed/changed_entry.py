@@ -52,7 +52,7 @@ class ChangedEntry(Result):
 
     @property
     def entry(self) -> str:
-        """Position of the entry."""
+        """Position of the entry as text, such as "A12" for row 1 and column 2 of A."""
         return str(self.position)
 
     def __str__(self) -> str:
@@ -98,9 +98,7 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
 
 @lru_cache(maxsize=1)
 def not_searched(file: PrintedFile) -> str:
-    """Return the reason why `changed_entries` does not search the plant of a file, or "" if it
-    does.
-    """
+    """Return the reason why `changed_entries` does not search a file's plant, or "" if it does."""
     states = len(file.plant.A)
     count = edits_tried(file)
     if count * states**3 <= _MOST:
@@ -171,7 +169,10 @@ def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tupl
 
 
 def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
-    """Return the edits in groups whose intervals overlap."""
+    """Return the edits of an entry in groups.
+
+    The intervals of the edits in a group overlap.
+    """
     groups: list[list[_Edit]] = []
     for edit in sorted(edits, key=lambda edit: edit.lowest):
         if groups and edit.lowest <= max(before.highest for before in groups[-1]):
@@ -211,8 +212,8 @@ def _likeliest(
 def _edits(text: str) -> dict[str, str]:
     """Return right text -> misprint that turns the right text into the given text.
 
-    If several misprints do, the likeliest is given. Texts with the value of the given text are
-    omitted.
+    If several misprints turn a text into the given text, the likeliest is returned. Texts with the
+    value of the given text are omitted.
     """
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None

@@ -67,14 +67,14 @@ class Classified:
 
 
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
-    """Return the first class of a printed answer that its digits permit.
+    """Return the class of a printed answer, with the reason and the comparison.
 
     progress: passed to `changed_entries`
 
-    Raises NoSolutionError if the plant in the file has no certified answer. The message names the
-    other time, or changed entries of the plant, for which every printed digit is right. Raises
-    BadInputError if the file does not state the time. The message proposes the time for which every
-    digit is right, if there is one.
+    Raises NoSolutionError if the plant in the file has no certified answer. If every printed digit
+    is right for the other kind of time, continuous or discrete, or for changed entries of the
+    plant, the message proposes these. Raises BadInputError if the file does not state the time. If
+    every digit is right for continuous or discrete time, the message proposes this time.
     """
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
@@ -106,9 +106,9 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
 
 def fitting_time(file: PrintedFile) -> str:
-    """Return a question that proposes the time for which every printed digit is right.
+    """Return a question that proposes continuous or discrete time, or "".
 
-    The result is "" if neither continuous nor discrete time makes every digit right.
+    The time is the one for which every printed digit is right. The result is "" if there is none.
     """
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
@@ -173,8 +173,9 @@ def _sizes(comparison: Comparison) -> np.ndarray:
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """Return the class and its reason if a changed entry or a known mistake explains the answer, or
-    None.
+    """Return the class and its reason if a changed entry or a known mistake explains the answer.
+
+    The result is None if nothing explains the answer.
 
     changed: changes of one entry of the plant that make every digit right
     mistake: known mistake, or ""
@@ -198,7 +199,8 @@ def _by_search(
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
     """Return the error message for a plant without a certified answer.
 
-    The message proposes the other time, or changed entries, for which every printed digit is right.
+    If every printed digit is right for the other kind of time, continuous or discrete, or for
+    changed entries, the message proposes these.
 
     failure: error of the solver
     """
@@ -282,7 +284,7 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
 
 
 def _is_cut_off(comparison: Comparison) -> bool:
-    """Return whether each wrong entry is the exact value with its further digits cut off."""
+    """Return whether each wrong entry is the exact value, truncated instead of rounded."""
     outside = comparison.outside
     exact = comparison.exact[outside]
     short = np.sign(exact) * (exact - comparison.printed[outside])
@@ -290,9 +292,9 @@ def _is_cut_off(comparison: Comparison) -> bool:
 
 
 def _asymmetric_block(file: PrintedFile) -> str:
-    """Return the name of the first asymmetric block, "P" or "H", or "" if none is asymmetric.
+    """Return the name of the first asymmetric matrix, "P" or "H", or "" if none is asymmetric.
 
-    A block is asymmetric if at least two mirrored pairs differ by more than the rounding of their
+    A matrix is asymmetric if at least two mirrored pairs differ by more than the rounding of their
     printed digits. P of a learned answer is not checked, because it may be slightly asymmetric.
     """
     names = ("H",) if file.learned else ("P", "H")
@@ -309,7 +311,7 @@ def _asymmetric_block(file: PrintedFile) -> str:
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
     """Return a sentence with the printed and the exact value of a wrong entry.
 
-    wrong: position of the entry. If its block contains several wrong entries, the first is
+    wrong: position of the entry. If its matrix contains several wrong entries, the first is
         described.
     """
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
@@ -325,8 +327,8 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
     """Return the known mistake that explains the printed answer, or "".
 
-    The other time also counts as a mistake. A mistake must explain every digit, or most of the
-    error of a learned answer.
+    Discrete instead of continuous time, or the reverse, also counts as a mistake. A mistake must
+    explain every digit, or most of the error of a learned answer.
 
     P: matrix of the exact value x'P x, (n, n)
     """

@@ -18,7 +18,7 @@ _SYMMETRIC = ("P", "H")
 
 
 class Position(NamedTuple):
-    """Position of an entry.
+    """Position of an entry in a matrix.
 
     block: name of the matrix, such as "A".
     row, column: counted from 0.
@@ -73,9 +73,11 @@ class Comparison:
         return sorted(wrong)
 
     def relative(self, block: str) -> float:
-        """Return |printed - exact| / |exact| of a block in Frobenius norms.
+        """Return the relative error |printed - exact| / |exact| of a matrix in Frobenius norms.
 
-        If the exact block is 0, the result is |printed|.
+        If the exact matrix is 0, the result is |printed|.
+
+        block: name of the matrix
         """
         members = np.array([position.block == block for position in self.positions])
         size = float(np.linalg.norm(self.exact[members])) or 1.0
@@ -83,7 +85,7 @@ class Comparison:
 
     @property
     def relative_error(self) -> float:
-        """Largest relative error of the blocks."""
+        """Largest relative error of the printed matrices."""
         return max(
             self.relative(block) for block in {position.block for position in self.positions}
         )
@@ -140,8 +142,7 @@ def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the entries of those matrices of an answer that are printed, (N,), with the printed
-    signs.
+    """Return those entries of an answer that are printed, (N,), with the printed signs.
 
     answer: name of a matrix -> matrix or stack of matrices. A stack gives a stack of results.
     """

@@ -87,8 +87,9 @@ class Plant:
         return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
-        """Return the plant with one entry changed. In Q and R, the mirrored entry is changed
-        too.
+        """Return the plant with one entry changed.
+
+        In Q and R, the mirrored entry is changed too.
         """
         if name == "gamma":
             return replace(self, gamma=value)
@@ -261,8 +262,9 @@ def answer_change(
 
 
 def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the solution Z of F'Z + Z F + right = 0, or in discrete time of Z = α F'Z F +
-    right.
+    """Return the solution Z of the Lyapunov equation of a plant.
+
+    The equation is F'Z + Z F + right = 0, or Z = α F'Z F + right in discrete time.
     """
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 

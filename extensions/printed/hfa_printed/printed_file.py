@@ -102,10 +102,10 @@ class PrintedFile:
 
 
 def load_printed(path: Path) -> PrintedFile:
-    """Read a printed answer from a TOML file.
+    """Return the plant and its printed answer from a TOML file.
 
     Raises BadInputError for text that is not a number, for a wrong shape and for missing entries.
-    The message names the block and the row.
+    The message names the matrix and the row.
     """
     try:
         content = read_toml(path)
@@ -307,10 +307,11 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 
 
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
-    """Return name -> value of the table [parameters], or {} without this table.
+    """Return name -> value of the table [parameters], or {} if there is no such table.
 
-    Each value is a number, or a formula of the preceding names. Raises BadInputError if
-    `parameters` is not a table or a value is wrong.
+    Each value is a number, or a formula of the preceding names.
+
+    Raises BadInputError if `parameters` is not a table or a value is wrong.
     """
     if "parameters" not in content:
         return {}

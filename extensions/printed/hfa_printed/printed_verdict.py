@@ -56,27 +56,23 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost of at most
-        `limit_cost`.
-        """
+        """True if the answer is as printed, cut off, or close with a cost within `limit_cost`."""
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
 
     @property
     def weights_from(self) -> Mapping[str, str]:
-        """Name of Q, R or delta -> its source: "printed", or "default" if the file contains no
-        gamma.
-        """
+        """Q, R or delta -> its source: "printed", or "default" if gamma is missing."""
         delta = "printed" if "gamma" in self.file.typed else "default"
         return {"Q": "printed", "R": "printed", "delta": delta}
 
     @property
     def entries(self) -> list[dict[str, Any]]:
-        """Printed entries, each with the keys block, row, column, printed, exact, half_unit,
-        half_units_off.
+        """Printed entries with their positions, exact values and errors.
 
-        Rows and columns are counted from 1. half_units_off is the error in units of the tolerance.
+        The keys are block, row, column, printed, exact, half_unit and half_units_off. Rows and
+        columns are counted from 1. half_units_off is the error in units of the tolerance.
         """
         rows = _rows(self.classified.comparison)
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
@@ -173,8 +169,7 @@ def _printed_gain(file: PrintedFile) -> np.ndarray:
 
 
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
-    """Return block, row, column, printed and exact value, half unit and error of each printed
-    entry.
+    """Return block, row, column, printed value, exact value, half unit and error of each entry.
 
     Rows and columns are counted from 1. The error is in units of the tolerance.
     """

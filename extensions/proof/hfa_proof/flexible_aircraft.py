@@ -14,9 +14,7 @@ from hfa_support.provenance import parameter_hash
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
-    """Return the flexible aircraft with the dynamics of a given name, or None if the name is
-    unknown.
-    """
+    """Return the flexible aircraft with the given dynamics, or None if their name is unknown."""
     return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
 
 

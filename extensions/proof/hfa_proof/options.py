@@ -31,7 +31,7 @@ not_negative = partial(number, declared=Number(0.0))
 
 
 def interval(text: str) -> tuple[float, ...]:
-    """Return the ends of LOW:HIGH, or one number, exactly as typed.
+    """Return the two numbers of a text LOW:HIGH, or the one number of a text.
 
     Raises BadInputError unless there is one number, or LOW < HIGH.
     """
@@ -42,7 +42,7 @@ def interval(text: str) -> tuple[float, ...]:
 
 
 def positive_interval(text: str) -> tuple[float, float]:
-    """Return the ends of LOW:HIGH, which are equal for one number.
+    """Return the two numbers of a text LOW:HIGH, or the one number of a text twice.
 
     Raises BadInputError unless 0 < LOW < HIGH, or one number is positive.
     """

@@ -46,7 +46,7 @@ class Subject(Protocol):
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
-        """Signal -> lowest and highest value."""
+        """Signal -> lowest and highest value, for every signal with a limit."""
 
 
 class ProvedResult(Result):
@@ -122,8 +122,9 @@ def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
 def polynomial_in_words(
     terms: Iterable[tuple[float, Sequence[int]]], variables: Sequence[str]
 ) -> str:
-    """Return the polynomial Σ coefficient variables^exponents as text, six digits for each
-    coefficient.
+    """Return the polynomial Σ coefficient variables^exponents as text.
+
+    Each coefficient has six digits.
 
     terms: pairs of a coefficient and its exponents
     variables: names of the variables

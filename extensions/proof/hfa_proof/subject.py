@@ -77,11 +77,11 @@ class Given(NamedTuple):
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
-    """Return a comparison of matrices, (value in the certificate, user's value) -> whether they
-    agree.
+    """Return a comparison of matrices.
 
-    Two matrices agree if their shapes are equal and no difference exceeds `relative` times the
-    largest absolute entry of the user's matrix.
+    The comparison has the arguments (value in the certificate, user's value). Two matrices agree if
+    their shapes are equal and no difference exceeds `relative` times the largest absolute entry of
+    the user's matrix.
     """
 
     def same(stated: Any, own: Any) -> bool:
@@ -96,8 +96,10 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
 
 
 def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of numbers by name, (value in the certificate, user's value) -> whether
-    they agree.
+    """Return a comparison of objects with numbers.
+
+    The comparison has the arguments (value in the certificate, user's value). Two objects agree if
+    their names are equal and no difference exceeds the permitted difference.
 
     widths: name -> largest permitted difference
     """
@@ -111,7 +113,7 @@ def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
 
 
 def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, Given]) -> list[str]:
-    """Return the subjects that the user did not give, in the order of the table.
+    """Return the subjects (`Field.subject`) that the user did not give, in the order of the table.
 
     content: content of a statement
     table: all entries of statements of this kind

@@ -110,10 +110,9 @@ _NO_CAUSE = Cause(math.inf, math.inf, "")
 
 
 def error_of(view: View, matrix: np.ndarray) -> float:
-    """Return the relative error of a matrix, |matrix - exact| / |exact| in weighted Frobenius
-    norms.
+    """Return |matrix - exact| / |exact|, the relative error of a matrix in weighted norms.
 
-    view: the exact matrix and the weights
+    view: the exact matrix and the weights of the Frobenius norms
     """
     return relative_error(matrix * view.weights, view.exact * view.weights)
 
@@ -332,8 +331,7 @@ def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[Vi
 
 
 def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Return units of the states in which each state contributes equally to the value, 1 / √P_ii,
-    (n,).
+    """Return units (n,) in which each state contributes equally to the value, 1 / √P_ii.
 
     For a state with almost no cost, the given unit is returned.
 

@@ -280,8 +280,9 @@ def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
-    """Yield hypotheses of mistakes of the states in a symmetric matrix: order, signs, degrees and
-    scales.
+    """Yield hypotheses of mistakes of the states in a symmetric matrix.
+
+    The mistakes are order, signs, degrees and scales.
 
     noun: noun for the quantity of a row and its column, "state"
     """
@@ -299,9 +300,7 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
 
 
 def _symmetric_factors(view: View) -> np.ndarray:
-    """Return the factors t (n,) of the states for which t_i t_j exact_ij is closest to
-    judged_ij.
-    """
+    """Return factors t (n,) of the states such that t_i t_j exact_ij approximates judged_ij."""
     P = view.exact
     signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
     factors = np.sqrt(np.abs(np.diag(view.judged) / np.diag(P)))
@@ -343,8 +342,9 @@ def _scales(
 
 
 def _listed(noun: str, where: np.ndarray) -> str:
-    """Return the indices in a mask as text, counted from 1, such as "state 2" or "states 2, 3 and
-    5".
+    """Return the indices in a mask as text, such as "state 2" or "states 2, 3 and 5".
+
+    Indices are counted from 1.
     """
     *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
     return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"

@@ -132,7 +132,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
 
 
 def _lqr(game: Game, lqr: Game) -> Family:
-    """Return the family of the single game without disturbance, `lqr`."""
+    """Return the family that contains only the game without disturbance, `lqr`."""
     without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
     return Family(
         lambda noun, _: f"this is the LQR {noun} {without}", lambda _: solved(lqr), is_lqr=True
@@ -255,10 +255,9 @@ def of_whole_cost(answer: Answer, step: float) -> Answer:
 
 
 def euler(game: Game, step: float) -> Answer:
-    """Return the solution of a game in discrete time by Euler's rule, x⁺ = x + (A x + B u + E d)
-    step.
+    """Return the solution of a game in discrete time by Euler's rule.
 
-    The cost of a step is multiplied by the time step.
+    The rule is x⁺ = x + (A x + B u + E d) step. The cost of a step is multiplied by the time step.
 
     step: time step, s
     """
@@ -281,8 +280,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
-    """Yield, for each family of games, the hypothesis of the game whose solution is closest to the
-    critic.
+    """Yield, for each family of games, the hypothesis of the game that is closest to the critic.
 
     A family with a parameter is omitted if the critic has too few entries, or if the search does
     not succeed.
@@ -372,8 +370,7 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """Return the parameter x of the game in a family whose solution is closest to the critic, or
-    None.
+    """Return the parameter x of the game in a family that is closest to the critic, or None.
 
     The search is by least squares, within the limits of the family. The result is None in these
     cases:

@@ -117,8 +117,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
 
 
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
-    """Return a note that the user's policy agrees with the policy in the certificate within a
-    tolerance.
+    """Return a note that the user's policy agrees with the stated policy within a tolerance.
 
     The note is in a tuple. The tuple is empty if the policies were not compared or the loop has no
     inputs.
@@ -170,9 +169,7 @@ def _sentence(statement: RegionStatement) -> str:
 
 
 def _sizes(statement: RegionStatement) -> str:
-    """Return the bounds of all disturbances as text, such as "|gust| <= 1 m/s and |shear| <= 0.1
-    1/s".
-    """
+    """Return the bounds of all disturbances as text, such as "|gust| <= 1 m/s"."""
     model = statement.loop.model
     sizes = statement.loop.disturbances.items()
     return " and ".join(f"|{name}| <= {model.describe(name, size)}" for name, size in sizes)

@@ -74,8 +74,7 @@ class Motion:
     def rates_and_outputs(
         self, specific_force: Any, moment: Any, inertia: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the rates of `STATES` and the common outputs of rigid aircraft, each as name ->
-        value.
+        """Return name -> rate of each state, and name -> value of the common outputs.
 
         specific_force: force without weight, divided by mass, in body axes, (3,)
         moment: moment about the center of gravity, in body axes, (3,)

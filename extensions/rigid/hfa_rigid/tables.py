@@ -46,8 +46,7 @@ class Interpolator:
         return _between(ca.SX(ca.DM(lines.ravel())), cells)
 
     def cell(self, argument: ca.SX, points: np.ndarray) -> tuple[ca.SX, ca.SX]:
-        """Return an indicator of the argument's cell, and the argument relative to the middle
-        breakpoint.
+        """Return an indicator of the argument's cell, and the argument's distance from `_middle`.
 
         The indicator (n - 1,) is 1 in the cell and 0 elsewhere. The argument is limited to the
         range of the breakpoints.

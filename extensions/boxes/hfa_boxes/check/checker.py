@@ -68,7 +68,7 @@ class VerifiedBoxes:
 def check_region(
     statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
 ) -> int:
-    """Prove the statement and return the number of boxes that the proof evaluated.
+    """Prove a statement about a region and return the number of boxes that the proof evaluated.
 
     Raises Rejected if the statement is not proved.
     """
@@ -89,8 +89,10 @@ def check_certificate(
 ) -> VerifiedBoxes:
     """Return the region of attraction that a certificate proves.
 
+    path: file of the certificate
     policy: the user's policy, state deviations -> input deviations, or None if the certificate
-        stores the coefficients
+        stores the coefficients of the policy
+    progress: callback for the progress of the proof, or None
     model: the user's aircraft, or None if the certificate concerns a built-in model
 
     Raises BadInputError if the file is not a certificate, was edited, or concerns another model or

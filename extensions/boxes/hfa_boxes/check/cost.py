@@ -179,8 +179,8 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Raise Rejected unless the states at the center of the enclosed equilibrium are within
-        their limits.
+        """Raise Rejected unless the center of the enclosed equilibrium is within the state
+        limits.
         """
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
@@ -327,8 +327,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """Smallest exponent k with g >= 0 proved for |y_i| <= 2^-k and all inputs within the
-        limits.
+        """Smallest exponent k with g >= 0 proved for |y_i| <= 2^-k and all permitted inputs.
 
         g and its gradient are 0 at the equilibrium. g is convex in v with a curvature of at least
         λ. Therefore the minimizing v satisfies Σ λ_i v_i² <= Σ b_i² / λ_i, with the gradient b of g
@@ -348,8 +347,7 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """Return bounds (m,) of |v_i| at the inputs that minimize g, valid on a box about the
-        equilibrium.
+        """Return bounds (m,) of |v_i| at the inputs that minimize g on a box about the equilibrium.
 
         Return None if g is not proved convex in v.
         """

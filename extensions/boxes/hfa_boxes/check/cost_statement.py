@@ -89,9 +89,7 @@ class CostStatement:
 
 
 def _check_limits(plant: Plant) -> None:
-    """Raise Malformed if an input limit differs from the model's limit, or if an output has a
-    limit.
-    """
+    """Raise Malformed if an input limit differs from the model's, or an output has a limit."""
     for name, signal in plant.model.inputs.items():
         stated = plant.limits.get(name, (-np.inf, np.inf))
         require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)

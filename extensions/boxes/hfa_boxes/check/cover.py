@@ -45,7 +45,10 @@ class Boxes(NamedTuple):
         return np.asarray(np.max(np.abs(self.centres) + self.half_widths, axis=1))
 
     def part(self, which: np.ndarray | slice) -> Boxes:
-        """Return the selected boxes."""
+        """Return the boxes with the given indices.
+
+        which: indices, mask or slice
+        """
         return Boxes(self.centres[which], self.depths[which])
 
     def halves(self, across: np.ndarray) -> Boxes:

@@ -91,8 +91,9 @@ def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
 
 
 def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
-    """Raise Rejected unless an enclosed equilibrium is within `SAME_TRIM` nominal values of stated
-    values.
+    """Raise Rejected unless an enclosed equilibrium is near stated values.
+
+    The largest permitted difference is `SAME_TRIM` nominal values.
 
     at: enclosure of the equilibrium
     stated: stated values, in the order of the enclosure

@@ -36,8 +36,7 @@ class Loop(Plant):
     policy: ca.Function
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return the rates of the moving states in the closed loop, and the outputs that have
-        limits.
+        """Return the rates of the moving states in the loop, and the outputs that have limits.
 
         x: values of the moving states, (n,)
         """
@@ -143,8 +142,8 @@ class Decrease(OnPiece):
         """Program of the functions that must be positive in the set {W <= c}.
 
         The functions are -W', the distances of the outputs from their limits, and one function for
-        each bound of a deviation z_i. The upper bound h of z_i holds in the set if h - z_i > k (c -
-        W) with k >= 0. The lower bound is proved in the same way.
+        each bound of a deviation z_i. If h - z_i > k (c - W) with k >= 0, the upper bound h of z_i
+        holds in the set. The lower bound is proved in the same way.
         """
         rates, outputs = self._rates
         W, slopes = self.piece.W.expressions(self.symbols.y)

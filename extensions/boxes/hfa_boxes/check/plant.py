@@ -47,7 +47,7 @@ class Plant:
         return tuple(name for name in self.model.outputs if name in self.limits)
 
     def content(self) -> dict[str, Any]:
-        """Return the plant as entries of a certificate's statement, in the form that `read_plant`
+        """Return the plant in the form that is stored in a certificate and that `read_plant`
         accepts.
         """
         return {
@@ -182,8 +182,7 @@ def check_limits_of_model(plant: Plant) -> None:
 
 
 def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """Return the first signal with stated limits that are not admissible, or None if all are
-    admissible.
+    """Return the first signal whose stated limits are not admissible, or None if all are.
 
     The limits of an input define its saturation and must equal the model's. The limits of a state
     or output must not be wider than the model's.
@@ -225,9 +224,7 @@ def model_limits(
 
 
 def facts(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, moving states, and units of states and
-    inputs.
-    """
+    """Return entries that identify a model: name, source, moving states and units."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],
@@ -238,5 +235,5 @@ def facts(model: Model) -> dict[str, Any]:
 
 
 def pair_of(limits: tuple[float, float]) -> list[float | None]:
-    """Return the limits as stored in a file, with None for an infinite limit."""
+    """Return a pair of limits in the form stored in a file, with None for an infinite limit."""
     return [end if np.isfinite(end) else None for end in limits]

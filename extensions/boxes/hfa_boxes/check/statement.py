@@ -83,8 +83,8 @@ class BoxStatement:
     """Claim that the trajectories from a set converge to the equilibrium of a closed loop.
 
     Every trajectory of the loop that begins in the set of the piece exists for all time, stays in
-    the set and within all limits, and converges to the equilibrium. For V of degree 2 the set is {V
-    <= rho} without the condition |y_i| <= 1, because V > rho outside the cube.
+    the set and within all limits, and converges to the equilibrium. For V of degree 2, V > rho
+    outside the cube |y_i| <= 1, and the set is {V <= rho}.
 
     loop: the model with its policy and saturated inputs
     policy: SHA-256 of the policy's instructions, or the coefficients
@@ -101,7 +101,7 @@ class BoxStatement:
 
     @property
     def rho(self) -> float:
-        """Level of V."""
+        """Level of V that defines the set."""
         return self.piece.c
 
     @property

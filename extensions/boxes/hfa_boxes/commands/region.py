@@ -114,8 +114,7 @@ class SearchSettings:
 def prove(
     request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, settings: SearchSettings
 ) -> int:
-    """Prove a region of attraction that is as large as possible, print a report and return exit
-    code 0.
+    """Prove a region of attraction as large as possible, print a report and return exit code 0.
 
     The certificate of each larger region is written to the output file of the request, if there is
     one.
@@ -182,13 +181,14 @@ def check(
     policy: ProvedPolicy,
     own: Model | None,
 ) -> int:
-    """Verify the certificate of a region for the user's policy, print a report and return the exit
-    code.
+    """Verify a certificate for the user's policy, print a report and return exit code 0.
 
     path: file of the certificate
     linear: linear model at the user's trim
     policy: the user's policy
     own: the user's model, or None if the certificate concerns a built-in model
+
+    Raises NoSolutionError if the user's data differ from the certificate.
     """
     verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
     content = verified.statement.content()

@@ -1,3 +1,3 @@
-"""Enclosures of functions over many boxes at once, in double precision with rounding errors
-included.
+"""Enclosures of functions over many boxes at once, in double precision, including rounding
+errors.
 """

@@ -1,8 +1,8 @@
 """A CasADi function as nonlinear nodes and affine rows between them.
 
-A row is a sum of coefficients times variables. The coefficients are rational numbers, so that they
-are not rounded. Variable 0 is the constant 1, followed by the inputs and the nodes. Layers of a
-network become rows, which are evaluated as matrix products.
+A row is a sum of coefficients times variables. The coefficients are rational numbers and therefore
+exact. Variable 0 is the constant 1, followed by the inputs and the nodes. Layers of a network
+become rows, which are evaluated as matrix products.
 
 CasADi folds constants in doubles and stores 5 (0.2 x) as x. The proof covers the folded function,
 which is also the function that is evaluated.

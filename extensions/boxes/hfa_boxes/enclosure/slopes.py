@@ -53,7 +53,11 @@ class Intervals(NamedTuple):
 
 
 class Jacobian(NamedTuple):
-    """Enclosures of the outputs (k,) of a program and of their Jacobian (k, inputs)."""
+    """Enclosures of a program and of its Jacobian over a box.
+
+    values: enclosures of the outputs, (k,)
+    slopes: enclosures of the entries of the Jacobian, (k, inputs)
+    """
 
     values: Intervals
     slopes: Intervals

@@ -240,8 +240,7 @@ class TaylorProgram:
     def _errors(
         self, traced: Traced, which: np.ndarray, boxes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return bounds of the errors of outputs, and the parts of these bounds that each s_i
-        causes.
+        """Return bounds of the errors of outputs, and the part of each bound that each s_i causes.
 
         The first array, (N,), is the sum over all operations of the own error times the absolute
         value of its weight. The second array, (n, N), is approximate.
@@ -438,10 +437,10 @@ def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
 
 
 def amounts_by_edge(models: Models, n: int) -> np.ndarray:
-    """Return approximate amounts by which each s_i lowers the minimum of Taylor models, (values, n,
-    boxes).
+    """Return approximate amounts by which each s_i lowers the minimum of Taylor models.
 
-    The amounts are those of the second bound in `lowest`. No proof depends on these amounts.
+    The array has the shape (values, n, boxes). The amounts are those of the second bound in
+    `lowest`. No proof depends on these amounts.
     """
     linear, squares, shares = _parabolas(models, n)
     return -_lowest_parabolas(linear, squares - shares)

@@ -186,8 +186,7 @@ class CostSearch:
 
     @cached_property
     def _flights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Initial conditions (N, n), and the costs (N,) of flights from them with the saturated
-        LQR.
+        """Initial conditions (N, n) and the costs (N,) of flights with the saturated LQR.
 
         The initial conditions are random, and those of highest linear quadratic cost are included.
         """
@@ -329,9 +328,9 @@ class CostSearch:
                 beyond *= _FURTHER
 
     def _beyond(self, c: float) -> float:
-        """Return the largest z'P z of samples, relative to the level c.
+        """Return the largest z'P z of samples, as a multiple of the level c.
 
-        The factor is larger if flights near the level cost less than z'P z.
+        The multiple is larger if flights with costs near c cost less than z'P z.
         """
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)

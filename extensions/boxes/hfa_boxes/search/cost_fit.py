@@ -220,8 +220,8 @@ class Fit:
     def _ball(self, count: int) -> np.ndarray:
         """Return random state deviations z (count, n) with z'P z <= beyond c within the envelope.
 
-        The samples are denser near 0 than uniform samples. Fewer are returned if the envelope
-        contains only a small part of the ellipsoid.
+        The samples are denser near 0 than uniform samples. Fewer samples are returned if the
+        envelope contains only a small part of the ellipsoid.
         """
         P = self._problem.P
         n = len(P)
@@ -252,9 +252,10 @@ class Fit:
     def _solve(self) -> None:
         """Compute the coefficients of W by a linear program.
 
-        W maximizes the sum of three terms: the mean over samples of W / z'P z, the mean of W / cost
-            at the wanted flights, and the weighted lowest ratio of W to the cost of a wanted
-            flight.
+        W maximizes the sum of three terms:
+        - the mean over samples of W / z'P z
+        - the mean of W / cost at the wanted flights
+        - the weighted lowest ratio of W to the cost of a wanted flight
 
         Raises OpenBoxError if the program has no solution.
         """
@@ -318,11 +319,10 @@ class Fit:
         self._sides.append(sides)
 
     def _add_walls(self, count: int, *, every: bool) -> bool:
-        """Add constraints W >= 1.02 c at random points, and return whether W < 1.01 c at one of the
-        points.
+        """Add constraints W >= 1.02 c at random points.
 
         The points are within the envelope, in the cube with z'P z > beyond c or on a face of the
-        cube.
+        cube. Return whether W < 1.01 c at one of the points.
 
         count: number of points on faces
         every: whether to add constraints at all points instead of only those with W < 1.01 c

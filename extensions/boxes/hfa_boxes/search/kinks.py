@@ -15,11 +15,10 @@ _CHANGE = 1e-5
 
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
-    """Return a sentence on the largest kink of the rates at the equilibrium, or "" if there is no
-    kink.
+    """Return a sentence on the largest kink of the rates at the equilibrium, or "".
 
     The sentence names the rate, the signal in which the slope of the rate jumps, and the value of
-    the signal.
+    the signal. The result is "" if the rates have no kink.
 
     program: function from the states, or the states and inputs, to the rates of the states
     """

@@ -258,9 +258,7 @@ class RegionSearch:
         return False
 
     def _part(self, shape: Shape, share: float) -> Shape:
-        """Return the set of a V, scaled in length by a share and reduced to lie within the state
-        limits.
-        """
+        """Return the set of a V, scaled in length by a share and reduced to the state limits."""
         part = shape.of_level(share**2).diagonal(self.J).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         beyond = float(np.max(part.extents().ends / limits))

@@ -99,8 +99,8 @@ class Samples:
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) at which a state or output exceeds
-        a limit.
+        """Return the mask (N,) of the state deviations z (N, n) beyond a limit of a state or
+        output.
         """
         signals = z + self._x
         if len(self._low) > z.shape[1]:
@@ -173,9 +173,7 @@ class Shape:
         return cls(piece.M, basis, coefficients)
 
     def of_degree(self, degree: int) -> Shape:
-        """Return V as a polynomial with monomials up to a higher degree. The added coefficients are
-        0.
-        """
+        """Return V with monomials up to a higher degree, whose coefficients are 0."""
         return Shape.of_piece(self.piece(), degree)
 
     @cached_property
@@ -258,8 +256,8 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return the same V in coordinates y scaled such that samples of the set's boundary are in
-        the cube.
+        """Return the same V in coordinates y in which samples of the set's boundary are in the
+        cube.
         """
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
@@ -295,10 +293,9 @@ class Shape:
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
-        """Return the n-th root of the volume of the set in z, relative to the volume of the unit
-        ball.
+        """Return the size of the set, the n-th root of its volume in z.
 
-        The volume is estimated from random directions.
+        The volume is relative to that of the unit ball, and is estimated from random directions.
         """
         n = self.basis.n
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
@@ -335,10 +332,10 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
-        """Return the lowest level at which a margin <= 0 was found and the state deviation z (n,)
-        there.
+        """Return the lowest level of V with a margin <= 0, and the state deviation z (n,), or None.
 
-        Return None if no such level was found.
+        A margin <= 0 marks an obstacle. The result is None if the samples find no obstacle up to
+        the highest level.
 
         margins: z (N, n) -> margins (N,)
         level: highest level that is searched
@@ -386,8 +383,7 @@ class Shape:
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:
-        """Return bounds of the state deviations z in the set {V <= 1}, with multipliers for their
-        proof.
+        """Return bounds of the state deviations z in {V <= 1}, with multipliers for their proof.
 
         The bounds are estimated from samples.
         """

@@ -35,9 +35,7 @@ class PrintedRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return no additional entries of the provenance, because the file itself contains the
-        plant.
-        """
+        """Return no additional entries of the provenance, because the file contains the plant."""
         return {}
 
 

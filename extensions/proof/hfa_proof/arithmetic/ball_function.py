@@ -68,7 +68,7 @@ class BallFunction:
             ) from error
 
     def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """Return the outputs by executing the instructions of the function in order."""
+        """Return the outputs for given nonzeros of each input."""
         work: list[Any] = [None] * self._size
         results: list[list[Any]] = [[None] * size for size in self._sizes]
         for code, operation, target, source in self._steps:
@@ -102,8 +102,11 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """Return a ball for a value: the ball itself, the constant term of a series, or the range of a
-    Taylor model.
+    """Return a ball for a value.
+
+    - ball: the ball itself
+    - series: the constant term
+    - Taylor model: the range
     """
     if isinstance(value, arb):
         return value

@@ -14,7 +14,9 @@ SAME_TRIM = 1e-6
 
 
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
-    """Return the model of a statement: the flexible aircraft of the paper, or the user's.
+    """Return the aircraft that a statement concerns.
+
+    This is the flexible aircraft of the paper or the user's model.
 
     name: name of the dynamics in the statement
     source: hash of the user's file in the statement, "" for the flexible aircraft

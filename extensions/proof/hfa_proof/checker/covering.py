@@ -19,8 +19,8 @@ def covering(
     """Return all pieces of evidence if their boxes cover the stated box.
 
     what: name of the pieces in a message, such as "the cells"
-    stated: box of the claim, as (low, high) of each coordinate. A claim at one value has low =
-        high.
+    stated: box of the claim, (low, high) of each coordinate, with low = high for a claim at one
+        value
     pieces: evidence in any order
     box_of: piece -> box, which may overlap other boxes and extend beyond the stated box
 
@@ -57,9 +57,7 @@ def _check_ends(what: str, box: Box, coordinates: int) -> None:
 
 
 def _meets(box: Box, part: Box) -> bool:
-    """Return whether a box and a part of the stated box have more in common than a face of the
-    part.
-    """
+    """Return whether a box and a part of the stated box have more in common than a face."""
     for (low, high), (least, most) in zip(box, part, strict=True):
         if least == most and not low <= least <= high:
             return False

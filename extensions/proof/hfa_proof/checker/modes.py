@@ -38,6 +38,8 @@ def modes_right_of(A: TaylorModel, line: Line) -> int:
 def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
     """Return bounds on the number of eigenvalues with positive real part, for every A of the box.
 
+    n is the number of all eigenvalues.
+
     - rate < 0: the lower bound is proved, the upper bound is n
     - rate > 0: the upper bound is proved, the lower bound is 0
     - rate = 0: both bounds are the proved number
@@ -51,8 +53,7 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """Raise Rejected unless V = ζ'P ζ is proved positive and decreasing while the scheduling
-    variable moves.
+    """Raise Rejected unless V = ζ'P ζ decreases while the scheduling variable moves.
 
     The proved conditions are P > 0 and A'P + P A ± growth < 0 on the box.
 

@@ -36,7 +36,7 @@ def require(holds: bool, where: str, value: Any = None) -> None:
     """Raise Malformed unless the condition is true.
 
     where: name of the entry, with the defect if it is not obvious
-    value: the entry, which the message shows
+    value: value of the entry for the message, or None to omit it
     """
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
@@ -82,7 +82,7 @@ class Fields:
         self._remaining: dict[str, Any] = dict(content)
 
     def has(self, name: str) -> bool:
-        """Return whether the entry exists and is not yet read."""
+        """Return whether the entry with the given name exists and has not been read."""
         return name in self._remaining
 
     def close(self) -> None:

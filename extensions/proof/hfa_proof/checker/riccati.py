@@ -184,8 +184,9 @@ def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tu
 def critic_distances(
     critic: Mapping[str, np.ndarray], exact: Solution
 ) -> dict[str, tuple[arb, arb]]:
-    """Return name -> (lower, upper) bound of |X - X*| / |X*| for each part X = K, P or W of a
-    critic.
+    """Return name -> (lower, upper) bound of the relative distance of a part of a critic.
+
+    The distance is |X - X*| / |X*| for each part X = K, P or W.
 
     exact: enclosure of the exact solution X*
     """

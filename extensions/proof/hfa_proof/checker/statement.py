@@ -25,10 +25,10 @@ from hfa_support.reporting.results import Stack, Vector
 
 
 class Run(NamedTuple):
-    """Bounds on the number of eigenvalues with positive real part over a range of scheduling
-    values.
+    """Bounds on the number of unstable modes over a range of scheduling values.
 
-    If `least` equals `most`, no eigenvalue is on the imaginary axis.
+    An unstable mode is an eigenvalue with positive real part. If `least` equals `most`, no
+    eigenvalue is on the imaginary axis.
 
     low, high: ends of the range
     least, most: lowest and highest number at every scheduling value of the range
@@ -127,9 +127,7 @@ class Flight:
         return cls(model, parameters, spread, imposed, flight.limits, low, high, tuple(trims))
 
     def _check_imposed(self) -> None:
-        """Raise Malformed if an imposed value or the range of the scheduling variable exceeds a
-        limit.
-        """
+        """Raise Malformed if an imposed value or a scheduling value exceeds a limit."""
         ends = {name: (value, value) for name, value in self.imposed.items()}
         ends[self.model.schedule] = tuple(
             in_model_unit(self.model, end) for end in (self.low, self.high)
@@ -251,9 +249,7 @@ class Controller:
         return controller
 
     def outputs(self, model: Model) -> tuple[str, ...]:
-        """Return the names of the model's outputs that the controller measures, as a whole or in
-        part.
-        """
+        """Return the names of the outputs that the controller measures, as a whole or in part."""
         names = (model.part(name)[0] for name in self.measurements)
         return tuple(dict.fromkeys(name for name in names if name in model.outputs))
 
@@ -290,8 +286,7 @@ class FixedActuators:
 
 @dataclass(frozen=True, eq=False)
 class UncertainActuators:
-    """Actuators whose bandwidth ω, effectiveness λ(t) and delay τ(t) are known only within
-    intervals.
+    """Actuators whose bandwidth ω, effectiveness λ(t) and delay τ(t) are uncertain.
 
     order: 1 or 2, (a,)
     damping: d, used only for order 2, (a,)
@@ -411,9 +406,7 @@ class GameStatement:
 
     @property
     def hurwitz(self) -> bool | None:
-        """True if A - B K is proved Hurwitz, False if proved not Hurwitz, None if neither is
-        proved.
-        """
+        """True if A - B K is proved Hurwitz, False if proved not Hurwitz, otherwise None."""
         least, most = self.loop
         if most == 0:
             return True

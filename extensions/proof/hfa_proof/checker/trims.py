@@ -87,8 +87,8 @@ def linear_model_on(
 
 
 def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Return name -> Taylor model of all parameters, imposed values and the scheduling variable on
-    a box.
+    """Return name -> Taylor model of the parameters, imposed values and scheduling variable on a
+    box.
 
     decimals: whether to cover all decimal numbers that round to the stored doubles
     """
@@ -144,7 +144,7 @@ def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
 
 
 def _is_zero(values: Iterable[Any]) -> bool:
-    """Return whether all parts of all values are exactly 0."""
+    """Return whether all parts of all given Taylor models, balls and numbers are exactly 0."""
     return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
 
 
@@ -224,7 +224,7 @@ def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
 
 
 def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
-    """Return whether two boxes are proved to have the same trim at their lowest common scheduling
+    """Return whether two boxes are proved to have one trim at their lowest common scheduling
     value.
     """
     at = max(box.trim.low, other.trim.low)
@@ -234,8 +234,7 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of `other` is in the enclosure of `box`, which contains only one
-    trim.
+    """Return whether the trim of `other` is in the enclosure of `box`, which contains one trim.
 
     If both boxes include errors of the parameters, the condition must hold for all errors.
     Otherwise the errors are omitted.

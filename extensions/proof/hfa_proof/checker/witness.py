@@ -272,8 +272,9 @@ class PointTrim:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> PointTrim:
-        """Return the trim stored in a certificate as a list (center, radius, wide radius) for each
-        unknown.
+        """Return the trim stored in a certificate.
+
+        The entry of each unknown is a list (center, radius, wide radius).
 
         Raises Malformed for the first wrong entry.
         """

@@ -67,9 +67,7 @@ def prove(request: CheckRequest) -> int:
 
 
 def _check(request: CheckRequest, certificate: Path) -> int:
-    """Verify a certificate of a schedule, a game or models, print a report and return the exit
-    code.
-    """
+    """Verify a certificate of a schedule, a game or models, and return the exit code."""
     from hfa_proof.checker.checker import check_certificate
     from hfa_proof.checker.statement import content_of, kind_of_statement
     from hfa_proof.commands.given import given_for

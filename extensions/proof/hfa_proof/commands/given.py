@@ -96,9 +96,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries on the aircraft, its parameters, limits and trims that the options
-    give.
-    """
+    """Return the entries on the aircraft, its parameters, limits and trims from the options."""
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"
@@ -117,7 +115,7 @@ def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries Q, R and delta that the options give.
+    """Return the entries Q, R and delta from the options.
 
     If one of them and an aircraft are given, the entry E of the default game is also returned.
     """
@@ -134,7 +132,7 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries on the plant, its weights and the critic that the options give.
+    """Return the entries on the plant, its weights and the critic from the options.
 
     Raises BadInputError if an option defines an aircraft.
     """
@@ -196,10 +194,10 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
 def _given_controller(
     statement: ScheduleStatement | ModelsStatement, request: CheckRequest
 ) -> dict[str, Given]:
-    """Return the entries on the controller in the file of --weights and on the actuators of
-    --design.
+    """Return the entries on the controller and the actuators from the options.
 
-    For a statement about models, the entries are the breakpoints and gains of the file.
+    The options are --weights and --design. For a statement about models, the entries are the
+    breakpoints and gains of the file of --weights.
 
     Raises BadInputError if either the given loop or the statement has no actuators, but not both.
     """
@@ -232,9 +230,7 @@ def _given_controller(
 
 
 def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
-    """Return the intervals of the statement's uncertain actuators, or None if it has no such
-    actuators.
-    """
+    """Return the intervals of the statement's uncertain actuators, or None if there are none."""
     actuators = statement.actuators
     if not isinstance(actuators, UncertainActuators):
         return None

@@ -149,9 +149,7 @@ class CertificateFile:
 
 
 def _subject(content: Content) -> Content:
-    """Return the entries of a statement on aircraft, controller and actuators, without stated
-    trims.
-    """
+    """Return a statement's entries on aircraft, controller and actuators, without stated trims."""
     subject = {
         name: value
         for name, value in content.items()

@@ -104,8 +104,9 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
 
 
 def _checked_verdict(statement: Statement, data: Content) -> str:
-    """Return the first words of the report: whether the statement proves, refutes or leaves open
-        the claim.
+    """Return the first words of the report of a statement that the checker has proved.
+
+    The words state whether the full claim is proved, refuted or open.
 
     data: data of the report, with the entry `proved`
     """
@@ -152,9 +153,7 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
 
 
 def _identity(flight: Flight) -> tuple[str, str] | None:
-    """Return the name and the hash of the parameters, or None for an aircraft from a user's
-    file.
-    """
+    """Return the name and the hash of the parameters, or None for a user's aircraft."""
     return None if flight.model.extras.source[1] else identity_of(flight.parameters)
 
 

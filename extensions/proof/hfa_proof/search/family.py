@@ -247,8 +247,8 @@ class TrimSearch:
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
-        """Return polynomials of the trims on a box, and the radii within which the checker can
-        prove them.
+        """Return polynomials of the trims on a box, and radii with which the checker can prove
+        them.
         """
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)

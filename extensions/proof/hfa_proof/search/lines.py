@@ -61,7 +61,7 @@ def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
 
 
 def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
-    """Return (lowest, highest) number of eigenvalues with positive real part, and lines as
+    """Return (lowest, highest) number of eigenvalues with positive real part, with lines as
     proof.
     """
     on_axis = find_line(A)
@@ -84,9 +84,9 @@ def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.nd
     H = T⁻ᵀ diag(±h) T⁻¹, with T the eigenvectors of the center matrix. Each h > 0 tolerates a
     different set of deviations from the center matrix. N is the largest effect of the set in these
     coordinates. With G = diag|Re λ + a| - N, G x = 1 and G'y = 1, the vector is h = y/x. If G has a
-    positive inverse, diag(h) G + G'diag(h) is positive definite (Berman and Plemmons 1979). h =
-    1/|Re λ + a| solves Lyapunov's equation and suffices for small deviations. If the eigenvectors
-    are nearly dependent, Lyapunov's equation is solved for the center matrix instead.
+    positive inverse, diag(h) G + G'diag(h) is positive definite (Berman and Plemmons 1979). The
+    vector h = 1/|Re λ + a| solves Lyapunov's equation and suffices for small deviations. If the
+    eigenvectors are nearly dependent, Lyapunov's equation is solved for the center matrix instead.
     """
     middle, *additions = A.parts
     A_middle = doubles(middle)

@@ -72,8 +72,9 @@ class Cell:
     exact: Solution
 
     def at(self, s: float) -> dict[str, np.ndarray]:
-        """Return A, B, the trim inputs and K at an end of the cell, name -> matrix in double
-        precision.
+        """Return A, B, the trim inputs and K at an end of the cell, name -> matrix.
+
+        The matrices are in double precision.
 
         s: -1 for the lower end, 1 for the upper end
         """
@@ -99,18 +100,18 @@ def prove_models(
 ) -> Proof:
     """Return a proof of linear models that interpolate A, B, the trim inputs and K.
 
-    K is the gain of the usual game. From `low` on, each step is the longest for which every error
+    K is the gain of the default game. From `low` on, each step is the longest for which every error
     is proved to be within the tolerance, at every scheduling value between the two breakpoints.
-    Breakpoints are ends of cells, which are at most about `_CELL` steps of the family wide.
-
-    family: the trims
-    low, high: ends of the interval of the scheduling value
-    tolerance: largest permitted error, as in `ModelsStatement`
+    Breakpoints are ends of cells. A cell is at most about `_CELL` steps of the family wide.
 
     The entries of the proof's `data` are the breakpoints, A (g, n, n), B, inputs_offset (g, m),
     K (g, m, n) and `error`, the bounds of `ModelsStatement`.
 
-    Raises NoSolutionError if a cell is not proved or its errors exceed the tolerance, and
+    family: aircraft and its trims
+    low, high: ends of the interval of the scheduling value
+    tolerance: largest permitted error, as in `ModelsStatement`
+
+    Raises NoSolutionError if a cell is not proved or its errors exceed the tolerance. Raises
     BadInputError unless low < high.
     """
     if not low < high:

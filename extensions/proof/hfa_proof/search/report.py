@@ -48,8 +48,7 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
 
 
 def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """Return the intervals (low, high) between `low` and `high` that no run covers, in ascending
-    order.
+    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
 
     runs: intervals with results, in any order, which may overlap
     """
@@ -251,8 +250,9 @@ def _span(run: Run) -> str:
 
 
 def count_said(run: Run) -> str:
-    """Return the number of unstable modes as text, such as "2", or "0 to 2" if only bounds are
-    proved.
+    """Return the number of unstable modes as text, such as "2" or "0 to 2".
+
+    The second form is used if only bounds are proved.
     """
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 

@@ -169,8 +169,8 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Return a box with the proved number of unstable modes of the loop, or None if it is not
-        proved.
+        """Return a box with the proved number of unstable modes of the loop, or None without a
+        proof.
 
         A stable loop is proved with a decay rate, or with Lyapunov functions if the actuators are
         uncertain.
@@ -195,8 +195,8 @@ class ScheduleSearch:
         return self._counted(box, self.linear_model(box).A, 0.0)
 
     def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """Return a box with the number of eigenvalues of A with Re λ > -rate, or None if it is not
-        proved.
+        """Return a box with the proved number of eigenvalues with Re λ > -rate, or None without a
+        proof.
 
         A: Taylor model of the matrix on the box
         rate: 1/s
@@ -209,7 +209,7 @@ class ScheduleSearch:
         return ProvedBox(box, count, count, rate, content)
 
     def bound_crossings(self) -> None:
-        """Prove bounds on the aircraft's number of unstable modes where the exact number is not
+        """Prove bounds on the aircraft's number of unstable modes where the number is not
         proved.
         """
         widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
@@ -228,8 +228,8 @@ class ScheduleSearch:
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
 
     def prove_motion(self, progress: Progress | None) -> None:
-        """Prove stability while the scheduling value moves, and store the largest proved rate and
-        its proof.
+        """Store the largest rate of the scheduling value at which stability is proved, and the
+        proof.
 
         Nothing is stored if no rate is proved.
         """
@@ -283,8 +283,8 @@ class ScheduleSearch:
         return Proof(self.statement(), witness)
 
     def data(self) -> Content:
-        """Return further data of the result: ranges of A and B on each box, and V for a moving
-        scheduling value.
+        """Return ranges of A and B on each box, and V for a moving scheduling value, for the
+        result.
         """
         boxes = []
         for proved in self.boxes["loop"]:

@@ -134,13 +134,12 @@ class ExactGame:
         )
 
     def with_delta(self, delta: float) -> ExactGame:
-        """Return the game with another disturbance weight."""
+        """Return the game with another disturbance weight delta."""
         weights = replace(self.weights, delta=delta)
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
     def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
-        """Return an enclosure of the stabilizing solution P, as stated in a certificate and as
-        proved.
+        """Return a stated and a proved enclosure of the stabilizing solution P.
 
         decimals: whether to cover every number that rounds to the stored doubles
         lowest: sign that the lowest eigenvalue of P must have
@@ -466,8 +465,7 @@ def prove_critic(
 
 
 def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
-    """Return whether K is proved to be the gain of the critic's P and W, by the test of the
-    checker.
+    """Return whether the checker proves K to be the gain of the critic's P and W.
 
     Return False for a critic that has only K.
 

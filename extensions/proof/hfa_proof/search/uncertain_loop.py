@@ -130,8 +130,7 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
 def common_lyapunov(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return H and the diagonals of X in double precision for all points, or None if none are
-    found.
+    """Return H and the diagonals of X for all points, or None if none are found.
 
     Clarabel (Goulart and Chen, 2024) maximizes t such that the form of `decrease` minus t I is
     positive semidefinite at all points, with 0 <= H <= I and 0 <= X <= 100, in the modes of the

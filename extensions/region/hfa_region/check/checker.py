@@ -78,8 +78,7 @@ def check_region(
 
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Raise Rejected unless the parts of the set include every combination of inputs and
-    disturbances.
+    """Raise Rejected unless the parts cover every combination of inputs and disturbances.
 
     An input is free or at a limit, and a disturbance is at its lowest or highest value.
 

@@ -64,8 +64,7 @@ class Equilibrium:
         self._check_near()
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
-        """Return the distances of an input at the equilibrium from its lowest and its highest
-        value.
+        """Return the distances of an input at the equilibrium from its lower and upper limit.
 
         A distance is None if there is no such limit.
 
@@ -301,8 +300,7 @@ class RegionLoop:
     def _run(
         self, part: Mapping[str, str], disturbances: Sequence[arb]
     ) -> tuple[list[Taylor], list[Taylor]]:
-        """Return Taylor polynomials of the rates, and of the outputs with limits, on the unit ball
-        of y.
+        """Return Taylor polynomials of the rates and of the outputs with limits on the unit ball.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`
         disturbances: ball of each disturbance
@@ -326,8 +324,7 @@ class RegionLoop:
         return rates, outputs
 
     def _check_outputs(self, values: Sequence[Taylor]) -> None:
-        """Raise Rejected unless each limited output is proved within its limits on the unit ball of
-        y.
+        """Raise Rejected unless each output is proved within its limits on the unit ball of y.
 
         values: Taylor polynomials of the outputs with limits
         """
@@ -403,9 +400,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return the Taylor polynomial of a rate that is 0 at the equilibrium, without its constant
-    term.
-    """
+    """Return the Taylor polynomial of a rate without its constant term, 0 at the equilibrium."""
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 

@@ -49,8 +49,9 @@ class SaturatedLoop(Plant):
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Names of the inputs and disturbances. The parts of the set are defined by their
-        combinations.
+        """Names of the inputs and disturbances.
+
+        The parts of the set are defined by their combinations.
         """
         return (*self.inputs, *self.disturbances)
 

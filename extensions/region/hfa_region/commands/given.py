@@ -28,8 +28,7 @@ _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 def given_for(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return path of an entry -> value that the user's options give, for a region by sums of
-    squares.
+    """Return path of an entry -> the user's value, for a region proved by sums of squares.
 
     statement: the proved statement
     request: options of the command
@@ -58,7 +57,7 @@ def given_for(
 def given_on_boxes(
     statement: BoxStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return path of an entry -> value that the user's options give, for a region proved on boxes.
+    """Return path of an entry -> the user's value, for a region proved on boxes.
 
     statement: the proved statement, with the coefficients of its policy
     request: options of the command
@@ -113,10 +112,10 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """Return a comparison of limits, (limits in the certificate, user's limits) -> whether they
-    agree.
+    """Return a comparison of limits by `limits_hold`.
 
-    The limits agree if `limits_hold` finds no signal whose limits are not admissible.
+    The comparison has the arguments (limits in the certificate, user's limits). The limits agree if
+    all stated limits are admissible.
 
     inputs: names of the inputs
     """

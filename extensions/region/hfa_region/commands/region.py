@@ -259,8 +259,7 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
-    """Return V of the certificate of an earlier run, scaled to level 1, or None if no run is
-    resumed.
+    """Return V of an earlier run's certificate, scaled to level 1, or None without --resume.
 
     loop: the loop of this run
 

@@ -145,11 +145,12 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 
 
 def ellipsoid(points: np.ndarray) -> np.ndarray:
-    """Return P (n, n) of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N,
-    n).
+    """Return P (n, n) of nearly the smallest ellipsoid {y'P y <= 1} that contains given points.
 
     P is a multiple of the inverse of the weighted second moment of the points. The weights maximize
     the determinant of the moment (Khachiyan, Mathematics of Operations Research 21 (1996) 307).
+
+    points: (N, n)
     """
     count, n = points.shape
     weights = np.full(count, 1.0 / count)

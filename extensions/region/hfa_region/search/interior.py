@@ -175,9 +175,7 @@ class _Cone:
         return np.asarray(-(product + product.T) / 2)
 
     def room(self) -> tuple[float, float]:
-        """Return the longest step of Q and the longest step of Z that keep them positive
-        semidefinite.
-        """
+        """Return the longest steps that keep Q and Z positive semidefinite."""
         return _longest(self.root_Q, self.dQ), _longest(self.root_Z, self.dZ)
 
 
@@ -221,8 +219,7 @@ class _Part:
         return np.asarray(scipy.linalg.cho_solve(self._factors, sides, check_finite=False))
 
     def aim(self, product: float, *, corrected: bool) -> np.ndarray:
-        """Compute the right side r of the equations for the step toward Q Z = product I, and return
-        E'M⁻¹ r.
+        """Return E'M⁻¹ r, with r the right side of the equations for a step toward Q Z = product I.
 
         corrected: whether to include the second-order term of the last step
         """
@@ -336,9 +333,7 @@ class _Search:
 
 
 def _longest(root: np.ndarray, step: np.ndarray) -> float:
-    """Return the largest s for which root root' + s step is positive semidefinite. It may be
-    inf.
-    """
+    """Return the largest s with root root' + s step positive semidefinite, or inf."""
     scaled = _solved(root, _solved(root, step).T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return np.inf if least >= 0.0 else -1.0 / least

@@ -61,9 +61,7 @@ class DisturbedPlant(Plant):
 
     @cached_property
     def _winds(self) -> ca.Function:
-        """Function z -> ∂z'/∂w as a vector (n d,), one column of the matrix (n, d) below the
-        other.
-        """
+        """Function z -> ∂z'/∂w as a vector (n d,), the columns of the matrix (n, d) in order."""
         loop = self.loop
         z, v, states, inputs = self._symbols()
         w = ca.SX.sym("w", len(loop.disturbances))
@@ -77,8 +75,9 @@ class DisturbedPlant(Plant):
         return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at state deviations z (N, n) under the disturbance that increases V
-        fastest.
+        """Return z' (N, n) at state deviations z (N, n) under the worst disturbance.
+
+        The worst disturbance increases V fastest.
         """
         count, n = z.shape
         sizes = np.array(list(self.loop.disturbances.values()))

@@ -72,7 +72,7 @@ class ProvedLevel:
 
 
 def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
-    """Return T (n, n) of coordinates z = T y in which {z'P z <= rho} lies just inside the unit
+    """Return T (n, n) of coordinates z = T y in which {z'P z <= rho} is just inside the unit
     ball.
     """
     L = np.linalg.cholesky(P)
@@ -133,8 +133,9 @@ class LevelSearch:
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """Return the term c |y|^degree that `target` subtracts in place of higher degrees and the
-        remainder.
+        """Return the term c |y|^degree that `target` subtracts instead of higher terms.
+
+        The term bounds the terms of higher degree and the remainder.
         """
         degree = 2 * self.setting.half
         whole = self._decrease_of(part)
@@ -145,8 +146,9 @@ class LevelSearch:
     def decrease(
         self, part: Mapping[str, str], share: float, enough: float | None = None
     ) -> dict[str, Any] | None:
-        """Return Gram matrices that prove V' < 0 on a part of {V <= share rho}, or None if none are
-        found.
+        """Return Gram matrices that prove V' < 0 on a part of {V <= share rho}, or None.
+
+        The result is None if no Gram matrices are found.
 
         share: the level as a share of rho
         enough: margin at which the solver may stop, or None
@@ -264,10 +266,12 @@ class LevelSearch:
         return found
 
     def _extent(self, index: int, low: float, high: float) -> dict[str, Any] | None:
-        """Return Gram matrices that prove a state's deviation in the set to be from low to high, or
-        None.
+        """Return Gram matrices that prove bounds of a state's deviation in the set, or None.
+
+        The result is None if no Gram matrices are found.
 
         index: index of the state
+        low, high: the bounds
         """
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
@@ -377,8 +381,7 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return a proof that a part has no point in the unit ball, from its linear constraints, or
-    None.
+    """Return a proof that the linear constraints of a part exclude the unit ball, or None.
 
     None does not imply that a point of the ball satisfies the constraints.
 
@@ -417,8 +420,9 @@ def _length(variables: int) -> Terms:
 
 
 def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
-    """Return Gram matrices that prove {V <= rho} to lie in the open unit ball, or None if none are
-    found.
+    """Return Gram matrices that prove {V <= rho} to lie in the open unit ball, or None.
+
+    The result is None if no Gram matrices are found.
 
     V: V / rho as a polynomial in y
     degree: degree of V
@@ -490,8 +494,8 @@ def proved_level(
 
 
 def accepted(tried: LevelSearch) -> ProvedLevel | None:
-    """Return the statement of a search with its witness, if the checker accepts them, otherwise
-    None.
+    """Return the statement of a search with its witness, or None unless the checker accepts
+    both.
     """
     evidence = tried.evidence()
     if evidence is None:

@@ -94,9 +94,7 @@ class Plant:
 
     @cached_property
     def room(self) -> np.ndarray:
-        """Lowest and highest permitted deviation of each signal in `limited` from the trim,
-        (k, 2).
-        """
+        """Lowest and highest permitted deviation of each signal in `limited`, (k, 2)."""
         at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
         pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
         return np.array(pairs).reshape(-1, 2)
@@ -123,7 +121,7 @@ class Plant:
         return np.array(values).ravel(), np.array(slopes)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
-        """Return symbols of z and of the input deviations, and expressions of all states and all
+        """Return symbols of z and of the input deviations, and expressions of all states and
         inputs.
         """
         loop = self.loop
@@ -170,8 +168,8 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) at which a state or output exceeds
-        a limit.
+        """Return the mask (N,) of the state deviations z (N, n) beyond a limit of a state or
+        output.
 
         Outputs are linearized at the trim.
         """
@@ -180,7 +178,7 @@ class Plant:
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) beyond a limit or `_FAR` nominal
+        """Return the mask (N,) of state deviations z (N, n) beyond a limit or `_FAR` nominal
         values.
 
         Deviations that are not finite are included.

@@ -1,6 +1,4 @@
-"""Search for a large region: choice of V, its largest proved level, and obstacles to a larger
-set.
-"""
+"""Search for a large region: choice of V, its largest proved level, and obstacles beyond it."""
 
 from __future__ import annotations
 
@@ -249,10 +247,9 @@ class RegionSearch:
         return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
 
     def _prove(self, V: PolynomialFunction, rho: float, origin: str, setting: Setting) -> float:
-        """Prove the largest level of V up to rho, and return the size of its set, or 0 if none is
-        proved.
+        """Prove the largest level of V up to rho, and return the size of its set.
 
-        The result is stored if its set is the largest so far.
+        The size is 0 if no level is proved. The result is stored if its set is the largest so far.
 
         origin: description of V
         setting: degrees of the proof
@@ -261,9 +258,9 @@ class RegionSearch:
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
-        """Return the size of a proved set, or 0 for None, and store the set if it is the largest so
-        far.
+        """Store a proved set if it is the largest so far, and return its size.
 
+        proved: the proved set, or None. The size is then 0.
         origin: description of V
         """
         if proved is None:

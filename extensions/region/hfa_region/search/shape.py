@@ -29,8 +29,7 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """Return a V, scaled to level 1, with a larger set than the search's V, or None if none is
-    found.
+    """Return a V, scaled to level 1, with a larger set than the search's V, or None.
 
     search: search with the present V, whose level is proved in double precision
     rows: gradients of the signals with limits, (k, n)
@@ -59,8 +58,7 @@ class _Step:
         self.theta = self.problem.free(len(keys))
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
-        """Return the next V as a polynomial in z, scaled to level 1, or None if the problem is not
-        solved.
+        """Return the next V in z, scaled to level 1, or None if the problem is not solved.
 
         rows: gradients of the signals with limits, (k, n)
         room: lowest and highest permitted deviation of each of these signals, (k, 2)
@@ -83,10 +81,10 @@ class _Step:
         return in_y.substituted(np.linalg.inv(self.search.T))
 
     def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
-        """Require that -V' - σ (1 - V) minus products with further multipliers is a sum of squares
-        on a part.
+        """Require a sum of squares for the decrease of V on a part.
 
-        σ is the multiplier of the level in the proof for the present V.
+        -V' - σ (1 - V) minus products with further multipliers must be a sum of squares. σ is the
+        multiplier of the level in the proof for the present V.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`
         evidence: Gram matrices of the proof for the present V
