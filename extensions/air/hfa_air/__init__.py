@@ -1,6 +1,4 @@
-"""The `unsteady` dynamics of the flexible aircraft, with apparent mass of the air and lagged
-lift.
-"""
+"""The `unsteady` dynamics of the flexible aircraft: apparent mass of the air and lagged lift."""
 
 from hfa_support.public_names import public_names
 

@@ -239,9 +239,7 @@ def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
 
 
 def _aspect_ratio(p: Any) -> Quantity:
-    """Return the aspect ratio Λ = 3 s / c of the complete wing, with the panel span s and
-    chord c.
-    """
+    """Return the aspect ratio Λ = 3 s / c of the complete wing, with panel span s and chord c."""
     return 3 * p.panel_span / p.chord
 
 

@@ -196,9 +196,7 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
-    """Return the six checks of `_checks` for a given matrix P (n, n) of the value x'P x of a
-    game.
-    """
+    """Return the six checks of `_checks` for a given matrix P (n, n) of the value x'P x."""
     form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)

@@ -179,8 +179,9 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Raise Rejected unless the center of the enclosed equilibrium is within the state
-        limits.
+        """Raise Rejected unless the center of the enclosed equilibrium is within its limits.
+
+        Only limits of states are tested.
         """
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]

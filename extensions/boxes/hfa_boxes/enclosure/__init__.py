@@ -1,3 +1,1 @@
-"""Enclosures of functions over many boxes at once, in double precision, including rounding
-errors.
-"""
+"""Enclosures of functions over many boxes at once, in double precision with rounding errors."""

@@ -224,8 +224,9 @@ def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
 
 
 def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
-    """Return whether two boxes are proved to have one trim at their lowest common scheduling
-    value.
+    """Return whether two boxes are proved to have one trim at a common scheduling value.
+
+    The scheduling value is the lowest common one.
     """
     at = max(box.trim.low, other.trim.low)
     if at > min(box.trim.high, other.trim.high):

@@ -61,8 +61,9 @@ def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
 
 
 def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
-    """Return (lowest, highest) number of eigenvalues with positive real part, with lines as
-    proof.
+    """Return (lowest, highest) number of eigenvalues with positive real part, and the proof.
+
+    The proof consists of lines with their matrices H.
     """
     on_axis = find_line(A)
     if on_axis is not None:

@@ -72,9 +72,7 @@ class ProvedLevel:
 
 
 def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
-    """Return T (n, n) of coordinates z = T y in which {z'P z <= rho} is just inside the unit
-    ball.
-    """
+    """Return T (n, n) of coordinates z = T y with {z'P z <= rho} just inside the unit ball."""
     L = np.linalg.cholesky(P)
     return np.asarray(np.sqrt(rho) * np.linalg.inv(L).T * (1.0 + _SLACK))
 
@@ -494,9 +492,7 @@ def proved_level(
 
 
 def accepted(tried: LevelSearch) -> ProvedLevel | None:
-    """Return the statement of a search with its witness, or None unless the checker accepts
-    both.
-    """
+    """Return the statement of a search with its witness, or None unless the checker accepts it."""
     evidence = tried.evidence()
     if evidence is None:
         return None
