@@ -24,7 +24,7 @@ SCRIPT = "#!{python}\nimport sys\nfrom hfa.entry import main\nsys.exit(main())\n
 
 
 def environment(folder: Path) -> Path:
-    """Return the interpreter of a new environment without extensions."""
+    """Return the path of the Python interpreter in a new environment without extensions."""
     venv.create(folder, symlinks=True)
     (packages,) = folder.glob("lib/python*/site-packages")
     libraries = [path for path in sys.path if Path(path).name == "site-packages"]

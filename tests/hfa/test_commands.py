@@ -41,7 +41,8 @@ LINEAR_MODEL_KEYS = {
 def text(*words: str, code: int = DONE) -> str:
     """Run `hfa` with these words and return the printed text.
 
-    Assert the exit code, an empty standard error, no control characters and no trailing blanks.
+    The function asserts the exit code, an empty standard error, no control characters and no
+    trailing blanks.
     """
     result = hfa(*words)
     assert (result.code, result.err) == (code, "")
@@ -107,7 +108,9 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
 def test_a_saved_point_starts_the_next_trim(command: str) -> None:
-    """A trim that starts from a saved point at 14 deg gives the same result as without --start."""
+    """A trim that starts from an operating point saved at 14 deg gives the same result as
+    without --start.
+    """
     assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
     words = ("linearize", "--dihedral", "15")
     again = answer(*words, "--start", "saved.json")
@@ -269,9 +272,9 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
 
 
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
-    """The .npz file contains E and F for all winds, equal to those of `linearize` in Python.
+    """The .npz file of `hfa linearize` contains E and F for all winds.
 
-    The printed text omits E.
+    They equal those of `linearize` in Python. The printed text omits E.
     """
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
     point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
@@ -360,7 +363,7 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
 @needs("hfa_stores", "hfa_flight")
 @pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
 def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
-    """Zarr stores of sweeps and flights contain the hash of the parameters."""
+    """Zarr stores of sweeps and flights contain the hash of the aircraft's parameters."""
     path = tmp_path / "out.zarr"
     words = {
         "sweep": ("--dihedral", "0:10:5"),

@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 
 def test_it_matters_which_variable_is_held() -> None:
-    """At 10 deg and 60 ft/s, the held variable determines the short period.
+    """At 10 deg and 60 ft/s, the variable that the trim holds determines the short period.
 
     Alpha is held as in the paper, or alpha is free and the outer aileron is held at 0.
     """
@@ -129,7 +129,9 @@ def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
 
 
 def test_a_range_ends_at_or_before_its_stop() -> None:
-    """A range start:stop:step includes stop only if a step reaches it. A list keeps its order."""
+    """An option's range start:stop:step includes stop only if a step reaches it. A list keeps
+    its order.
+    """
     for words, values in (
         ("60:70:4", [60.0, 64.0, 68.0]),
         ("60:70:5", [60.0, 65.0, 70.0]),

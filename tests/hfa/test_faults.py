@@ -32,7 +32,7 @@ def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -
     ],
 )
 def test_outputs_are_neither_inputs_nor_other_outputs(tmp_path: Path, words: str) -> None:
-    """An output file that is also an input or another output of the run is refused."""
+    """An output file that is also an input file or another output file of the run is refused."""
     path = tmp_path / "plant.json"
     path.write_text("{}")
     assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)

@@ -38,7 +38,7 @@ COMMANDS = {
 def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
     """Run a command with -o and --json, and return (path of the file, printed JSON data).
 
-    Assert that the command writes no other file.
+    The function asserts that the command writes no other file.
 
     name: key of COMMANDS
     """
@@ -54,7 +54,7 @@ def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
 
 
 def numbers(data: Any) -> list[float]:
-    """Return all numbers of nested JSON data in order. null becomes nan, true 1 and false 0."""
+    """Return all numbers in nested JSON data, in order. null becomes nan, true 1 and false 0."""
     return [
         np.nan if value is None else float(value)
         for _, value in leaves(data)
@@ -67,7 +67,7 @@ def texts(data: Any) -> list[str]:
 
 
 def plain(value: Any) -> Any:
-    """Convert data read by `loadmat` to nested dictionaries, lists and scalars, as in JSON."""
+    """Return data read by `loadmat` as nested dictionaries, lists and scalars, as in JSON."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
     if isinstance(value, (np.ndarray, list)):

@@ -49,7 +49,10 @@ def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) ->
 
 
 def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Path) -> None:
-    """A python-control StateSpace written as JSON is read as a plant. A positive dt is refused."""
+    """A python-control StateSpace written as JSON is read as a plant.
+
+    A positive sample time dt is refused.
+    """
     names = {"states": known["states"], "inputs": known["inputs"]}
     system = control.ss(known["A"], known["B"], np.eye(6), 0, **names)
     content = {

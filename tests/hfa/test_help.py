@@ -1,4 +1,4 @@
-"""The help of every command is short and ends with an example that runs."""
+"""The help of every command, which is short and ends with an example that runs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
 def ran(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str], *more: str
 ) -> dict[str, int]:
-    """Run examples one after the other in a folder, and return example -> exit code.
+    """Run example commands one after the other in a folder, and return the exit code of each.
 
     more: words added to each example
     """

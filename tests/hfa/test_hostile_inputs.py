@@ -1,4 +1,7 @@
-"""Hostile inputs give a result, or one line and no file. `make fuzz` runs many more of them."""
+"""Hostile inputs to commands. They give a result, or one line and no file.
+
+`make fuzz` runs many more of them.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
     "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
 )
 def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
-    """Every hostile variant of this input gives a result, or an error of one line."""
+    """Every hostile variant of one kind of input gives a result, or an error of one line."""
     faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
     assert {
         number: (case(way, number)[0], fault) for number, fault in faults.items() if fault

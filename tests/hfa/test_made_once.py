@@ -14,7 +14,7 @@ from trim.point.system import TrimSystem
 
 
 def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[..., Any]:
-    """Return a function that appends `name` to `calls` and then calls `make`."""
+    """Return a function that calls `make` after appending `name` to `calls`."""
 
     def called(*arguments: Any, **options: Any) -> Any:
         calls.append(name)

@@ -153,7 +153,7 @@ if __name__ == "__main__":
 
 
 def test_kill_loses_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
-    """A killed run keeps at least one of four chunks, and the resumed store has the same bytes."""
+    """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -216,7 +216,7 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
 
 
 def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_path: Path) -> None:
-    """A store is not overwritten, and not continued by another job, schema or version."""
+    """An existing store is not overwritten, and not continued by another job, schema or version."""
     with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
         fill_store(row_job(), path)
     with pytest.raises(BadInputError, match="is the store of another test"):
@@ -242,7 +242,7 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
 def test_store_appears_whole_and_takes_no_folder_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If the disk is full, no store is left, and a similarly named folder is not removed."""
+    """If the disk is full, no store is left. A similarly named folder is not removed."""
     import xarray
 
     (tmp_path / ".a.zarr.my-backup-202612").mkdir()
@@ -327,7 +327,7 @@ def test_another_description_of_an_array_is_refused(path: Path, what: str) -> No
 
 
 def of_format_2(path: Path, job: RowJob) -> None:
-    """Write a store in Zarr's format 2 with pickled chunks and the job's attributes."""
+    """Write a store in Zarr's format 2 with pickled chunks and with the attributes of a job."""
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
     attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}
@@ -402,7 +402,10 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
 def test_chunk_is_of_something_else_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
-    """A chunk of another job, chunk or array, with a right CRC-32C, is computed again."""
+    """A chunk that belongs to another job, chunk or array is computed again.
+
+    Its CRC-32C is right.
+    """
     other = tmp_path / "other.zarr"
     if what == "another job":
         fill_store(row_job(seed=1, function=other_numbers), other)
@@ -427,7 +430,7 @@ def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 def refusal(path: Path) -> str:
     """Return the message with which resuming a store is refused, or "".
 
-    Asserts that a store that is resumed is complete.
+    The function asserts that a resumed store is complete.
     """
     try:
         assert resumed(path) == []
@@ -440,9 +443,10 @@ def refusal(path: Path) -> str:
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
 def test_random_changes_of_metadata_refused_in_one_line(made: Path, path: Path, count: int) -> None:
-    """At least 80 % of stores with random changes in a metadata file are refused, each in one line.
+    """At least 80 % of stores with a random change of a metadata file are refused, each in one
+    line.
 
-    No result changes.
+    The results of the other stores are unchanged.
     """
     random = np.random.default_rng(8)
     files = sorted(made.rglob("zarr.json"))

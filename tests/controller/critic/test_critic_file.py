@@ -1,4 +1,4 @@
-"""Reading of critic files with W, P and K, once or over time, and refusal of faulty files."""
+"""Reading of critic files with W, P and K, given once or over time, and refusal of faulty files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("folder")
     ],
 )
 def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) -> None:
-    """W, P and K are read under their names and aliases."""
+    """W, P and K of a critic file are read under their names and aliases."""
     parts = single_parts(entries_in(stored(name, **content)), UNNAMED, None)
     expected = {"W": content.get("W", content.get("weights"))}
     expected |= {key: content.get(key) for key in "PK"}
@@ -113,8 +113,9 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
 def test_rows_with_times_are_one_critic_each(
     suffix: str, content: dict[str, Any], has_gain: bool
 ) -> None:
-    """Each row of a history becomes a critic with its time and weights, and with its gain if one is
-    stored.
+    """Each row of a history file becomes a critic with its time and weights.
+
+    If gains are stored, each critic also has its gain.
     """
     critics = critics_in(stored(f"h.{suffix}", **content), GAME)
     assert [critic.time for critic in critics] == TIMES.tolist()
@@ -133,7 +134,10 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
-    """The basis named in a file with W, once or over time, applies unless the caller names one."""
+    """The basis named in a critic file applies unless the caller names another basis.
+
+    The file contains W, once or over time.
+    """
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     basis = critic_in(path, GAME).basis
     assert basis is not None
@@ -183,7 +187,9 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     ],
 )
 def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
-    """A history with wrong shapes or times is refused, and the message states the reason."""
+    """A history of a critic with wrong shapes or times is refused, and the message states the
+    reason.
+    """
     with pytest.raises(BadInputError, match=said):
         critics_over_time(GAME, **content)
 

@@ -1,4 +1,4 @@
-"""Bases given as text that lists functions of the states."""
+"""Bases of a critic given as a text that lists functions of the states."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Files of matrices: every format gives the same mapping, and a faulty file is refused in one
-line."""
+"""Files of matrices. Every format gives the same mapping, and a faulty file is refused in one
+line.
+"""
 
 from __future__ import annotations
 
@@ -111,9 +112,10 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_matrices_without_names_have_those_of_their_files() -> None:
-    """A .npy array is named after its file. A.npy is read together with B.npy in its folder.
+    """The array in A.npy is named A, and is read together with the array B of B.npy in the same
+    folder.
 
-    An array in a file with any other name is stored as "the array".
+    An array in a file that is named like no matrix is stored as "the array".
     """
     for name, value in (
         ("A", -np.eye(2)),

@@ -36,7 +36,7 @@ def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
 
 
 def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> None:
-    """The default Q is diag(1/nominal²), so that a deviation of nominal size costs 1."""
+    """The default Q of a game is diag(1/nominal²). A deviation of nominal size then costs 1."""
     nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
     assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
 

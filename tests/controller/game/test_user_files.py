@@ -54,8 +54,10 @@ def test_every_format_gives_the_same_game() -> None:
 
 
 def test_what_is_missing_comes_from_the_paper() -> None:
-    """If a file of the aircraft lacks Q, R and delta, the paper's values are used with a
-    warning."""
+    """If a file of the paper's aircraft lacks Q, R and delta, the paper's values are used.
+
+    A warning states this.
+    """
     stored("plant.npz", **MODEL)
     with pytest.warns(
         UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "
@@ -86,8 +88,9 @@ def test_the_papers_game_in_meters() -> None:
 
 
 def test_an_argument_counts_before_the_file() -> None:
-    """Arguments Q, R and delta override the entries of the file. The text "inf" is read as delta =
-    inf.
+    """Arguments Q, R and delta override the entries of the plant file.
+
+    The text "inf" is read as delta = inf.
     """
     path = stored("plant.json", **PLANT, delta=5.0)
     assert stored_game(path).game.delta == 5.0
@@ -118,7 +121,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
 
 
 def test_structures_are_read_where_nothing_stands_outside() -> None:
-    """Matrices are read from a structure only if the top level contains none."""
+    """Matrices are read from a structure in a plant file only if the top level contains none."""
     inside = PLANT | {"delta": 9.0}
     assert stored_game(stored("in.json", model=inside)).game.delta == 9.0
     with pytest.raises(BadInputError, match="there is no B"):

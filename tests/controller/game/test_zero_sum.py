@@ -1,5 +1,4 @@
-"""Zero-sum games and bases: invalid input, policies, ψ(z), its gradient, and conversion of W and
-P."""
+"""Zero-sum games and bases: invalid input, policies, ψ(z) and its gradient, and W and P."""
 
 from __future__ import annotations
 
@@ -73,8 +72,7 @@ def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
 
 
 def test_gains_are_extremals_of_the_hamiltonian() -> None:
-    """u = -K z and d = L z are the extremals of the Hamiltonian, whose value there is z'
-    residual(P) z.
+    """u = -K z and d = L z are the extremals of the Hamiltonian, with the value z' residual(P) z.
 
     The Hamiltonian is z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed).
     """
@@ -130,9 +128,9 @@ ALL = [basis(name, 6) for name in BASES]
 def taylor_slope(
     psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray
 ) -> float:
-    """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|.
+    """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|, for a random direction v.
 
-    The order is 2 for a correct gradient and 1 for a wrong one.
+    The order is 2 for a correct gradient ∂ψ and 1 for a wrong one.
     """
     v = np.random.default_rng(3).normal(size=z.shape)
     steps = np.array([1e-2, 1e-3])
@@ -163,8 +161,9 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 @pytest.mark.parametrize("functions", ALL)
 def test_gradient_has_second_order_remainder(functions: Basis) -> None:
-    """The Taylor remainder of each basis is of second order. With a planted error in the gradient,
-    the order is below 1.5.
+    """The Taylor remainder of each basis is of second order.
+
+    With a planted error in the gradient, the order is below 1.5.
     """
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
@@ -211,8 +210,8 @@ def test_weights_and_matrix_agree_in_any_units() -> None:
     ],
 )
 def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: bool) -> None:
-    """Semidefiniteness is decided correctly for entries of very different size, by
-    `is_semidefinite` and in `Game`.
+    """`is_semidefinite` and `Game` decide correctly for matrices with entries of very different
+    size.
     """
     matrix = np.asarray(matrix, dtype=float)
     assert is_semidefinite(matrix) is semidefinite

@@ -1,4 +1,4 @@
-"""The certified law finds the exact solution in predefined time, or fails with the reason."""
+"""The certified law, which finds the exact solution in predefined time or fails with the reason."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ from studies.update_law.integral_rl import probing_flight
 def test_published_models_settle_within_any_predefined_time(
     name: str, predefined_time: float, tick: float, start: float
 ) -> None:
-    """Both published games are learned to 1e-11 by the predefined time, for each tick."""
+    """Both published games are learned to 1e-11 by the predefined time, for each tested tick."""
     game, exact = published(name)
     result = learn(game, predefined_time=predefined_time, tick=tick, initial_weights=start)
     assert_exact(result, exact, limit=1e-11)
@@ -85,8 +85,9 @@ def test_random_starts_end_at_the_solution(starts: int) -> None:
 
 @pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
 def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
-    """With a richer basis, the last weights of functions that are not quadratic are below 1e-9 of
-    the largest weight.
+    """With a richer basis, the learned weights of functions that are not quadratic are nearly 0.
+
+    They are below 1e-9 of the largest weight.
     """
     game, exact = published(PUBLISHED[0])
     result = learn(game, basis=name, tick=0.1)
@@ -156,7 +157,7 @@ def test_riccati_residual_contracts_as_a_whole() -> None:
     """In stage 1 the Riccati residual remains a multiple of its initial value, R(P(t)) = c(t)
     R(P₀).
 
-    The deviation, due to finite sub-steps, decreases with the tick.
+    The deviation from this, due to finite sub-steps, decreases with the tick.
     """
     game, exact = lq(PUBLISHED[1])
 
@@ -192,10 +193,10 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 
 
 def test_discount_only_where_the_start_does_not_stabilize() -> None:
-    """From zero weights, the initial discount is 0 for a stable plant, else the abscissa of A plus
-    0.5 1/s.
+    """From zero weights, the initial discount is 0 for a stable plant.
 
-    From weights of 100, the initial discount is above 0.5 1/s.
+    For an unstable plant, it is the spectral abscissa of A plus 0.5 1/s. From weights of 100, it is
+    above 0.5 1/s.
     """
     for name in PUBLISHED:
         game, _ = published(name)
@@ -211,9 +212,9 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
 
 
 def test_learning_reads_the_recorded_data_and_not_A() -> None:
-    """A game with another A and the same recorded data gives bit-identical weights.
+    """A game with another A and the same recorded data gives bit-identical learned weights.
 
-    `check_critic` then accepts the result only for the game with the true A.
+    `check_critic` accepts the result only for the game with the true A.
     """
     game, _ = published(PUBLISHED[0])
     stack = random_pool(game, 200, seed=1)
@@ -246,8 +247,7 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
-    """The critic learned from noisy derivatives has a stabilizing gain, but `check_critic` refuses
-    P.
+    """`check_critic` refuses P of a critic learned from noisy derivatives, whose gain stabilizes.
 
     The error of P is below five times the noise, and `drift_misfit` is the noise to 20 %.
     """
@@ -271,7 +271,10 @@ ETA = 0.8
 
 @pytest.mark.parametrize("start", [1e-3, 0.5, 3.0, 40.0])
 def test_step_is_exact(start: float) -> None:
-    """`after` equals a numerical integration of y' = -k (y^(1-η) + y^(1+η)) while y > 0."""
+    """A step `after` of the scalar law equals a numerical integration while y > 0.
+
+    The law is y' = -k (y^(1-η) + y^(1+η)).
+    """
     settle = math.atan(start**ETA) / (ETA * RATE)
     times = np.linspace(0.0, 0.9 * settle, 7)
     flow = solve_ivp(
@@ -288,8 +291,10 @@ def test_step_is_exact(start: float) -> None:
 @pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
 @pytest.mark.parametrize("eta", [0.2, 0.8])
 def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
-    """The scalar law reaches 0 by θT from any initial value, and from large ones not much
-    earlier."""
+    """The scalar law reaches 0 by θT from any initial value.
+
+    From large initial values, it does not reach 0 much earlier.
+    """
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
@@ -321,7 +326,8 @@ def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) 
 
 
 def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
-    """Near the edge of stability, Newton directions by QR are accurate, by a pseudo-inverse wrong.
+    """Near the edge of stability, Newton directions by QR are accurate. By a pseudo-inverse, they
+    are wrong.
 
     The tolerance of the pseudo-inverse drops the decisive singular value.
     """
@@ -407,8 +413,10 @@ def test_a_delta_too_small_is_refused(name: str) -> None:
 
 
 def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
-    """For a plant that no input stabilizes, the error names the discount that cannot be lowered
-    further."""
+    """A plant that no input stabilizes is refused.
+
+    The message states the value below which the discount cannot be lowered.
+    """
     game = Game(
         A=np.diag([0.3, -1.0]), B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=np.inf
     )

@@ -1,5 +1,4 @@
-"""The function `learn`: reproducible by seed, with results as plain data and an independent
-check."""
+"""The function `learn`: equal seeds, results as plain data, and an independent check."""
 
 from __future__ import annotations
 
@@ -26,8 +25,11 @@ def short_run(seed: int = 4, **more: Any) -> TrainingRun:
 
 
 def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    """The callback receives increasing fractions up to 1 with one-line messages. Nothing is
-    printed."""
+    """The progress callback of `learn` receives increasing fractions up to 1 with one-line
+    messages.
+
+    Nothing is printed.
+    """
     seen: list[tuple[float, str]] = []
     short_run(progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]
@@ -43,7 +45,7 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
 
 
 def test_the_seed_decides_every_bit() -> None:
-    """Runs with equal seeds are bit-identical. Another seed changes the weights."""
+    """Training runs with equal seeds are bit-identical. Another seed changes the weights."""
     first = short_run()
     same = short_run()
     second = short_run(seed=2)
@@ -62,8 +64,10 @@ def test_a_run_returns_the_last_critic() -> None:
 
 
 def test_results_are_plain_json() -> None:
-    """A run is written as strict JSON with its matrices and settings, and its report states the
-    units of the weights."""
+    """A training run is written as strict JSON with its matrices and settings.
+
+    Its report states the units of the weights.
+    """
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == "certified"
@@ -92,9 +96,7 @@ def test_the_default_number_of_samples_is_enough() -> None:
 
 
 def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If not all rows of a history are stored, the stored rows are evenly spaced, with the first
-    and the last row.
-    """
+    """If a history is too long, evenly spaced rows are stored, with the first and the last row."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     # Reaching the real number of rows would take a run of minutes.
@@ -109,7 +111,9 @@ def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_poor_stack_is_not_settled() -> None:
-    """A run with rank-deficient data, or with a large residual, does not count as settled."""
+    """A training run with rank-deficient data, or with a large residual, does not count as
+    settled.
+    """
     run = short_run()
     poor = replace(run, excitation=replace(run.excitation, rank=20))
     assert run.settled
@@ -153,7 +157,7 @@ def test_twelve_states_are_learned_without_a_disturbance() -> None:
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
 def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
-    """A correct critic settles for small and large weights Q and R."""
+    """The learning of a correct critic settles for small and large weights Q and R."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
     result = learn(game, tick=0.1)
     s = 1.0 / R - 1.0 / game.delta**2
@@ -163,7 +167,7 @@ def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
 
 
 def shift_by_rounding(game: Game, exact: np.ndarray) -> float:
-    """Return the relative change of P if rounding changes each term of the Riccati equation.
+    """Return the relative change of P due to rounding of each term of the Riccati equation.
 
     To first order the change X solves (A - S P)'X + X (A - S P) = -w I, with w the sum of the
     magnitudes of the terms.
@@ -177,7 +181,7 @@ def shift_by_rounding(game: Game, exact: np.ndarray) -> float:
 
 
 def assert_learned(game: Game, share: float, tick: float) -> None:
-    """Assert that a game is learned with `share` times its smallest delta."""
+    """Assert that the game with `share` times its smallest delta is learned."""
     game = game.with_delta(share * minimum_delta(game).value)
     result = learn(game, tick=tick)
     assert result.outcome == "settled", (game.A.shape, game.B.shape, game.E.shape)

@@ -43,7 +43,7 @@ def test_a_list_that_contains_itself_is_refused() -> None:
 
 
 def test_natural_spread_follows_the_units() -> None:
-    """The natural spread changes with the units of the states."""
+    """The natural spread of the states changes with their units."""
     game, _ = published(PUBLISHED[0])
     units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
     rows = units[:, None]
@@ -60,7 +60,8 @@ def test_natural_spread_follows_the_units() -> None:
 
 def test_natural_spread_solves_its_equation() -> None:
     """The natural spread equals the integral of the covariance over time, computed in small
-    steps."""
+    steps.
+    """
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
     shifted = game.A - beta * np.eye(2)
@@ -94,7 +95,10 @@ def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("functions", ["quadratic", "paper"])
 def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
-    """The same samples are chosen if the states change by rounding, as on another processor."""
+    """The same samples are chosen from a pool whose states are changed by rounding.
+
+    The states of a pool differ in this way between processors.
+    """
     game, _ = published(name)
     pool = random_pool(game, 500, seed=0)
     rng = np.random.default_rng(1)
@@ -142,7 +146,9 @@ def test_excitation_of_a_known_stack() -> None:
 
 
 def test_linear_fit_reports_noise_and_forcing() -> None:
-    """The linear fit reduces noise, and its misfit shows noise and a reference forcing."""
+    """A linear fit of recorded samples reduces noise. Its misfit shows noise and a reference
+    forcing.
+    """
     game, _ = published(PUBLISHED[1])
     exact = random_pool(game, 500, seed=0)
     fitted, misfit = exact.linear()
@@ -159,7 +165,10 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
 
 
 def test_malformed_stacks_are_refused() -> None:
-    """Wrong shapes, nan, a box without width, and a state that is always 0 are refused by name."""
+    """Samples with wrong shapes, nan, or a state that is always 0 are refused by name.
+
+    A box without width is refused too.
+    """
     game = stable_game()
     with pytest.raises(BadInputError, match=r"give both as \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
@@ -210,7 +219,10 @@ def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
 
 @pytest.mark.parametrize("name", BASES)
 def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
-    """The residual predicted along a step, a parabola, equals the residual computed anew."""
+    """The Bellman residual predicted along a step of the weights equals the residual computed anew.
+
+    The prediction is a parabola in the step size.
+    """
     game, _ = published(PUBLISHED[1])
     equations = build(game, name)
     rng = np.random.default_rng(2)
@@ -226,8 +238,7 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
 
 
 def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
-    """Each Bellman residual equals z'R z, with R the residual of the discounted Riccati
-    equation."""
+    """Each Bellman residual equals z'R z, for the residual R of the discounted Riccati equation."""
     game, exact = published(PUBLISHED[0])
     equations = build(game)
     P = 0.7 * exact.P

@@ -1,4 +1,4 @@
-"""The certificate refuses each planted wrong solution for the right reason."""
+"""The certificate of a solution, which refuses each planted wrong solution for the right reason."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
 
 
 def _by_schur(game: Game) -> np.ndarray:
-    """Return P by the Schur form, without a certificate."""
+    """Return P of a game by the Schur form, without a certificate."""
     form = NormalForm.of(game)
     return form.value(by_schur(form))
 
 
 def test_non_stabilizing_root_is_refused(game: Game) -> None:
-    """A root with a tiny residual fails if A - S P is not Hurwitz."""
+    """A root of the Riccati equation with a tiny residual fails if A - S P is not Hurwitz."""
     P = other_root(game)
     certificate = _certify(game, P, P)
     assert named(certificate)["residual"].value < 1e-13
@@ -67,7 +67,9 @@ def test_non_stabilizing_root_is_refused(game: Game) -> None:
 
 
 def test_indefinite_root_is_refused(game: Game) -> None:
-    """Just below delta_min, a root with a tiny residual is refused as indefinite."""
+    """Just below delta_min, a root of the Riccati equation with a tiny residual is refused as
+    indefinite.
+    """
     below = game.with_delta(minimum_delta(game).value * (1.0 - 1e-5))
     P = _by_schur(below)
     certificate = _certify(below, P, P)
@@ -107,7 +109,7 @@ def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
 
 
 def test_solution_of_another_game_is_refused(game: Game) -> None:
-    """P fails the check of the residual if every entry of A changes by 1e-6."""
+    """P fails the check of the residual if 1e-6 is added to every entry of A."""
     P = solve_game(game).P
     other = Game(game.A + 1e-6, game.B, game.E, game.Q, game.R, game.delta)
     assert "residual" in failed_names(_certify(other, P, P).checks)
@@ -129,7 +131,7 @@ def test_changed_solution_is_refused(game: Game, change: object, failed: str) ->
 
 
 def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
-    """Two derivations that differ by 1e-7, or of which one is not finite, fail."""
+    """Two derivations of P that differ by 1e-7 fail, as does one that is not finite."""
     P = solve_game(game).P
     assert failed_names(_certify(game, P, P * (1.0 + 1e-7)).checks) == {"second_derivation"}
     assert not _certify(game, P, np.full_like(P, np.nan)).ok
@@ -177,7 +179,7 @@ def test_the_value_is_exactly_0() -> None:
 
 @pytest.mark.parametrize("key", ["P", "K"])
 def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
-    """If the optimum is 0, `hfa verify` accepts P = 0 and K = 0, and refuses entries of 0.001."""
+    """If the optimal P and K are 0, `hfa verify` accepts 0 and refuses entries of 0.001."""
     plant = stored("plant.npz", **STABLE)
     shape = (2, 2) if key == "P" else (1, 2)
     assert (
@@ -197,16 +199,20 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
 
 
 def test_a_value_without_stabilization_is_another() -> None:
-    """For an unstable plant without cost, the certified root is the stabilizing P = 2 a / s, not P
-    = 0."""
+    """For an unstable plant without cost, the certified solution is the stabilizing P = 2 a / s.
+
+    P = 0 also satisfies the Riccati equation.
+    """
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
     assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
 
 
 @pytest.mark.parametrize(("entry", "stable"), [(-1e-300, True), (0.0, False), (1e-300, False)])
 def test_a_mode_on_the_axis_is_not_stable(entry: float, stable: bool) -> None:
-    """A mode counts as stable only if the real part of its eigenvalue is below 0, by however
-    little."""
+    """A mode counts as stable only if the real part of its eigenvalue is below 0.
+
+    The smallest negative number is enough.
+    """
     assert is_hurwitz(np.diag([-1.0, entry])) is stable
 
 
@@ -216,7 +222,7 @@ def hamiltonian(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Return a matrix whose defective eigenvalues determine its distance to the imaginary axis.
+    """Return a matrix whose distance to the imaginary axis is determined by defective eigenvalues.
 
     The defective eigenvalues, -1 ± i, are far from the axis. The simple eigenvalues, with
     frequencies above 2 rad/s, are near the axis.
@@ -234,8 +240,11 @@ def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
 def test_axis_distance_is_the_least_over_frequencies(
     make: Callable[[np.random.Generator, int], np.ndarray], n: int
 ) -> None:
-    """The distance to the imaginary axis equals, to 2e-6, the least value on fine frequency
-    grids."""
+    """The distance of a matrix to the imaginary axis equals the least value on fine frequency
+    grids.
+
+    The tolerance is 2e-6.
+    """
     for seed in range(2):
         computed = spectrum(make(np.random.default_rng(seed), n))
         shifts = np.unique(np.abs(computed.eigenvalues.imag))
@@ -257,8 +266,7 @@ def least_singular_value(matrix: np.ndarray, shift: float) -> float:
 
 
 def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
-    """For three coupled oscillators of 1 rad/s, the distance to the axis is attained at 0.991
-    rad/s.
+    """The distance to the axis of three coupled oscillators of 1 rad/s is attained at 0.991 rad/s.
 
     At the frequencies of the eigenvalues the singular value is larger.
     """
@@ -286,7 +294,10 @@ def test_one_mode_on_the_axis_is_seen() -> None:
 
 
 def test_the_frequency_belongs_to_the_distance() -> None:
-    """The returned frequency belongs to the distance and not to the least damped mode."""
+    """The frequency returned with the distance to the axis is not that of the least damped mode.
+
+    It is the frequency at which the distance is attained.
+    """
     computed = spectrum(jordan(np.random.default_rng(0), 40))
     least_damped = computed.eigenvalues[np.argmax(computed.eigenvalues.real)]
     distance, frequency = computed.nearest_to_axis()

@@ -1,7 +1,7 @@
-"""Verdicts on copies of a game.
+"""Verdicts on equivalent copies of a game, which must not differ from those on the game.
 
-The verdicts must not depend on the last bits, the order of the states, their units (powers of two),
-an orthogonal change of coordinates, or the number of threads.
+The copies differ in the last bits, the order of the states, their units (powers of two), or by an
+orthogonal change of coordinates. The number of threads also varies.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def is_solved(game: Game) -> bool:
 
 
 def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
-    """Return the number of copies, of changed verdicts, and of undecided ones ("open").
+    """Return the number of copies, of changed verdicts ("changed"), and of undecided ones ("open").
 
     Each game is copied just below and just above its smallest delta.
 
@@ -70,7 +70,9 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
 
 
 def test_copies_agree_whether_a_value_exists() -> None:
-    """128 copies of games near delta_min have the same verdict on existence as their originals."""
+    """For 128 copies of games near delta_min, the verdict on existence is that on the original
+    game.
+    """
     changed = changed_verdicts(random_games(8), 4)
     assert changed["copies"] == 128
     assert (changed["changed"], changed["open"]) == (0, 0)
@@ -78,8 +80,9 @@ def test_copies_agree_whether_a_value_exists() -> None:
 
 @pytest.mark.slow
 def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
-    """None of 20,000 copies of games near delta_min changes the verdict, and at most 20 are
-    undecided.
+    """For none of 20,000 copies of games near delta_min, the verdict changes.
+
+    At most 20 verdicts are undecided.
     """
     changed = changed_verdicts(random_games(250), 20)
     assert changed["copies"] == 20_000
@@ -91,8 +94,9 @@ def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
 def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
-    """All copies of a game have the same smallest delta, with a solution 0.1 % above and none 0.1 %
-    below.
+    """All copies of a game have the same smallest delta.
+
+    They have a solution 0.1 % above the smallest delta, and none 0.1 % below it.
     """
     game = game_models()[name]
     smallest = minimum_delta(game)
@@ -104,8 +108,10 @@ def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
 
 
 def test_a_copy_is_of_its_kind() -> None:
-    """Each copy has another A than the original game, and its solution is that of the original in
-    the copy's coordinates. The kinds of the copies are those of `KINDS`.
+    """Each copy has another A than the original game, and the converted solution of the original
+    game.
+
+    The kinds of the copies are those of `KINDS`.
     """
     game = game_models()["published-15"]
     P = solve_game(game).P

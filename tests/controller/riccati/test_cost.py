@@ -17,7 +17,7 @@ from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
-    """z'Pz equals the cost computed from the Lyapunov equation to 1e-12."""
+    """The value z'Pz equals the cost computed from the Lyapunov equation to 1e-12."""
     for initial in (INITIAL, np.array([-3.0, 0.1, -0.2, 0.3, 0.05, -0.4])):
         assert cost_check(game, solve_game(game).P, initial).value < 1e-12
 
@@ -25,7 +25,7 @@ def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
 def test_a_value_off_by_a_millionth_is_noticed(
     first: tuple[Game, np.ndarray],
 ) -> None:
-    """A value with a relative error of 1e-6 fails the cost check."""
+    """A P with a relative error of 1e-6 fails the cost check."""
     game, P = first
     assert not cost_check(game, P * (1.0 + 1e-6), INITIAL).ok
 
@@ -52,8 +52,9 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
 
 @pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
 def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
-    """The exact solution of a stiff plant, with poles at -3e4 and 0.09, passes the critic's
-    checks."""
+    """The exact solution of a stiff plant, with poles at -3e4 and 0.09, passes the checks of a
+    critic.
+    """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     modes = rng.standard_normal((n, n))
@@ -82,7 +83,10 @@ NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 @pytest.mark.parametrize("size", [1e-3, 1e-1, 0.3])
 @pytest.mark.parametrize("delta", [200.0, math.inf])
 def test_loss_agrees_with_the_cost_equation(size: float, delta: float) -> None:
-    """P* + D is the value of the game in which only the disturbance is free and u = -K z."""
+    """P* + D is the value of the game in which u = -K z is fixed and only the disturbance is free.
+
+    P* is the optimal value, and D the computed loss of K.
+    """
     game = GAME.with_delta(delta)
     exact = solve_game(game)
     K = exact.K * (1.0 + size * NOISE)
@@ -104,7 +108,8 @@ def test_loss_grows_with_the_squared_error() -> None:
 
 
 def test_a_start_costs_what_is_reported() -> None:
-    """The excess costs of 4,000 random initial conditions are at most the reported worst case.
+    """The excess costs of a gain from 4,000 random initial conditions are at most the reported
+    worst one.
 
     The largest is at least 80 % of the worst case, and the mean is within 10 % of the reported
     mean.
@@ -127,8 +132,10 @@ def test_a_start_costs_what_is_reported() -> None:
 
 
 def test_the_exact_critic_costs_nothing() -> None:
-    """The exact gain costs 0 % above the optimum, and has the optimum's L2 gain and axis
-    distance."""
+    """The exact gain costs 0 % above the optimum.
+
+    It has the L2 gain and the axis distance of the optimum.
+    """
     cost = flight_cost(GAME, EXACT, EXACT.K)
     assert (cost.worst, cost.mean) == (0.0, 0.0)
     assert cost.gain == cost.exact_gain == bounded_real_gain(GAME, EXACT.K)
@@ -154,7 +161,7 @@ def test_a_game_that_costs_nothing() -> None:
 
 
 def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
-    """The eigenvalue -1e-8 of P fails at the limit 1e-6 and passes at the limit 1e-2.
+    """The eigenvalue -1e-8 of a critic's P fails at the error limit 1e-6 and passes at 1e-2.
 
     The exact eigenvalue is 0, because the state has no cost.
     """

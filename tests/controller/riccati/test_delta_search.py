@@ -1,5 +1,4 @@
-"""Search for the smallest delta with wrong or undecided results, and reasons for refusing a
-delta."""
+"""Search for the smallest delta, also with wrong or undecided results, and reasons for refusals."""
 
 from __future__ import annotations
 
@@ -46,7 +45,9 @@ def test_a_solution_below_ends_the_refusal() -> None:
 
 
 def test_an_open_answer_is_neither_refused_nor_good() -> None:
-    """The bracket contains all of an undecided interval that includes the smallest delta."""
+    """If existence is undecided for deltas from 0.4 to 2, the bracket of the smallest delta
+    contains this interval.
+    """
 
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 0.4 < delta < 2.0 else truth(delta)
@@ -58,7 +59,9 @@ def test_an_open_answer_is_neither_refused_nor_good() -> None:
 
 
 def test_a_solution_within_what_is_open_is_found() -> None:
-    """The smallest delta is found although larger values, from 1 to 9, are undecided."""
+    """The smallest delta is found although existence is undecided for larger deltas, from 1 to
+    9.
+    """
 
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 1.0 < delta < 9.0 else truth(delta)
@@ -68,8 +71,10 @@ def test_a_solution_within_what_is_open_is_found() -> None:
 
 
 def test_all_good_and_none_good_are_named() -> None:
-    """If every delta has a solution, the bracket is (0, 0). If none has, the error states the
-    reason."""
+    """If every delta has a solution, the bracket is (0, 0).
+
+    If no delta has a solution, the error states the reason.
+    """
     assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
     with pytest.raises(
         NoSolutionError, match=r"^the game has no solution for any delta up to 2\.749e\+11: shown; "
@@ -80,7 +85,9 @@ def test_all_good_and_none_good_are_named() -> None:
 
 
 def test_the_gain_shown_is_attained() -> None:
-    """No delta below the gain stated in a refusal has a solution, by a 60-digit reference."""
+    """No delta below the gain that a refusal states has a solution, according to a 60-digit
+    reference.
+    """
     rng = np.random.default_rng(3)
     shown = 0
     for number in range(3):
@@ -96,7 +103,9 @@ def test_the_gain_shown_is_attained() -> None:
 
 
 def test_a_refusal_names_what_shows_it() -> None:
-    """A refusal states its evidence: the least gain from the disturbance, or an indefinite P."""
+    """The refusal of a delta states its evidence: the least gain from the disturbance, or an
+    indefinite P.
+    """
     game = game_models()["published-15"]
     low = existence(NormalForm.of(game.with_delta(80.0)))
     near = existence(NormalForm.of(game.with_delta(113.55)))
@@ -106,10 +115,9 @@ def test_a_refusal_names_what_shows_it() -> None:
 
 
 def chain(rates: list[float], coupling: float) -> Game:
-    """Return a game on a chain of states with these rates.
+    """Return a game on a chain of states with these rates, driven at its first state.
 
-    The input drives the first state, and each state drives the next. Thus the input reaches every
-    mode.
+    Each state drives the next. The input therefore affects every mode.
     """
     n = len(rates)
     A = np.diag(rates) + np.diag(np.full(n - 1, coupling), -1)
@@ -121,7 +129,7 @@ def chain(rates: list[float], coupling: float) -> Game:
     [([-1e8, 1e-2, -3.0], 1e-6), ([-1e7, -2.0, 1e-3], 1e-4), ([-1e9, 1e-4], 1e-8)],
 )
 def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupling: float) -> None:
-    """A stiff plant with reachable modes is solved, or refused because of rounding.
+    """A stiff plant whose modes are all controllable is solved, or refused because of rounding.
 
     No message calls a mode unreachable or states the eigenvalue 0.
     """
@@ -147,8 +155,11 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
 def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
-    """A slow mode counts as unreachable only if its reach is below rounding, in rotated
-    coordinates."""
+    """In rotated coordinates, a slow mode counts as unreachable only if the input does not affect
+    it.
+
+    An effect of 1e-4 of the input is detected beside fast modes.
+    """
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
     B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])
@@ -158,8 +169,10 @@ def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> N
 
 @pytest.mark.parametrize("length", [2, 5, 30])
 def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
-    """An input at the last integrator of a chain reaches every state. An input at the first
-    integrator does not."""
+    """An input at the last integrator of a chain affects every state.
+
+    An input at the first integrator does not.
+    """
     A = np.diag(np.ones(length - 1), 1)
     end = np.eye(length)[:, [-1]]
     begin = np.eye(length)[:, [0]]
@@ -168,10 +181,10 @@ def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
 def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
-    """A game with an unreachable unstable mode is refused, although rounding of the entries makes
-    the mode slightly reachable.
+    """A game with an uncontrollable unstable mode is refused.
 
-    The units of the states differ by factors up to 1e8.
+    Rounding of the entries makes the mode slightly controllable. The units of the states differ by
+    factors up to 1e8.
     """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
@@ -190,10 +203,10 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
 def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
-    """The certificate of a plant with two close unstable modes and one input states the reach of
-    the modes.
+    """For two close unstable modes and one input, the certificate states the distance to
+    uncontrollability.
 
-    The reach is at most the least relative change found that makes a mode unreachable.
+    The stated distance is at most the least relative change found that makes a mode unreachable.
     """
     modes = np.diag([1.0, 1.0 + apart])
     game = Game(modes, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf)
@@ -206,9 +219,7 @@ def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> N
 
 
 def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
-    """Games with a delta 1e-5 above the smallest delta are certified, with agreement of both
-    derivations.
-    """
+    """Games with a delta 1e-5 above the smallest delta are certified. Both derivations agree."""
     rng = np.random.default_rng(5)
     for _ in range(4):
         n = 4

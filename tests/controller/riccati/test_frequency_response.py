@@ -21,7 +21,7 @@ from hfa import Game, solve_game
 
 
 def test_both_methods_put_the_gain_below_delta(game: Game) -> None:
-    """The L2 gain of the game policy is below delta by both methods, which agree."""
+    """The L2 gain with the game's policy is below delta by both methods, and the methods agree."""
     K = solve_game(game).K
     gain = bounded_real_gain(game, K)
     swept = swept_gain(*closed_loop(game, K))
@@ -62,8 +62,9 @@ def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
-    """For an unstable loop both methods return inf, and the failed check names A - B K as not
-    Hurwitz.
+    """Both methods return an infinite L2 gain for an unstable loop.
+
+    The failed check states that A - B K is not Hurwitz.
     """
     game, P = first
     K = -game.gain(P)
@@ -103,8 +104,9 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 
 
 def test_smallest_delta_bounds_the_gain() -> None:
-    """The L2 gain of the game policy is above the lower end of the bracket of delta_min, and below
-    the delta of the game.
+    """The L2 gain with the game's policy is below the delta of the game.
+
+    It is above the lower end of the bracket of delta_min.
     """
     rng = np.random.default_rng(6)
     tried = 0
@@ -118,7 +120,9 @@ def test_smallest_delta_bounds_the_gain() -> None:
 
 
 def test_a_very_stiff_loop_has_the_swept_gain() -> None:
-    """In a very stiff loop, whose slow mode rounding hides, both methods find the known L2 gain."""
+    """Both methods find the known L2 gain of a very stiff loop, whose slow mode is hidden by
+    rounding.
+    """
     game = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
     K = np.array([[1e40, 0.0]])
     assert bounded_real_gain(game, K) == pytest.approx(1044.03, rel=1e-5)
@@ -127,7 +131,7 @@ def test_a_very_stiff_loop_has_the_swept_gain() -> None:
 
 @pytest.mark.parametrize("factor", [1e3, 1e6])
 def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
-    """Both methods agree with the gain computed with 50 digits at the frequency of the peak."""
+    """In a stiff loop, both methods agree with the L2 gain computed with 50 digits at the peak."""
     game = game_models()["published-15"]
     K = factor * solve_game(game).K
     bound = bounded_real_gain(game, K)

@@ -33,7 +33,10 @@ I2 = np.eye(2)
 
 @pytest.mark.parametrize("name", [*MODELS, *OURS])
 def test_P_and_K_are_exact_to_1e12(name: str) -> None:
-    """P and K agree with a solution of 60 digits to 1e-12, and so does every entry of P, scaled."""
+    """P and K agree with a solution of 60 digits to 1e-12.
+
+    In scaled units, every entry of P agrees.
+    """
     game = (game_models() | OURS)[name]
     reference = reference_solution(game)
     solution = solve_game(game)
@@ -84,8 +87,9 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
-    """delta = inf gives python-control's LQR. For large delta, the difference of P from the LQR
-    solution is of order 1/delta².
+    """The solution for delta = inf is python-control's LQR.
+
+    For large delta, the difference of P from the LQR solution is of order 1/delta².
     """
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
@@ -135,7 +139,7 @@ def test_an_unstable_costless_mode_is_stabilized() -> None:
 
 
 def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
-    """With E = 0 the solution for delta = 1e-3 is the LQR, and the margin of delta is infinite."""
+    """With E = 0, the solution for delta = 1e-3 is the LQR, and delta / delta_min is infinite."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
     assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
     assert minimum_delta(quiet).margin(quiet.delta) == math.inf

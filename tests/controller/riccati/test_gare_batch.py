@@ -1,4 +1,4 @@
-"""Batches of games: the same solutions and refusals as one by one, and little memory."""
+"""Batches of games, with the solutions and refusals of single games and little memory."""
 
 import tracemalloc
 
@@ -39,7 +39,9 @@ def test_every_model_has_its_own_solution(dynamics):
 
 
 def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
-    """If doubling contradicts the eigenvectors, the Schur form and refined doubling decide."""
+    """If the doubling method contradicts the eigenvectors, the Schur form and refined doubling
+    decide.
+    """
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
@@ -54,8 +56,7 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
 
 
 def test_the_game_loops_bound_is_close_from_above():
-    """The bound of the largest real part of A - S X exceeds the computed value by at most 0.1 % of
-    its size.
+    """The bound of the spectral abscissa of A - S X exceeds the computed value by at most 0.1 %.
 
     The games have up to twelve states, with rows of A of very different size.
     """
@@ -73,7 +74,7 @@ def test_the_game_loops_bound_is_close_from_above():
 
 
 def test_the_axis_distance_is_that_of_all_eigenvectors():
-    """The bound of the axis distance from half of the eigenvectors equals the bound from all
+    """The bound of the axis distance from half of the eigenvectors equals that from all
     eigenvectors.
 
     The bound is at most the true distance.
@@ -125,7 +126,8 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
 
 def test_a_batch_refuses_what_is_refused_alone():
     """Near the smallest delta, a batch refuses the same games as `solve_game`, for the same
-    reason."""
+    reasons.
+    """
     rng = np.random.default_rng(8)
     A = rng.standard_normal((2, 4, 4))
     B = rng.standard_normal((2, 4, 2))

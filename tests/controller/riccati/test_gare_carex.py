@@ -102,8 +102,10 @@ def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
 
 @pytest.mark.parametrize("n", [3, 8, 21])
 def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
-    """In example 17 the corner entry of P is sqrt(q r), with a condition number that grows as
-    10^n."""
+    """In example 17, a chain of integrators, the corner entry of P is sqrt(q r).
+
+    The condition number grows as 10^n.
+    """
     game = equation(np.eye(n, k=1), np.eye(n)[:, [-1]], 4.0 * np.diag(np.eye(n)[0]), [[9.0]])
     assert solve_game(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
 
@@ -214,7 +216,10 @@ def test_equations_of_30_to_100_states_are_met(number: int) -> None:
     ids=["3", "4", "11"],
 )
 def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object) -> None:
-    """A Q with a negative eigenvalue is refused, as in examples 3 and 4 after rounding in print."""
+    """A Q with a negative eigenvalue is refused.
+
+    In examples 3 and 4 of the collection, the printed, rounded Q has one.
+    """
     with pytest.raises(BadInputError, match="Q is not positive semidefinite"):
         equation(A, B, Q, np.eye(np.shape(B)[1]))
 

@@ -1,6 +1,6 @@
 """A collection of difficult games, compared with the 60-digit reference.
 
-No game may be accepted wrongly, and hardly any refused wrongly.
+No game may be accepted wrongly, and at most 1 % may be refused wrongly.
 """
 
 from __future__ import annotations
@@ -35,7 +35,11 @@ CLOSE = 1e-6
 
 
 class Sample(NamedTuple):
-    """A game of the collection, with the name of its structure and its number."""
+    """A game of the collection.
+
+    structure: name of the structure
+    number: number of the game
+    """
 
     structure: str
     number: int
@@ -61,9 +65,9 @@ def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
 
 
 def chain(rng: np.random.Generator, n: int) -> Game:
-    """Return a game on a chain of n integrators, with the input at its end.
+    """Return a game on a chain of n integrators, with the input at its last integrator.
 
-    In half of the cases the disturbance is at its end, too.
+    In half of the cases the disturbance acts on the last integrator only, too.
     """
     B = np.eye(n)[:, [-1]]
     E = B if rng.random() < 0.5 else np.eye(n)
@@ -72,7 +76,7 @@ def chain(rng: np.random.Generator, n: int) -> Game:
 
 
 def low_rank(rng: np.random.Generator, n: int) -> Game:
-    """Return a dense game with a Q of a random rank below n (1 if n is 1)."""
+    """Return a dense game whose Q has a random rank below n, or rank 1 if n is 1."""
     return dense(rng, n, rank=int(rng.integers(1, max(n, 2))))
 
 
@@ -140,7 +144,7 @@ def barely_reached(rng: np.random.Generator, n: int) -> Game:
 
 
 def marginal(rng: np.random.Generator, n: int) -> Game:
-    """Return a game of a randomly chosen other structure.
+    """Return a game whose structure is one of the others, chosen at random.
 
     `collection` sets its delta 0.1 % to 1 % above delta_min.
     """
@@ -216,9 +220,9 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
-    """Return whether the solver accepts or refuses a game, and rightly or wrongly.
+    """Return whether the solver accepts or refuses a game, rightly or wrongly, as text.
 
-    Raises AssertionError if the solver accepts a wrong solution or names a wrong cause.
+    Raises AssertionError if the solver accepts a wrong solution or states a wrong reason.
 
     worst: largest permitted error of P
     """
@@ -249,7 +253,9 @@ def _exists(game: Game, delta: float) -> bool:
 
 
 def _bracket(sample: Sample) -> str:
-    """Return whether the bracket of delta_min is right, wide, wrong or missing for a game."""
+    """Return whether the bracket of a game's delta_min is right, wide, wrong or missing, as
+    text.
+    """
     game = sample.game
     try:
         smallest = minimum_delta(game)
@@ -275,8 +281,9 @@ def test_a_game_of_each_structure() -> None:
 
 @pytest.mark.slow  # quicker: test_gare_degenerate.py
 def test_smallest_delta_of_each_structure() -> None:
-    """For one game of each structure, the bracket of delta_min is right, or missing because no
-    delta has a solution.
+    """For one game of each structure, the bracket of delta_min is right.
+
+    It is missing only if no delta has a solution.
     """
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
@@ -285,7 +292,11 @@ def test_smallest_delta_of_each_structure() -> None:
 
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_games_with_a_barely_reached_mode(count: int) -> None:
-    """At most 1 % of the games with a barely reached mode are refused wrongly or near the edge."""
+    """At most 1 % of the games with a barely controllable mode are refused wrongly or near the
+    edge.
+
+    The edge is the smallest delta for which a solution exists.
+    """
     verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
     assert verdicts["refused wrongly"] + verdicts["refused at the edge"] <= 0.01 * count, verdicts
     assert verdicts["accepted, rightly"] >= 0.7 * count

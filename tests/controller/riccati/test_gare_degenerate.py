@@ -41,7 +41,7 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
 
 def elsewhere(game: Game, seed: int) -> Game:
-    """Return the game in random coordinates T z, which hide its structure."""
+    """Return the game in random coordinates T z. They hide the structure of its matrices."""
     T = np.random.default_rng(seed).standard_normal(game.A.shape)
     inverse = np.linalg.inv(T)
     Q = inverse.T @ game.Q @ inverse
@@ -69,8 +69,10 @@ def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
 @pytest.mark.parametrize("value", [-1.0, 0.0, 0.5])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_defective_plant(value: float, seed: int) -> None:
-    """A plant with one Jordan block of size 4 is solved, with its eigenvalue left of, on, or right
-    of the axis."""
+    """A plant with one Jordan block of size 4 is solved.
+
+    Its eigenvalue is to the left of the imaginary axis, on the axis, or to the right.
+    """
     block = replace(chain(4), A=value * np.eye(4) + np.eye(4, k=1))
     assert error(elsewhere(block, seed)) <= EXACT
 
@@ -144,10 +146,10 @@ def test_units_over_16_decades_change_nothing() -> None:
 def test_a_barely_reached_mode_has_a_bounded_pole(
     reach: float,
 ) -> None:
-    """The stated error bound of the slowest pole is true if the input barely reaches an unstable
-    mode.
+    """If the input barely affects an unstable mode, the stated error bound of the slowest pole is
+    true.
 
-    The modes have the rates 0.5 and -1, and the input reaches the first only by the factor `reach`.
+    The modes have the rates 0.5 and -1. The input affects the first only by the factor `reach`.
     """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
@@ -257,8 +259,8 @@ def scalar(a: float, apart: float) -> Game:
 def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
     """A scalar game is never solved below its smallest delta, and always 0.1 % above it.
 
-    Nearer to the smallest delta, P has the accuracy that its condition number 1/|apart| permits, or
-    the message truthfully states how near delta is.
+    Closer to the smallest delta, P has the accuracy that its condition number 1/|apart| permits, or
+    the message truthfully states how close delta is.
     """
     game = scalar(a, apart)
     exists = reference_solution(game).exists
@@ -280,9 +282,9 @@ def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
 
 @pytest.mark.parametrize("m", [1, 2])
 def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
-    """P is exact at a delta 1e-11 above delta_min = 0.9 S_control^-½.
+    """P of a scalar game is exact at a delta 1e-11 above delta_min.
 
-    Without its correction, rounding of R^-½ B and E / delta would change P by 7e-6.
+    Without a correction, rounding of R^-½ B and E / delta would change P by 7e-6.
     """
     R = np.array([[0.37, 0.1], [0.1, 0.53]])[:m, :m]
     B = np.array([[1.3, 0.7]])[:, :m]

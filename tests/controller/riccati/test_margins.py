@@ -62,7 +62,7 @@ def test_single_loop_disk_margin_agrees_with_python_control() -> None:
 
 
 def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
-    """The loop is stable for random complex factors within the disk."""
+    """The loop is stable for random complex factors on the inputs within the disk of the margin."""
     K = solve_game(game).K
     alpha = disk_margin(game, K).disk
     rng = np.random.default_rng(7)
@@ -72,9 +72,9 @@ def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
 
 
 def test_disk_margin_is_tight(game: Game) -> None:
-    """The disk margin is at most 3 % below the margin that a search over phases attains.
+    """The disk margin is at most 3 % below the smallest destabilizing perturbation that is found.
 
-    The search varies the phases of the five factors at the critical frequency.
+    The search varies the phases of the five factors on the inputs at the critical frequency.
     """
     K = solve_game(game).K
     margin = disk_margin(game, solve_game(game).K)
@@ -97,7 +97,7 @@ def test_disk_margin_is_tight(game: Game) -> None:
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
 def test_structured_bound_reaches_known_values(size: int, scale: float, draws: int) -> None:
-    """The bound of μ is 1 for a unitary matrix in other units, times its scale.
+    """The upper bound of μ for a unitary matrix in other units is 1, times the scale of the matrix.
 
     For a triangular matrix the bound is the largest diagonal entry.
     """
@@ -134,7 +134,8 @@ def _light_modes() -> tuple[Game, np.ndarray]:
 
 
 def test_margins_of_light_and_close_modes_are_attained() -> None:
-    """Factors at the edge of the disk and of the phase margin put a pole on the axis.
+    """Factors at the edge of the disk margin and of the phase margin put a pole on the imaginary
+    axis.
 
     The phase margin of the disk is smaller than the phase margin of the loop.
     """
@@ -154,7 +155,9 @@ def test_margins_of_light_and_close_modes_are_attained() -> None:
 
 
 def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the search is disabled, the disk margin is larger than an attained one."""
+    """If the search for the critical frequency is disabled, the disk margin is larger than a
+    true one.
+    """
     game, K = _light_modes()
     right = disk_margin(game, K).disk
     # Planted fault: a search that ends at once.
@@ -189,8 +192,7 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
 
 
 def test_metres_leave_unitless_margins_alone(game: Game) -> None:
-    """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged, and K is
-    not."""
+    """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged. K changes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
     here = solve_game(game)
@@ -255,8 +257,9 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
 
 
 def test_nine_equal_loops_have_the_slackest_margin() -> None:
-    """Nine loops k / (s (s + 1)), in random order at each frequency, have the margins of the
-    largest k.
+    """Nine loops k / (s (s + 1)) together have the margins of the loop with the largest k.
+
+    The loops are given in random order at each frequency.
     """
     gains = np.linspace(0.5, 4.5, 9)
     frequencies = np.geomspace(1e-3, 100.0, 400)
@@ -272,7 +275,7 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
 
 
 def test_two_complex_loci_have_no_gain_at_rest() -> None:
-    """Two complex loci have no gain margin, because every common factor leaves the loop stable.
+    """Two loops with complex loci have no gain margin. Every common factor leaves the loops stable.
 
     The loop is L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1).
     """
@@ -288,7 +291,7 @@ def test_two_complex_loci_have_no_gain_at_rest() -> None:
 
 
 def test_two_curves_that_change_places_are_no_crossing() -> None:
-    """Two curves on either side of the real axis that change places do not count as a crossing."""
+    """Two loci on either side of the real axis that change places do not count as a crossing."""
 
     def loci(omega: np.ndarray) -> np.ndarray:
         passed = np.clip(omega - 1.0, 0.0, 1.0)
