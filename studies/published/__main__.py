@@ -24,7 +24,7 @@ SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-_HEAD = """# Verdicts on published answers
+_HEAD = """# Verdicts on published solutions
 
 `hfa printed` compares each printed digit of a published solution with the solution computed for
 the published plant:
@@ -38,7 +38,7 @@ as printed: all 20 entries
 `python -m studies.published` checks all [files with published
 solutions](../studies/published/sources) and writes a [verdict for each
 file](../studies/published/results.csv). The table shows the number of files with each
-[verdict](critics.md#a-printed-answer). `no exact answer` means that the published plant has no
+[verdict](critics.md#a-printed-solution). `no exact answer` means that the published plant has no
 certified solution.
 """
 
