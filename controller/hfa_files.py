@@ -1,5 +1,7 @@
-"""Plants from arrays and files. Missing entries of the paper's aircraft default to the paper's
-game."""
+"""Plants from arrays and files.
+
+Entries that a file of the paper's aircraft does not contain are those of the paper's game.
+"""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ CRITIC = ("W", "P", "K", "weights")
 
 
 def matrices(path: Path) -> dict[str, Any]:
-    """Return name -> matrix for a .npy or .csv file, which contains one matrix.
+    """Return the matrices read from a .npy or .csv file, which contains one matrix, by their names.
 
     - a file named A: the result also contains the other matrices of the plant in the same folder
     - a .csv file: the result also contains the names and units of states and inputs in the file
@@ -36,11 +36,11 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Return matrix -> file for one file with a matrix, and for the files that belong to it.
+    """Return the files of a matrix and of its plant's other matrices, as a map matrix name -> path.
 
-    For a file named A, the other matrices of the plant in the same folder are included.
+    Only a file named A has other matrices of its plant: those in the same folder.
 
-    Raises BadInputError if the file is neither named A nor after a matrix of a critic.
+    Raises BadInputError if the file is named neither A nor after a matrix of a critic.
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(

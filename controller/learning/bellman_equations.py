@@ -222,16 +222,16 @@ class StackEquations:
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 
     def scaled(self, weights: np.ndarray) -> np.ndarray:
-        """Return weights for the scaled coordinates y = z / scales.
+        """Return the weights of the same value in the scaled coordinates y = z / scales.
 
-        weights: (M,), for the model's coordinates z
+        weights: (M,), in the model's coordinates z
         """
         return weights * self._scaling
 
     def unscaled(self, weights: np.ndarray) -> np.ndarray:
-        """Return weights for the model's coordinates z.
+        """Return the weights of the same value in the model's coordinates z.
 
-        weights: (M,), for the scaled coordinates y = z / scales
+        weights: (M,), in the scaled coordinates y = z / scales
         """
         return weights / self._scaling
 
@@ -261,7 +261,7 @@ class StackEquations:
 
 
 def _squares(rows: np.ndarray) -> np.ndarray:
-    """Return the squared Euclidean norm of each row."""
+    """Return the squared Euclidean norm of each row of a matrix."""
     return np.asarray(np.einsum("ji,ji->j", rows, rows))
 
 

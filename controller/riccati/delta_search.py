@@ -101,7 +101,7 @@ def smallest_delta(
 
     ask: function δ -> existence. The set of δ with a solution must be an interval (δ_min, inf].
     begin: a δ that should have a solution
-    tolerance: relative width of the bracket, if no δ is undecided
+    tolerance: relative width of the bounds, if no δ is undecided
     progress: called during the search, or None
 
     Raises NoSolutionError if no δ up to `MOST` times `begin` is found to have a solution.

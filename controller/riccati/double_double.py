@@ -73,7 +73,7 @@ def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
 
 
 def transposed(pair: Pair) -> Pair:
-    """Return the transposed matrix of a pair."""
+    """Return the transposed matrix of a pair, as a pair."""
     return pair[0].mT, pair[1].mT
 
 

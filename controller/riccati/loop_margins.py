@@ -194,13 +194,14 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
     M = S - I/2 has k eigenvalues at each frequency. The gain margins follow from the frequencies at
     which an eigenvalue is real, the phase and delay margins from those at which it is imaginary.
     These frequencies are searched for wherever Im M or Re M changes its sign on the grid.
-    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
 
-    loci: ω (N,) -> M of the loops, (N, k), in any order
+    loci: function ω (N,) -> eigenvalues of M, (N, k), in any order
     grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on the
         grid
     loop: the loop of the loci, for its M at infinite frequency and its sampling time; None if there
         is neither
+
+    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
     for _ in range(_HALVINGS):
         seen = _followed(loci(grid))
@@ -254,7 +255,7 @@ def _crossings_of(
     part: np.real or np.imag
     loci: as for `margin_of`
     grid: (N,), rad/s
-    seen: M on the grid, (N, k), each column a continuous curve
+    seen: eigenvalues of M on the grid, (N, k), each column a continuous curve
     """
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
@@ -287,11 +288,11 @@ def _crossings_of(
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """Return the values of k loops, (N, k), reordered so that each column is a continuous curve.
+    """Return the eigenvalues of M for k loops, (N, k), reordered so that each column is continuous.
 
-    Each row is assigned to the nearest values of the row before it.
+    The eigenvalues at each frequency are assigned to the nearest ones at the frequency before.
 
-    loci: M on a grid of N frequencies, (N, k), each row in any order
+    loci: eigenvalues on a grid of N frequencies, (N, k), each row in any order
     """
     if loci.shape[1] == 1:
         return loci

@@ -43,7 +43,7 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 
 
 def is_own(model: Model | None) -> bool:
-    """Return whether a model is an aircraft that the user loaded with --aircraft.
+    """Return whether a model was loaded from a file or another source that the user named.
 
     The result is False for the paper's flexible aircraft and for None.
     """

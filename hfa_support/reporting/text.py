@@ -42,7 +42,7 @@ class Cell(str):
     tone: str
 
     def __new__(cls, text: str, tone: str = "") -> Self:
-        """Create a cell with this text and tone."""
+        """Return a cell with this text and tone."""
         cell = super().__new__(cls, text)
         cell.tone = tone
         return cell

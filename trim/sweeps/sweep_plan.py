@@ -24,7 +24,7 @@ MOST_POINTS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Steps:
-    """Evenly spaced values of a swept variable, without a limit of their number.
+    """Evenly spaced values of a swept variable, each computed when it is read.
 
     start: first value
     step: distance of two values
