@@ -27,7 +27,7 @@ class ByName(tuple[Named, ...]):
 
         def __getattr__(self, name: str) -> Any:
             """Return an attribute that an extension adds, for example modes.damping."""
-            if name[0] == "_":
+            if name.startswith("__"):
                 raise AttributeError(name)
             from hfa_support.unknown import attribute_of
 

@@ -93,7 +93,9 @@ class TrimCondition:
             numbers = value.values.tolist() if isinstance(value, LinearTable) else [value]
             for number in numbers:
                 if not is_finite(number):
-                    raise BadInputError(f"{name} is {shown(number)}; give a finite number")
+                    raise BadInputError(
+                        f"{name} is {shown(number)}; give a finite number, or several to hfa.sweep"
+                    )
                 if limits.least[index] <= number <= limits.most[index]:
                     continue
                 given = self.model.describe(name, number)

@@ -148,7 +148,7 @@ def record_of(
     if missing:
         raise BadInputError(
             f"{name} has no column {missing[0]}; add the column, or give a constant (--hold"
-            f" {missing[0]}=VALUE)"
+            f" {missing[0]}=VALUE, or in Python hold={{{missing[0]!r}: VALUE}})"
         )
     inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
     _check_inputs(name, list(model.inputs), inputs)

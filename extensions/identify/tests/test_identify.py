@@ -613,7 +613,7 @@ def test_drawn_aircraft_trim():
         ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha contains infinite values"),
         ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples, but time has 200"),
         ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 finite values"),
-        ({"elevator": None}, "has no column elevator; add the column, or give a constant"),
+        ({"elevator": None}, "elevator=VALUE, or in Python hold={'elevator': VALUE}"),
         ({"time": None}, "has no column time"),
     ],
 )

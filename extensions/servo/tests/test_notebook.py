@@ -400,6 +400,9 @@ def test_a_linear_model_is_its_matrices() -> None:
     with pytest.raises(TypeError, match="must be a StateSpace"):
         control.ss(linear)
     assert (linear.to_scipy().B == B).all()
+    assert linear.x0.tolist() == [linear.point[name] for name in linear.states]
+    assert linear.U0.tolist() == linear.u0.tolist() == linear.point.u.tolist()
+    assert linear.point.outputs == {name: linear.point[name] for name in MODEL.outputs}
     assert linear.linearize() is linear
     assert np.array_equal(
         hfa.lqr(system, np.eye(6), np.eye(5)).K, hfa.lqr(A, B, np.eye(6), np.eye(5)).K
@@ -413,6 +416,8 @@ def test_modes_are_a_table_and_a_method() -> None:
     assert modes() is modes
     assert modes.damping.tolist() == [mode.damping for mode in modes]
     assert modes.to_pandas().loc["phugoid", "frequency"] == modes["phugoid"].frequency
+    assert "<th>phugoid</th>" in modes._repr_html_()
+    assert not hasattr(hfa.sweep(MODEL, dihedral=[0.1]).modes, "_repr_png_")
     with pytest.raises(AttributeError, match="'dampin'; did you mean damping"):
         modes.dampin  # noqa: B018
 
@@ -485,6 +490,21 @@ def test_keywords_read_the_file_of_a_critic(folder: Path) -> None:
     assert judged.cost_lost == hfa.verify(game, read).cost_lost
     with pytest.raises(BadInputError, match="unexpected keyword argument 'activations'"):
         hfa.verify(game, "policy.npz", activations="tanh")
+
+
+def test_matrices_as_keywords_make_a_game() -> None:
+    """solve_game(A=, B=, Q=, R=) solves the LQR problem, and with delta= the game."""
+    A, B, *_ = _linear()
+    Q, R = np.eye(6), np.eye(5)
+    matrices = {"A": A, "B": B, "Q": Q, "R": R}
+    assert np.array_equal(hfa.solve_game(**matrices).K, hfa.lqr(A, B, Q, R).K)
+    for delta in (300.0, np.inf):
+        game = hfa.Game(A, B, Q=Q, R=R, delta=delta)
+        assert np.array_equal(hfa.solve(**matrices, delta=delta).P, hfa.solve_game(game).P)
+    with pytest.raises(BadInputError, match="missing a required argument: 'game'"):
+        hfa.solve_game(A=A, Q=Q, R=R)
+    with pytest.raises(BadInputError, match="Q or R is missing"):
+        hfa.solve_game(A=A, B=B, Q=Q)
 
 
 def test_keywords_change_a_game() -> None:
@@ -563,6 +583,10 @@ def test_errors_name_the_call_that_was_meant() -> None:
         def predict(self, observation: np.ndarray) -> np.ndarray:
             return observation
 
+    with pytest.raises(
+        BadInputError, match=r"dihedral is \[0\.1, 0\.2\].* or several to hfa\.sweep"
+    ):
+        hfa.find_operating_point(MODEL, dihedral=[0.1, 0.2])
     with pytest.raises(BadInputError, match="quickest_flight minimizes the time"):
         hfa.optimize(MODEL, initial={"alpha": 0.1}, minimize="time")
     with pytest.raises(BadInputError, match=r"identify: model is 'flight\.csv'; give a"):

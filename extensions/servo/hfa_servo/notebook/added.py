@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -151,6 +152,20 @@ def _to_pandas(value: Any) -> Callable[[], Any] | None:
     return partial(entries_frame, value) if isinstance(value, ByName) else None
 
 
+def _html_table(value: Any) -> Callable[[], str] | None:
+    """Return the method that displays named entries as a table in a notebook, or None for another
+    value, or if pandas is not installed.
+    """
+    is_shown = isinstance(value, ByName) and len(value) > 0 and find_spec("pandas") is not None
+    return (lambda: entries_frame(value).to_html()) if is_shown else None
+
+
+def _outputs(value: Any) -> dict[str, float] | None:
+    """Return the values of the outputs of an operating point by name, or None for another value."""
+    is_point = isinstance(value, OperatingPoint)
+    return {name: value[name] for name in value.model.outputs} if is_point else None
+
+
 def _linearize(value: Any) -> Callable[..., LinearModel] | None:
     """Return the method `linearize` of a linear model, or None for another value.
 
@@ -237,6 +252,7 @@ def _margins(value: Any) -> Callable[..., Any] | None:
 
 #: Name of an added attribute -> function from a result to its value, or None.
 ADDED: dict[str, Callable[[Any], Any]] = {
+    "_repr_html_": _html_table,
     "certified": lambda value: value.certificate.ok if isinstance(value, Solution) else None,
     "closed_loop": _closed_loop,
     "df": lambda value: value.to_pandas() if hasattr(value, "to_pandas") else None,
@@ -244,6 +260,7 @@ ADDED: dict[str, Callable[[Any], Any]] = {
     "linearize": _linearize,
     "margin": _margins,
     "margins": _margins,
+    "outputs": _outputs,
     "plot": _plot,
     "poles": lambda value: value.eigenvalues if isinstance(value, Sweep) else None,
     "replace": _replace,

@@ -420,8 +420,13 @@ class _Reading:
         """Return a missing model or operating point, derived from other arguments, or None.
 
         A missing model is that of a given operating point. A missing operating point is the trim of
-        the given model at the values in the keywords.
+        the given model at the values in the keywords. A missing game is made from matrices in the
+        keywords.
         """
+        if link is Game:
+            matrices = [each for each in ("A", "B", *_OF_GAME) if each in self.words]
+            is_game = {"A", "B"} <= {*matrices}
+            return Game(**{each: self.words.pop(each) for each in matrices}) if is_game else None
         if link is Model:
             given = (*self.rest, *self.words.values())
             point = next((each for each in given if isinstance(each, OperatingPoint)), None)

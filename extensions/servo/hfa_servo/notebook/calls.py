@@ -32,6 +32,8 @@ from trim.point.operating_point import OperatingPoint
 
 _SAME_ATTRIBUTES = """
 L: disturbance_gain
+U0: input_offsets
+X0: state_offsets
 as_dict: to_dict
 close: feedback
 controllability: ctrb
@@ -81,10 +83,12 @@ to_mat: save
 to_matlab: save
 to_npz: save
 u: inputs
+u0: input_offsets
 value: cost
 why: reason
 wn: frequency
 x: states
+x0: state_offsets
 zeta: damping
 """
 #: Attribute of results of SciPy, pandas or python-control -> equivalent attribute of this project.
