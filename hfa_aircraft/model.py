@@ -18,7 +18,7 @@ from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.report import Reported
-from hfa_support.reporting.text import shown_unit, shown_value
+from hfa_support.reporting.text import with_unit
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
@@ -358,9 +358,7 @@ class Model(Reported):
 
     def describe(self, name: str, value: float) -> str:
         """Return a value of the signal `name` with its unit as text. Angles are in degrees."""
-        unit = self.unit(name)
-        text = shown_value(value, unit)
-        return text if unit == "1" else f"{text} {shown_unit(unit)}"
+        return with_unit(value, self.unit(name))
 
     # Parameters.
 

@@ -149,6 +149,16 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
     return format(float(shown_values(value, unit)), form)
 
 
+def with_unit(value: float, unit: str) -> str:
+    """Return a value with its `shown_unit` as text, "5 deg". An angle above a full turn, which may
+    have been meant in degrees, is also printed in radians: "859.437 deg (15 rad)".
+    """
+    text = shown_value(value, unit)
+    text = text if unit == "1" else f"{text} {shown_unit(unit)}"
+    is_large = unit == "rad" and abs(value) > 2.0 * math.pi
+    return f"{text} ({value:g} rad)" if is_large else text
+
+
 def degrees(value: float, unit: str) -> tuple[str, str]:
     """Return a value as text with five decimals, and the unit of the text.
 

@@ -98,11 +98,9 @@ class TrimCondition:
                     )
                 if limits.least[index] <= number <= limits.most[index]:
                     continue
-                given = self.model.describe(name, number)
-                if abs(number) > 2.0 * np.pi and given.endswith("deg"):
-                    given += f" ({number:g} rad)"
                 raise BadInputError(
-                    f"{name} is {given}; it must lie between {limits.between(name)}"
+                    f"{name} is {self.model.describe(name, number)}; it must lie between"
+                    f" {limits.between(name)}"
                 )
 
     @property

@@ -15,7 +15,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, limited_names
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
-from hfa_support.reporting.text import short_number, shown_unit
+from hfa_support.reporting.text import short_number, shown_unit, with_unit
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -166,13 +166,10 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
     """
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
-        value = short_number(start.value, start.unit)
+        value = with_unit(start.value, start.unit)
         limit = short_number(start.limit, start.unit)
-        unit = "" if start.unit == "1" else f" {shown_unit(start.unit)}"
-        if start.unit == "rad" and abs(start.value) > 2.0 * np.pi:
-            unit += f" ({start.value:g} rad)"
         raise BadInputError(
-            f"the initial {start.state} is {value}{unit}, beyond the limit of {limit}; choose an"
+            f"the initial {start.state} is {value}, beyond the limit of {limit}; choose an"
             " initial condition inside the envelope, or widen the envelope"
         )
 

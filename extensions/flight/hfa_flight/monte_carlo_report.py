@@ -128,6 +128,7 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
         "rms_error": (read("rms_error"), model.linear),
         "peak_error": (read("peak_error"), model.linear),
         "effort": (read("effort"), tuple(model.inputs)),
+        "final": (read("final"), tuple(model.states)),
     }
     if flown_through_air(model):
         angles = read("peak_angle_of_attack")[:, None]

@@ -9,6 +9,7 @@ import numpy as np
 from controller.game.zero_sum import LARGEST
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table
@@ -63,7 +64,8 @@ class StepFlight(Result, Reported):
         """
         names = self.problem.step.names
         count = len(self.inputs)
-        verdict = "decays" if self.decays else "does NOT decay"
+        decay = "decays" if self.decays else "does not decay"
+        outcome = f"{verdict_text(self.decays)}: the state {decay}, cost {self.cost:.7g}"
         rows = []
         for k in range(count + 1):
             u = self.inputs[k] if k < count else np.full(len(names.inputs), np.nan)
@@ -74,10 +76,11 @@ class StepFlight(Result, Reported):
             for k in shown
         ]
         header = ("step", *names.states, *names.inputs)
-        line = f"A - B K has the spectral radius {self.radius:.7g}; cost {self.cost:.7g}"
+        flight = f"Flight of {names.origin}, {count} steps, {self.policy}"
+        radius = f"spectral radius of A - B K: {self.radius:.7g}"
         return Report(
-            f"Flight of {names.origin} in {count} steps, {self.policy}: {verdict}",
-            (line, Table(header, texts)),
+            f"{outcome}\n{flight}",
+            (radius, Table(header, texts)),
             data=self.as_data(),
             records=Table(header, rows),
         )

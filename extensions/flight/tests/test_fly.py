@@ -337,6 +337,8 @@ def test_a_monte_carlo_command_stores_and_summarizes(tmp_path: Path) -> None:
     assert data["peak_deviation"]["angle_of_attack"] == pytest.approx(
         np.quantile(angles, data["quantiles"]).tolist()
     )
+    ends = np.quantile(kept["final"].values, data["quantiles"], axis=0)
+    assert np.transpose(list(data["final"].values())) == pytest.approx(ends)
     assert "angle_of_attack" in data["left"]
     again = hfa(*words, "--resume", "-o", store)
     assert "8 of 8 members stayed within limits" in again.out

@@ -50,6 +50,8 @@ def test_the_command_flies_game_s_policy_and_critics():
         assert answer(*words, "--weights", critic)["cost"] == pytest.approx(flown["cost"])
     wrong = stored("wrong.npz", K=-solution.K)
     assert answer(*words, "--weights", wrong, code=FAILED)["decays"] is False
+    assert hfa(*words).out.startswith("PASS: the state decays, cost ")
+    assert hfa(*words, "--weights", wrong).out.startswith("FAIL: the state does not decay, cost ")
     for refused, message in (
         (("fly", "--model", continuous, "--initial", "x1=1"), 'needs time = "discrete"'),
         (("fly", "--model", plant), "add --initial NAME=VALUE"),
