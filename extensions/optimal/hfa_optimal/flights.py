@@ -72,20 +72,18 @@ class Flown(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """Short form of the outcome: "converges", "does not converge", "leaves the envelope", or
-        "leaves the envelope, converges".
-        """
-        words = [] if self.departure is None else ["leaves the envelope"]
-        if self.departure is None or self.converges:
-            words.append("converges" if self.converges else "does not converge")
-        return ", ".join(words)
+        """Short form of the outcome, such as "leaves the envelope, does not converge"."""
+        leaves = "" if self.departure is None else "leaves the envelope, "
+        return leaves + self._convergence
+
+    @property
+    def _convergence(self) -> str:
+        return "converges" if self.converges else "does not converge"
 
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""
-        if self.departure is None:
-            return "converges" if self.converges else "does not converge"
-        left = self.departure.text()
-        return f"{left}; converges" if self.converges else left
+        left = "" if self.departure is None else f"{self.departure.text()}; "
+        return left + self._convergence
 
 
 @dataclass(frozen=True, eq=False)

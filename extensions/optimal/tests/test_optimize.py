@@ -13,6 +13,8 @@ from cli import complaints_about
 
 import hfa
 from hfa.main import main
+from hfa_flight.envelope import Departure
+from hfa_optimal.flights import Flown
 from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
@@ -36,6 +38,17 @@ def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> N
     assert linear["over_best"] > 4.0
     assert data["linear_cost"] < 0.5 * data["cost"]
     assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
+
+
+def test_outcomes_contain_departure_and_convergence() -> None:
+    """The outcome of a flight that leaves the envelope also contains whether it converges."""
+    nothing = np.zeros((1, 1))
+    inside = Flown("policy", nothing[0], nothing, nothing, 1.0, 0.0, np.inf, None, ())
+    left = inside._replace(departure=Departure("pitch_rate", 0.018, 0.886, 0.6875, "rad/s"))
+    assert (inside.ending, inside.outcome()) == ("does not converge", "does not converge")
+    assert left.ending == "leaves the envelope, does not converge"
+    assert left.outcome().endswith("50.76 deg/s beyond 39.39; does not converge")
+    assert left._replace(cost=2.0).ending == "leaves the envelope, converges"
 
 
 def test_a_deployment_and_a_critic_are_compared(

@@ -12,13 +12,15 @@ import numpy as np
 
 from hfa_flight.envelope import flight_envelope
 from hfa_policy.assessment import Assessor
+from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.deployed import Deployed
-from hfa_policy.episodes import cost_weights
+from hfa_policy.episodes import cost_weights, weighted_squares
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import BALL, Place, seeded_starts
 from hfa_policy.repairs import Repair
 from hfa_policy.sampled_loop import held
+from hfa_support.native.bound import RowFunction
 
 #: A flight has not converged if it ends farther from the trim, in half-widths of the
 #: initial-condition box, or moves by more than the ball in the last second. The limit exceeds 1
@@ -162,7 +164,8 @@ class ChangeFlights:
     def _optimum(self) -> np.ndarray | None:
         """Return the gain K of the sampled optimum u = -K x at the first trim.
 
-        The result is None if no optimum exists. Weights of outputs are ignored.
+        The result is None if no optimum exists. Raises BadInputError for the weight of an output
+        that depends on the inputs.
         """
         from scipy.linalg import LinAlgError, solve_discrete_are
 
@@ -173,15 +176,13 @@ class ChangeFlights:
         slopes = model.at(point.states, point.inputs)
         A = slopes.A[np.ix_(linear, linear)]
         B = slopes.B[np.ix_(linear, moved)]
-        Q, R = cost_weights(self.deployed)
-        weights = np.diag([Q.get(name, 0.0) for name in model.linear])
-        dear = np.diag([R.get(name, 0.0) for name in self.deployed.commanded])
+        Q, R = weights_at(self.deployed, point)
         Phi, Gamma = held(A, B, self.deployed.deployment.dt)
         try:
-            P = solve_discrete_are(Phi, Gamma, weights, dear)
+            P = solve_discrete_are(Phi, Gamma, Q, R)
         except (LinAlgError, ValueError):
             return None
-        return np.asarray(np.linalg.solve(dear + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi))
+        return np.asarray(np.linalg.solve(R + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi))
 
     def flown(
         self,
@@ -261,21 +262,29 @@ class ChangeFlights:
         """Return the costs of flights, (N,), and whether they stay within the limits, (N,).
 
         `rows` receives the final rows of the flights. The cost is the sum of x'Qx + u'Ru over the
-        windows, with the largest deviations from trim in each window. Weights of outputs are
-        ignored. For a flight that leaves the limits, the cost of that window is also counted for
-        each remaining window. All costs are limited to [`_LEAST`, `_MOST`].
+        windows, with the largest deviations from trim in each window. The cost of the outputs in a
+        window is the largest at a sample. For a flight that leaves the limits, the cost of that
+        window is also counted for each remaining window. All costs are limited to [`_LEAST`,
+        `_MOST`].
 
         rows: initial rows of the flights (`flights.py`)
         owners: (N,), index of each flight's trim
         seconds: duration of a flight, s
         """
         model = self.deployed.model
-        _, _, low_X, high_X, low_U, high_U, _, trim, _, _ = flight.slices
+        X, memory, low_X, high_X, low_U, high_U, _, trim, _, _ = flight.slices
         n, m = len(model.states), len(model.inputs)
         Q, R = cost_weights(self.deployed)
         of_states = [Q.get(name, 0.0) for name in model.states]
         of_inputs = [R.get(name, 0.0) for name in model.inputs]
         weights = np.array([*of_states, *of_inputs])
+        of_outputs = {name: Q[name] for name in Q if name in model.outputs}
+        on_rows = RowFunction(weighted_squares(self.deployed, of_outputs))
+
+        def output_cost(moved: np.ndarray) -> np.ndarray | float:
+            U = moved[:, memory][:, -m:]
+            return on_rows(moved[:, X], U, moved[:, trim])[0][:, 0] if of_outputs else 0.0
+
         windows = max(1, round(seconds / (flight.samples_in_window * flight.dt)))
         window = flight.window(len(rows), seconds)
         envelopes = [flight_envelope(model, point) for point in self.points]
@@ -286,14 +295,17 @@ class ChangeFlights:
         for number in range(windows):
             moved = rows[flying]
             flight.forget_extremes(moved)
-            moved = window(moved)
+            output_costs = output_cost(moved)
+            for _ in window.samples(moved):
+                output_costs = np.maximum(output_costs, output_cost(moved))
             rows[flying] = moved
             lowest = np.hstack([moved[:, low_X], moved[:, low_U]])
             highest = np.hstack([moved[:, high_X], moved[:, high_U]])
             base = moved[:, trim][:, : n + m]
             with np.errstate(all="ignore"):
                 largest = np.maximum(highest - base, base - lowest)
-                rate = np.nan_to_num(largest**2 @ weights, nan=_MOST).clip(max=_MOST)
+                rate = largest**2 @ weights + output_costs
+                rate = np.nan_to_num(rate, nan=_MOST).clip(max=_MOST)
             is_lost = ~flight.are_inside(moved, least[flying], most[flying])
             costs[flying] += rate * np.where(is_lost, windows - number, 1)
             flying = flying[~is_lost]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
 
 from hfa_policy.assessment import AssessedPoint
 from hfa_policy.assessment_report import Assessment
@@ -40,22 +42,61 @@ class Comparison(Result, Reported):
 
     def report(self) -> Report:
         """Return a report with the table of the deployments, and their first lines."""
-        table = Table(_HEADER, [_row(assessment) for assessment in self.assessments])
+        rows = [_row(assessment) for assessment in self.assessments]
+        origins = [assessment.deployed.deployment.origin for assessment in self.assessments]
+        columns = zip(_SHOWN, *rows, strict=True)
+        width = sum(2 + max(map(len, column)) for column in columns)
+        names = _short_names(origins, _WIDTH - width)
         lines = [
-            f"{assessment.deployed.deployment.origin}: {assessment.first_line}"
-            for assessment in self.assessments
+            f"{origin}: {assessment.first_line}"
+            for origin, assessment in zip(origins, self.assessments, strict=True)
         ]
-        return Report(self.first_line, (table, *lines), data=self.as_data(), records=table)
+        return Report(
+            self.first_line,
+            (_table(_SHOWN, names, rows), *lines),
+            data=self.as_data(),
+            records=_table(_HEADER, origins, rows),
+        )
 
 
+#: Columns of the file, after the name of the deployment.
 _HEADER = (
-    *("deployment", "verdict", "trims held", "radius", "unstable at ms", "disk margin"),
+    *("verdict", "trims held", "radius", "unstable at ms", "disk margin"),
     *("linear cost %", "converge", "leave", "disturbed"),
 )
+#: The same columns as printed.
+_SHOWN = (
+    *("verdict", "trims", "radius", "unstable ms", "margin"),
+    *("cost %", "converge", "leave", "disturbed"),
+)
+#: Largest number of columns of the printed table, and of a name if the other columns are wide.
+_WIDTH = 100
+_NAME = 12
+
+
+def _table(header: tuple[str, ...], names: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
+    """Return a table of the rows, each after the name of its deployment."""
+    named = [(name, *row) for name, row in zip(names, rows, strict=True)]
+    return Table(("deployment", *header), named)
+
+
+def _short_names(origins: Sequence[str], longest: int) -> list[str]:
+    """Return the paths below the common folder of all files, shortened in the middle.
+
+    longest: largest number of characters, or `_NAME` if this is larger
+    """
+    longest = max(longest, _NAME)
+    split = [Path(origin).parts for origin in origins]
+    folders = zip(*(parts[:-1] for parts in split), strict=False)
+    shared = len(list(takewhile(lambda parts: len({*parts}) == 1, folders)))
+    names = [str(Path(*parts[shared:])) for parts in split]
+    begin = (longest - 3) // 3
+    end = longest - 3 - begin
+    return [name if len(name) <= longest else f"{name[:begin]}...{name[-end:]}" for name in names]
 
 
 def _row(assessment: Assessment) -> tuple[str, ...]:
-    """Return the row of a deployment, with the worst value over the trims in each column.
+    """Return the row of a deployment without its name: the worst value over the trims.
 
     The delay is the shortest one among the trims that have an unstable delay.
     """
@@ -66,7 +107,6 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
     disks = [point.margins.disk.disk for point in points if point.margins is not None]
     costs = [point.cost.largest for point in points if point.cost is not None]
     return (
-        assessment.deployed.deployment.origin,
         verdict_text(assessment.ok),
         f"{held} of {len(points)}",
         _worst(max, [point.radius for point in points], ".5f"),

@@ -460,17 +460,21 @@ def cost_rate(deployed: Deployed) -> ca.Function:
     x are the deviations of states and outputs from the trim, and u those of the inputs. Q and R are
     the weights from `cost_weights`.
     """
-    model = deployed.model
     Q, R = cost_weights(deployed)
+    return weighted_squares(deployed, {**Q, **R})
+
+
+def weighted_squares(deployed: Deployed, weights: Mapping[str, float]) -> ca.Function:
+    """Return the function (X, U, trim) -> weighted sum of squared deviations from the trim.
+
+    weights: weight of each state, input or output, by name
+    """
+    model = deployed.model
     X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
     n, m = len(model.states), len(model.inputs)
     here = deployed.values(X, U, trim)
     there = deployed.values(trim[:n], trim[n : n + m], trim)
-    terms = [
-        weight * (here[name] - there[name]) ** 2
-        for weights in (Q, R)
-        for name, weight in weights.items()
-    ]
+    terms = [weight * (here[name] - there[name]) ** 2 for name, weight in weights.items()]
     return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -316,12 +316,18 @@ class Window:
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Return the rows of the flights at the end of the window."""
         rows = rows.copy()
-        with np.errstate(all="ignore"):
-            for _ in range(self._samples):
+        for _ in self.samples(rows):
+            pass
+        return rows
+
+    def samples(self, rows: np.ndarray) -> Iterator[None]:
+        """Advance the rows in place by the samples of the window, and yield after each sample."""
+        for _ in range(self._samples):
+            with np.errstate(all="ignore"):
                 raw = self._network(self._entering(rows)[0])
                 changed = self._later(rows, raw)[0]
-                rows[:, : changed.shape[1]] = changed
-        return rows
+            rows[:, : changed.shape[1]] = changed
+            yield
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:

@@ -544,4 +544,8 @@ def test_several_deployments_are_one_table(capsys, tmp_path):
     assert not all(passes)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == f"FAIL: {sum(passes)} of 3 deployments pass"
-    assert sum(line.count("ppo_raw.toml") for line in lines) == 2
+    assert sum(line.count("ppo_raw.toml") for line in lines) == 1
+    header = next(number for number, line in enumerate(lines) if line.startswith("deployment "))
+    table = lines[header : header + 4]
+    assert max(map(len, table)) <= 100
+    assert [line.split()[0][-7:] for line in table[2:]] == ["/a.toml", "/b.toml"]

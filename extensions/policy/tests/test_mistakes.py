@@ -449,6 +449,36 @@ def test_optimum_of_changed_flights_is_that_of_scipy():
     assert own.times(optimum) == pytest.approx(1.0, abs=0.03)
 
 
+def with_attitude(model):
+    """Return the model with the further output attitude, which is the pitch angle."""
+
+    def equations(x, u, p, w):
+        rates, outputs = model.equations(x, u, p, w)
+        return rates, outputs | {"attitude": x.pitch}
+
+    outputs = model.outputs | {"attitude": hfa.Signal("rad", nominal=0.1)}
+    return replace(model, equations=equations, outputs=outputs)
+
+
+def test_weights_of_outputs_cost_as_much_as_those_of_states():
+    """An output that equals a state has the cost and the optimum of this state."""
+    model = with_attitude(model_of(F16))
+    right = optimum_on_f16(0.1)
+    Q, R = right.cost["Q"], right.cost["R"]
+    moved = {name: Q[name] for name in Q if name != "pitch"} | {"attitude": Q["pitch"]}
+    sample = Sample(4, 5.0)
+    flown = []
+    for weights in (Q, moved):
+        deployment = right.changed(cost={"Q": weights, "R": R})
+        assessor = Assessor(deployment.on(model), tuple(trims_of(model, [502.0])), 4)
+        flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
+        repairs = [card_with_gain(deployment, gain) for gain in (1.0, 0.0)]
+        flown.append([*flights.flown(repairs, sample), flights.flown_by_optimum(sample)])
+    for of_states, of_outputs in zip(*flown, strict=True):
+        assert of_outputs.costs == pytest.approx(of_states.costs, rel=1e-6)
+        assert of_outputs[1:] == of_states[1:]
+
+
 def test_all_signs_are_suggested_together():
     """If all actions have the wrong sign, the first suggestion changes all signs."""
     right = optimum_on_f16()

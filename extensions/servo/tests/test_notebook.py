@@ -645,7 +645,7 @@ def test_wrong_calls_are_one_line() -> None:
         (lambda: hfa.Game(np.eye(2), np.eye(2), np.eye(2), np.eye(2)), "third argument is E"),
         (lambda: hfa.optimize(_linear().point, np.ones((5, 6))), "a gain K is not an argument"),
         (lambda: hfa.verify(game, lambda t, X: X), "the critic is a function; give a gain K"),
-        (lambda: hfa.fly(_linear().point, initial={"alpha": 20.0}), r"1149 deg \(20\.\d+ rad\)"),
+        (lambda: hfa.fly(_linear().point, initial={"alpha": 20.0}), r"1148.72 deg \(20\.\d+ rad\)"),
         (lambda: hfa.fly(_linear().point, small), "computes 1 inputs from 2 states; this aircraft"),
         (lambda: hfa.load_policy("policy.onnx"), "give the game as the second argument"),
         (lambda: small.u(np.ones(3)), r"z has shape \(3,\); give \(2,\) or \(N, 2\)"),
