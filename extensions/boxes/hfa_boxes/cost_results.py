@@ -69,7 +69,7 @@ class LowerBound(ProvedResult):
 
     @property
     def pieces(self) -> Sequence[BoundPiece]:
-        """Bounds by single polynomials. The cost is at least the largest of them."""
+        """Bounds by single polynomials. The cost is at least the largest of these bounds."""
         found = []
         for piece, boxes in zip(self.statement.pieces, self.boxes, strict=True):
             values = np.array([value for value, _ in piece.W.terms])

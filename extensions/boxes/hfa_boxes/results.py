@@ -111,7 +111,7 @@ def quadratic_form(piece: Piece) -> Matrix | None:
 class FoundBoxes(BoxSet):
     """Region of attraction that a search has found and proved.
 
-    origin: origin of V.
+    origin: description of how V was found.
     decrease_fails_at: state -> deviation at the first obstacle to a larger level if V' >= 0 there,
         otherwise None.
     stopped: reason why no larger level is proved.

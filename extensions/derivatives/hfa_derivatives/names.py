@@ -51,7 +51,7 @@ class Derivative:
 
 
 def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
-    """Return the parts of the name of a derivative, or None if the name is another one.
+    """Return the parts of the name of a derivative, or None for any other name.
 
     surfaces: names of the control surfaces
     """

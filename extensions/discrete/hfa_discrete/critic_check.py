@@ -62,7 +62,7 @@ def check_discounted(
     discount: γ, the factor for one sample time
     dt: sample time, s. None: `game` is in discrete time, and J has no factor dt.
     limit: largest permitted relative error
-    scope: extent of the checks of a network; by default `Scope()`
+    scope: extent of the checks of a network, by default `Scope()`
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
@@ -92,7 +92,7 @@ def check_discrete(
     """Return the verdict on a critic of a discrete-time game, compared with the exact solution.
 
     The policy of a critic of V or dV/dx is the policy that V implies in discrete time, not R⁻¹B'P.
-    The verdict requires that A - B K and √α (A - B K) are stable. If the latter is unstable, the
+    The verdict requires that A - B K and √α (A - B K) are stable. If √α (A - B K) is unstable, the
     discounted cost is infinite. An exact critic fails if the exact solution does not stabilize. A
     network, or a value that is not quadratic, is also searched for errors and simulated over a box
     of states. L2 gain and margins are not checked.
@@ -100,7 +100,7 @@ def check_discrete(
     limit: largest permitted relative error
     more: further matrices of the critic: L (k, n) of w = L x, and H of its Q-function over (x, u,
         w) or (x, u)
-    scope: extent of the checks of a network; by default `Scope()`
+    scope: extent of the checks of a network, by default `Scope()`
 
     Raises BadInputError if the limit is not positive, an entry of the critic is not finite, or L
     has a wrong shape. Raises NoSolutionError if the game has no certified solution.

@@ -21,9 +21,9 @@ class DiscreteGame(Reported):
 
     step: A, B, E, Q, R and delta of one step
     discount: α, 0 < α <= 1
-    N: (n, m), cross weights; None means 0
-    A_low: (n, n), difference between A and its double-precision value, used for short steps, where
-      A is nearly I; None means 0
+    N: cross weights, (n, m), or None for 0
+    A_low: difference between A and its double-precision value, (n, n), or None for 0. The
+        difference is used for short steps, for which A is nearly I.
 
     Raises BadInputError if the discount is out of range, N is not a finite matrix with the shape of
     B, or [[Q, N], [N', R]] is not positive semidefinite.

@@ -37,7 +37,7 @@ class Steps(Reported):
 
     states: x, (N, n)
     inputs: u, (N, m)
-    disturbances: w, (N, k), as measured; k = 0 without disturbance
+    disturbances: w, (N, k), as measured, with k = 0 without disturbance
     next_states: x⁺, (N, n)
 
     Raises BadInputError if an array has a wrong shape or contains a number that is not finite.
@@ -116,7 +116,7 @@ def learn_steps(
     that stabilizes the linear fit of the steps.
 
     seed: seed of the random steps, not used if `steps` are given
-    steps: recorded steps; by default `random_steps`
+    steps: recorded steps, by default `random_steps`
     progress: called before each block of value iterations, or None
 
     Raises BadInputError if the steps do not determine H or do not have the columns of the game.

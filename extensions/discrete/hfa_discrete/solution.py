@@ -117,7 +117,7 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
     """Return the certified solution of a discounted game.
 
     discount: discount of one step
-    dt: sample time of a continuous-time game, s; None if `game` is in discrete time
+    dt: sample time of a continuous-time game, s, or None if `game` is in discrete time
 
     Raises BadInputError if the discount or dt is out of range. Raises NoSolutionError if no
     solution is certified (`solve_discrete`).
@@ -128,7 +128,7 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
 
 
 def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
-    """Solve a discrete-time game exactly and certify the solution.
+    """Return the certified solution of a discrete-time game.
 
       P = Q + α A'P A - (α A'P G + [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),
       G = [B E],  W = blkdiag(R, -δ² I)
@@ -137,8 +137,8 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     of √α (A - B K) must be inside the unit circle. Source: Basar and Bernhard, H-infinity Optimal
     Control, Theorem 3.7, for √α A, √α B, √α E.
 
-    progress: called during the search for the smallest delta, which runs only if no solution is
-      certified
+    progress: called during the search for the smallest delta, or None. The search runs only if no
+      solution is certified.
 
     Raises NoSolutionError if no solution is certified. The message names the mode that excludes a
     solution at any delta, or the failed test and the smallest delta.

@@ -160,7 +160,7 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
 def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
     """Return the smallest and the largest x with |misfits - slopes x| <= allowed.
 
-    The inequality is that of each printed entry. Entries with slope 0 are ignored.
+    The inequality must hold for each printed entry. Entries with slope 0 are ignored.
     """
     depends = slopes != 0.0
     centers = misfits[depends] / slopes[depends]

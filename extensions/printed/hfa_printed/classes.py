@@ -71,10 +71,10 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
     progress: passed to `changed_entries`
 
-    Raises NoSolutionError if the plant in the file has no certified answer. If every printed digit
-    is right for the other kind of time, continuous or discrete, or for changed entries of the
-    plant, the message proposes these. Raises BadInputError if the file does not state the time. If
-    every digit is right for continuous or discrete time, the message proposes this time.
+    Raises NoSolutionError if the plant in the file has no certified answer. The message names the
+    other kind of time, continuous or discrete, or changed entries, if they make every printed digit
+    right. Raises BadInputError if the file does not state the time. The message names continuous or
+    discrete time if one of these makes every printed digit right.
     """
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
@@ -108,7 +108,7 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 def fitting_time(file: PrintedFile) -> str:
     """Return a question that proposes continuous or discrete time, or "".
 
-    The time is the one for which every printed digit is right. The result is "" if there is none.
+    The proposed time makes every printed digit right. The result is "" if neither time does.
     """
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
@@ -199,8 +199,8 @@ def _by_search(
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
     """Return the error message for a plant without a certified answer.
 
-    If every printed digit is right for the other kind of time, continuous or discrete, or for
-    changed entries, the message proposes these.
+    The message names the other kind of time, continuous or discrete, or changed entries, if they
+    make every printed digit right.
 
     failure: error of the solver
     """

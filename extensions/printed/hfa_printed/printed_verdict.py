@@ -36,7 +36,7 @@ class PrintedVerdict(Result, Reported):
     file: the printed answer
     classified: class of the answer, with the comparison and the result of the search
     cost_lost: upper bound on the cost above the optimum, percent, for an answer of the class
-        "close"; nan for other classes
+        "close", or nan for other classes
     limit_cost: largest cost above the optimum, percent, at which a close answer passes, or None if
         no close answer passes
     """

@@ -69,9 +69,8 @@ _PER_DEGREE = 180.0 / math.pi
 class Demands(NamedTuple):
     """Thresholds for naming a mistake.
 
-    left: kind of the fitted numbers (`Hypothesis.fitted`) -> permitted remaining part of the error.
-        The part is smaller if numbers were fitted, because fitted numbers explain part of any
-        error.
+    left: permitted remaining part of the error for each kind of `Hypothesis.fitted`. The part is
+        smaller if numbers were fitted, because fitted numbers explain part of any error.
     least: error below which `_EXACT` applies.
     entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
     share: fraction of the informative entries that must satisfy `entry`.
@@ -442,9 +441,9 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Yield, for each other way to read a network's file, how well this way explains the error.
+    """Yield how well another reading of a network's file explains the error, for each reading.
 
-    The two results for each way are those at the origin and over the box.
+    Each reading gives two results, one at the origin and one over the box.
 
     box: half-widths of the box of states, (n,)
     """

@@ -64,7 +64,7 @@ class Family(NamedTuple):
     says: (noun of the critic's matrix, x) -> sentence that names the game.
     answer: x -> solution of the game. Raises NoSolutionError if no solution exists.
     starts: initial values of a search for x, () for a single game.
-    is_lqr: whether the game is the one without disturbance.
+    is_lqr: whether the game has no disturbance.
     plausible: lowest and highest x that are plausible for the plant, or None for the interval of
         `starts`, extended by its length on both sides.
     """

@@ -101,7 +101,7 @@ class ProvedSet(ProvedResult):
 class FoundSet(ProvedSet):
     """Set that a search has found and proved by sums of squares.
 
-    origin: origin of V.
+    origin: description of how V was found.
     decrease_fails_at: lowest level of V at which V' >= 0 was found, with the state, or None.
     leaves_limits_at: lowest level of V at an initial condition whose trajectory exceeds a limit,
         with the state, or None.

@@ -3,7 +3,7 @@
 The cube |y_i| <= 1 is subdivided. A box is decided if it is outside the set, or if every function
 has a positive lower bound on it. An undecided box is halved across the edge that `Question.edges`
 returns. Centers and half-widths are dyadic numbers, which doubles represent exactly. The order is
-fixed, so the proof can be repeated without a stored tree.
+fixed. The proof can therefore be repeated without a stored tree.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class OpenBoxError(Rejected):
 
 
 class RefutedError(OpenBoxError):
-    """Raised at a point of the set where the property is false in double precision."""
+    """Raised if the property is false at a point of the set, in double precision."""
 
 
 class SmallestBoxError(OpenBoxError):

@@ -134,7 +134,7 @@ class Decrease(OnPiece):
 
     @cached_property
     def _rates(self) -> tuple[ca.SX, ca.SX]:
-        """Expressions of z' and the limited outputs."""
+        """Expressions of z' and of the outputs that have limits."""
         return self.plant.rates(ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e)
 
     @cached_property

@@ -134,7 +134,13 @@ class Piece(NamedTuple):
 
 
 class Symbols(NamedTuple):
-    """Symbols y and z (n,), input deviations v (m,), and equilibrium error e (n + m,)."""
+    """Symbols in which the functions of a proof are written.
+
+    y: coordinates, (n,)
+    z: deviations of the states from the equilibrium, (n,)
+    v: deviations of the inputs, (m,)
+    e: error of the computed equilibrium, (n + m,)
+    """
 
     y: ca.SX
     z: ca.SX

@@ -154,7 +154,7 @@ class _Reader:
         self._known: dict[tuple[Any, ...], int] = {}
 
     def read(self, function: ca.Function) -> list[Row]:
-        """Return the row of each output of the function."""
+        """Return the affine row of each output of the function."""
         work: dict[int, Row] = {}
         outputs: dict[int, Row] = {}
         for index in range(function.n_instructions()):
@@ -192,19 +192,19 @@ class _Reader:
         )
 
     def _maximum(self, first: Row, last: Row) -> Row:
-        """Return the row of max(first, last) = last + max(first - last, 0)."""
+        """Return the affine row of max(first, last) = last + max(first - last, 0)."""
         return _plus(last, self._relu(_plus(first, last, -_ONE)))
 
     def _minimum(self, first: Row, last: Row) -> Row:
-        """Return the row of min(first, last) = last - max(last - first, 0)."""
+        """Return the affine row of min(first, last) = last - max(last - first, 0)."""
         return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
 
     def _absolute(self, first: Row, _: Row) -> Row:
-        """Return the row of |first| = 2 max(first, 0) - first."""
+        """Return the affine row of |first| = 2 max(first, 0) - first."""
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
-        """Return the row of max(t, 0).
+        """Return the affine row of max(t, 0).
 
         If max(-t, 0) is already a node, the row is t + max(-t, 0).
         """
@@ -240,9 +240,10 @@ class _Reader:
         return self._quotient(self._node("sin", first), self._node("cos", first))
 
     def _angle(self, first: Row, last: Row) -> Row:
-        """Return the row of atan2(first, last) = 2 atan(first / (sqrt(first² + last²) + last)).
+        """Return the affine row of atan2(first, last).
 
-        The row has no enclosure at first = 0 and last <= 0.
+        The function is computed as 2 atan(first / (sqrt(first² + last²) + last)). The row has no
+        enclosure at first = 0 and last <= 0.
 
         Raises BadInputError if first is the constant 0.
         """
@@ -255,12 +256,12 @@ class _Reader:
         return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))
 
     def _arcsine(self, first: Row, _: Row) -> Row:
-        """Return the row of asin t = atan(t / sqrt(1 - t²)), with t = first and |t| < 1."""
+        """Return the affine row of asin t = atan(t / sqrt(1 - t²)), with t = first and |t| < 1."""
         below = self._node("sqrt", _plus({0: _ONE}, self._product(first, first), -_ONE))
         return self._node("atan", self._quotient(first, below))
 
     def _less(self, first: Row, last: Row) -> Row:
-        """Return the row of the step that is 1 for first < last and 0 for first > last.
+        """Return the affine row of the step that is 1 for first < last and 0 for first > last.
 
         The step is enclosed by [0, 1] where first and last may be equal.
         """
@@ -270,15 +271,15 @@ class _Reader:
         return _plus({0: _ONE}, first, -_ONE)
 
     def _less_one(self, first: Row, _: Row) -> Row:
-        """Return the row of expm1(first) = exp(first) - 1."""
+        """Return the affine row of expm1(first) = exp(first) - 1."""
         return _plus(self._node("exp", first), {0: _ONE}, -_ONE)
 
     def _of_one_more(self, first: Row, _: Row) -> Row:
-        """Return the row of log1p(first) = log(1 + first)."""
+        """Return the affine row of log1p(first) = log(1 + first)."""
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
-        """Return the row of a node with the given kind and arguments.
+        """Return the affine row of a node with the given kind and arguments.
 
         If all arguments are the constant 0 and the function of 0 is 0, the row is empty. A node
         with the same kind and arguments is reused.
@@ -327,7 +328,7 @@ _SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
 
 
 def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
-    """Return the row a + factor b."""
+    """Return the affine row a + factor b of two affine rows."""
     total = dict(a)
     if not factor:
         return total

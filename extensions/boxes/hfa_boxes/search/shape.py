@@ -473,7 +473,7 @@ class Growth:
     def refuted(self, place: np.ndarray) -> Shape | None:
         """Return a new V that also decreases at and near z (n,), where a proof failed, or None.
 
-        The new V replaces the present one. The result is None if no such V is found, or if the size
+        The new V replaces the present V. The result is None if no such V is found, or if the size
         of the new set is less than `_KEPT` times the size of the present set.
         """
         self._add(place)
@@ -491,7 +491,7 @@ class Growth:
     def grown(self) -> Shape | None:
         """Return a V with a larger set than the present V, or None if none is found.
 
-        The new V replaces the present one.
+        The new V replaces the present V.
         """
         while self._growths:
             found = self._good(self._growths[0] ** 2)

@@ -3,7 +3,7 @@
 The checker shares only the model and the arithmetic with the search and the prover. Every quantity
 is a Taylor model in the position s within a box and in the errors t of the parameters.
 
-    statement.py  the claim                 witness.py  its evidence
+    statement.py  the claim                 witness.py  data for the proof
     trims.py      trims and linear models   loop.py     the loop
     roots.py      roots of equations        sealed.py   the file
     modes.py      numbers of eigenvalues    riccati.py  the exact solution of a game
@@ -329,8 +329,8 @@ def interpolation_errors(
 ) -> dict[str, arb]:
     """Return name -> upper bound of the interpolation error on a box.
 
-    The error is |X - X̂| / |X| for X = A, B and K in Frobenius norms. For the trim inputs U it is
-    |U - Û|, with U divided by the nominal values. X̂ and Û are interpolated between breakpoints.
+    The error is |X - X̂| / |X| for X = A, B and K in Frobenius norms. The error is |U - Û| for the
+    trim inputs U, divided by their nominal values. X̂ and Û are interpolated between breakpoints.
 
     tables: models at breakpoints
     linear: linear model on the box

@@ -100,9 +100,9 @@ def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
 def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piece]) -> None:
     """Raise Rejected unless a loop with uncertain actuators is proved stable.
 
-    The loop is ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ. The loop is
-    stable for each constant ω in the interval, all λ_i(t) in the interval of the effectiveness, and
-    all delays τ_i(t) up to the stated one.
+    The loop is ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ. The proof
+    covers each constant ω in the interval, all λ_i(t) in the interval of the effectiveness, and all
+    delays τ_i(t) up to the stated one.
 
     Write v = λ_0 (u + d) + e, with λ_0 the center and r the half-width of the effectiveness. Then
     |e| <= |z| with z = r (u + d). d = u(t - τ) - u is minus an integral of u' = q / τ over at most

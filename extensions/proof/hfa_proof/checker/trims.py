@@ -87,8 +87,9 @@ def linear_model_on(
 
 
 def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Return name -> Taylor model of the parameters, imposed values and scheduling variable on a
-    box.
+    """Return name -> Taylor model of the known values of the trims on a box.
+
+    The known values are the parameters, the imposed values and the scheduling variable.
 
     decimals: whether to cover all decimal numbers that round to the stored doubles
     """

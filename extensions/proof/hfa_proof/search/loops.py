@@ -64,7 +64,8 @@ class Loop:
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """Return the interval from `low` to `high` divided at the breakpoints of the controller.
+        """Return the parts of the interval from `low` to `high` between breakpoints of the
+        controller.
 
         Raises BadInputError if the breakpoints do not cover the interval, or unless low < high.
         """

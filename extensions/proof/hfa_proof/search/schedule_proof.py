@@ -209,7 +209,7 @@ class ScheduleSearch:
         return ProvedBox(box, count, count, rate, content)
 
     def bound_crossings(self) -> None:
-        """Prove bounds on the aircraft's number of unstable modes where it is not proved."""
+        """Prove bounds on the aircraft's number of unstable modes where the number is open."""
         widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         counted = [proved.run for proved in self.boxes["modes"]]
         for low, high in gaps(counted, self.low, self.high):

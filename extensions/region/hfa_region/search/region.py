@@ -111,15 +111,15 @@ class Region(Reported):
 
 
 class RegionSearch:
-    """Search for a region within a limit of the processor time.
+    """Search for a region of attraction within a limit of the processor time.
 
     loop: the saturated loop
-    P: (n, n), matrix of the game, tried first, or None
-    seconds: processor time of the search
+    P: matrix of the value of the game, (n, n), which is tried first, or None
+    seconds: limit of the processor time, s
     degree: highest degree of V
-    progress: called with the current step. A KeyboardInterrupt from the callback ends the search
-        early.
-    save: called with each larger region that is proved
+    progress: called with the current step, or None. A KeyboardInterrupt from the callback ends the
+        search early.
+    save: called with each larger region that is proved, or None
     """
 
     def __init__(
@@ -478,9 +478,9 @@ def _first_lost(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rays with a factor that fails to converge, and two factors for each of these rays.
 
-    The second factor is the first that fails to converge. The first factor is the factor before:
-    the one of the next lower shell, or `low` for the first shell. A factor times a ray is an
-    initial condition.
+    The second factor is the first that fails to converge. The first factor is the factor on the
+    next lower shell, or `low` if the second factor is on the first shell. A factor times a ray is
+    an initial condition.
 
     rays: (N, n)
     low: factors that converge, (N,)
