@@ -355,7 +355,7 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """Return a sentence on the largest weight of a basis function of degree above 2, or "".
+    """Return a sentence on the largest weight of a basis function that is not quadratic, or "".
 
     The result is "" if all these weights are 0 or the critic has no weights.
     """

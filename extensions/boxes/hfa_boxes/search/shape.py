@@ -207,11 +207,11 @@ class Shape:
         return square
 
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return the matrix R (n, n) of a decay rate z'R z of V, for the linear loop z' = J z.
+        """Return the matrix R (n, n) of the modal decay z'R z, for the linear loop z' = J z.
 
-        z'R z is the decay rate of the mean of the squared modes, each scaled to at most 1 in the
-        set. A small multiple of V is added, because the mean is not positive definite if modes
-        coincide.
+        The modal decay is the decay rate of the mean of the squared modes, each scaled to at most 1
+        in the set. A small multiple of V is added, because the mean is not positive definite if
+        modes coincide.
         """
         values, vectors = np.linalg.eig(J)
         modes = np.linalg.inv(vectors)
@@ -520,8 +520,8 @@ class Growth:
     def _good(self, level: float) -> Shape | None:
         """Return the V with the largest set without an obstacle among several fits, or None.
 
-        The obstacle of one fit becomes a constraint of the next fit. The result is None if the
-        first fit has no solution, or if no fit decreases fast enough in the linear loop.
+        The obstacle of one fit becomes a constraint of the next fit. The result is None if no fit
+        has a solution that decreases fast enough in the linear loop.
 
         level: level of the present V up to which the fits extend
         """

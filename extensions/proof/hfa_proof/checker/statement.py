@@ -541,7 +541,7 @@ def kind_of_statement(statement: Statement) -> str:
 
 
 def flight_content(flight: Flight) -> dict[str, Any]:
-    """Return the trims of an aircraft in the form that is stored in a certificate."""
+    """Return an aircraft and its trims in the form that is stored in a certificate."""
     content: dict[str, Any] = _content(flight)
     return content
 

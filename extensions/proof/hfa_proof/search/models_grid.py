@@ -256,7 +256,7 @@ def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> Solu
 
     The enclosure is a polynomial P(s) of degree 2, with a radius from the Newton step.
 
-    Raises Rejected if A - S P is not Hurwitz in double precision.
+    Raises Rejected if A - S P is not proved Hurwitz at the center of the box.
     """
     middle = replace(game, A=doubles(linear.A.parts[0]), B=doubles(linear.B.parts[0]))
     units = NormalForm.of(middle).units

@@ -217,7 +217,7 @@ def _bisected(
     """Return the highest level at which the samples pass `_falls`, and a slightly higher level.
 
     The search is by bisection up to the next higher level of `_LEVELS`. The samples of the second
-    level do not pass.
+    level do not pass, unless this level is above all `_LEVELS`.
 
     low: a level at which the samples pass
     """

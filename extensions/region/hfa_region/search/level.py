@@ -436,7 +436,8 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
 def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
     """Return T (n, n) of coordinates z = T y in which {V <= rho} lies in the unit ball, or None.
 
-    The property is tested in double precision only. The result is None if the test fails.
+    For V of degree 2, the ball follows from the matrix of V. For a higher degree, the property is
+    tested in double precision, and the result is None if the test fails.
 
     T: coordinates in which boundary points are searched
     """

@@ -34,9 +34,10 @@ def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Consecutive products of one degree, restricted to the monomials that can occur in them.
+    """Consecutive products of one degree, with the n monomials of their matrices.
 
-    n is the number of these monomials, and k the number of products.
+    The monomials are those that occur in products of this degree or a higher degree. k is the
+    number of products.
 
     start: index of the first monomial
     first, last: range of the indices of the products

@@ -236,7 +236,8 @@ class RegionSearch:
     def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the largest level of z'P z within the limits, and T (n, n) of coordinates z = T y.
 
-        The level set is the unit ball of y.
+        The level set is the unit ball of y. It also stays within `_WIDEST` nominal values of the
+        states.
         """
         inverse = np.linalg.inv(P)
         rows = np.vstack([self.plant.limited_rows, np.eye(self._n)])
