@@ -46,9 +46,10 @@ _EFFICIENCY = 0.85
 def difference(one: np.ndarray, other: np.ndarray) -> float:
     """Return the largest relative difference of two histories of the same simulation.
 
-    A state is relative to its largest magnitude in `other`, a weight to the largest magnitude of
-    all weights. The power 1 - eta in Eq. (46) has an infinite slope where a residual is 0. A
-    rounding error of 1e-16 there becomes 1e-16 to the power 1 - eta.
+    The difference of a state is relative to the state's largest magnitude in `other`. The
+    difference of a weight is relative to the largest magnitude of all weights. The power 1 - eta in
+    Eq. (46) has an infinite slope where a residual is 0. A rounding error of 1e-16 there becomes
+    1e-16 to the power 1 - eta.
 
     one, other: (N, states and weights)
     """

@@ -300,10 +300,12 @@ def evaluations(
 
 
 def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
-    """Return a function of rows (z, c) in machine code that evaluates a CasADi function.
+    """Return a function in machine code that evaluates a CasADi function (z, c) at many points.
 
-    residual: trim equations, which are compiled too
-    function: the function of (z, c)
+    The arguments of the result are arrays with one row for each point.
+
+    residual: trim equations, a function (z, c) of unknowns and constants, which are compiled too
+    function: the CasADi function
     """
     flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
     one = ca.Function("one", function.sx_in(), [ca.densify(flat)])

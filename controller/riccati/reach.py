@@ -19,11 +19,10 @@ _PASSES = 3
 
 
 def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return the smallest relative change of A and B that makes an unstable mode uncontrollable,
-    (N,).
+    """Return the relative change of A and B that makes an unstable mode uncontrollable, (N,).
 
-    The change is the smallest one found, an upper bound of the smallest. A mode is included if Re λ
-    >= -`_NEAR` |A|. The result is 1 for a plant without such a mode.
+    The result is the smallest change that the search finds, an upper bound of the smallest change.
+    A mode is included if Re λ >= -`_NEAR` |A|. The result is 1 for a plant without such a mode.
 
     A: (N, n, n)
     B: (N, n, m)

@@ -75,7 +75,7 @@ def halving(
 
 
 class _Search(NamedTuple):
-    """State of Newton's method at those points that have not converged, N in number.
+    """State of Newton's method at the N points that have not converged.
 
     points: indices of the points, (N,)
     size: |r| at the best unknowns, (N,)

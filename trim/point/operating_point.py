@@ -179,8 +179,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the point: notes of the model, units in degrees, and states beyond the range of
-        validity.
+        """Notes on the point.
+
+        The notes are those of the model, those on angles in degrees, and those on states beyond the
+        range of validity.
         """
         notes = [*self.model.extras.notes]
         declared = self.model.extras.native or self.model

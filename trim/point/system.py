@@ -130,11 +130,11 @@ class Equations:
 
 @lru_cache(maxsize=32)
 def step_rows(equations: Equations, steps: int) -> RowFunction:
-    """Return a function of rows (z, c): z after full Newton steps, and 1 if z converged, otherwise
-    0.
+    """Return a function of rows (z, c) that takes full Newton steps from the unknowns z.
 
-    A point has converged if |r| decreased or was at most `NEARLY` at each step, and |r| is at most
-    `NEARLY` before the last step.
+    The function returns z after the steps, and 1 if z has converged, otherwise 0. A point has
+    converged if |r| decreased or was at most `NEARLY` at each step, and |r| is at most `NEARLY`
+    before the last step.
 
     equations: the equations r(z, c), which must be square
     steps: number of steps

@@ -38,10 +38,10 @@ class TrimResult(Result):
     operating_point: X0, U0 and residuals.
     scaled_residuals: residual of each balanced equation divided by its scale.
     balance_limit: largest scaled residual of a trim.
-    margins: distance of each unknown from its nearer limit.
+    margins: variable with a limit, without held states -> distance to its nearer limit.
     variables: name -> value, unit, role, limits, margin.
-    nearest_limits: unknowns nearest to a limit.
-    binding: limits that bind.
+    nearest_limits: variables nearest to a limit.
+    binding: variables at a limit, without held ones.
     equations: equation -> imposed rate, residual, tolerance, unit, verdict.
     rates_left: rate of each state that the trim does not balance.
     search: numbers of equations and unknowns, whether effort was minimized, number of the initial
@@ -49,7 +49,7 @@ class TrimResult(Result):
     status: trimmed or failed; a failed trim contains the nearest point within the limits, and the
         exit code is 1.
     reason: why there is no trim.
-    warnings: limits of the result.
+    warnings: notes on the validity of the result.
     """
 
     schema = "hfa.trim/1"
@@ -163,8 +163,9 @@ def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
 
 
 def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """Return the table row of a variable: its nearer limit, the distance, and whether the limit
-    binds.
+    """Return the table row on the nearer limit of a variable.
+
+    The row contains the limit, the distance, and whether the variable is at the limit.
     """
     verdict: str = "-"
     if margin.at_limit:

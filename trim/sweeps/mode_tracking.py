@@ -120,12 +120,11 @@ def _inverse(right: np.ndarray) -> np.ndarray:
 def _pair_over_meetings(
     point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
 ) -> None:
-    """Pair modes that coincided at the previous point, by their shapes at the last point before
-    that.
+    """Correct the pairing of modes at a point if their eigenvalues coincide at the point before.
 
-    At this last point the modes were distinct. They are distinguished by their shapes there, and by
-    their eigenvalues minus the mean of the coinciding eigenvalues, because this difference changes
-    sign at a crossing.
+    The modes are paired with those at the last earlier point where they are distinct, by their
+    shapes and their eigenvalues. The mean of the coinciding eigenvalues is subtracted, because the
+    difference from the mean changes sign at a crossing.
 
     point: number of the point
     origin: (N,), the point from which each point is reached, or -1 for the first

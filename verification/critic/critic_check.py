@@ -248,7 +248,7 @@ def _best_margin(game: Game) -> DiskMargin:
 
 
 def _polynomial_section(critic: Critic) -> Section:
-    """Return a section of the report on a critic that is a network with one layer, a polynomial.
+    """Return a section of the report on a network with one layer, whose value is a polynomial.
 
     The errors of such a network are bounded without a search.
     """

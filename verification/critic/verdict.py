@@ -176,8 +176,8 @@ class Verdict(Checked, Result, Reported):
         """Grade of the critic: "exact", "near" or "fail".
 
         - "exact": every check passes.
-        - "near": only errors are too large or the equilibrium is off by at most `NEAR_REST`, and
-          the cost is at most `NEAR` above the optimum.
+        - "near": the only failed checks are those of errors, or of an equilibrium that is off by at
+          most `NEAR_REST`, and the cost is at most `NEAR` above the optimum.
         - "fail": all other cases.
         """
         if self.ok:
@@ -189,19 +189,16 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Return the first line of the report, with the grade on the linear game and the first
-        finding.
+        """Return the first line of the report, with the grade on the linear game and the cost.
 
-        The grade is PASS, NEAR or FAIL. A second finding is added if the line then has at most 100
-        columns.
+        The first finding is added if the line then has at most 100 columns.
 
         limit_cost: as for `holds`
         """
         return self._first_lines(limit_cost)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the first lines of the report, which are the headline and a line for each further
-        finding.
+        """Return the headline of the report, and a line for each further finding.
 
         The findings are errors, stability, the equilibrium and the L2 gain.
 
