@@ -319,7 +319,7 @@ def hash_of(path: Path) -> str:
     return parameter_hash(load_parameters(path).values)
 
 
-def test_text_says_which_aircraft(heavy: Path) -> None:
+def test_text_names_parameters_of_aircraft(heavy: Path) -> None:
     """The last lines of the text name the parameter set, its hash, and each changed parameter."""
     plain = hfa("solve", "--dihedral", "12")
     edited = hfa("solve", "--dihedral", "12", "--parameters", str(heavy))

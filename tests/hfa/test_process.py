@@ -23,7 +23,7 @@ def test_the_module_is_the_command(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == hfa(*words)
 
 
-def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
+def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
     """The output of a child process does not depend on the hash seed or on color settings."""
     words = ("sweep", "--dihedral", "14:16:1")
     inside = hfa(*words)

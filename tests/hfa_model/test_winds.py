@@ -59,7 +59,7 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
 
 
 @pytest.mark.parametrize(("updraft", "headwind"), [(15.0, 0.0), (0.0, -15.0), (-9.0, 12.0)])
-def test_published_knows_steady_wind_and_newton_not(
+def test_steady_wind_changes_published_and_not_newton(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
     """Uniform steady wind changes only the hinge acceleration of "published", and nothing of

@@ -12,7 +12,7 @@ from hfa_model.parameters import ParameterSet, changed_parameters
 from hfa_support.provenance import Change, Provenance, parameter_hash
 
 
-def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
+def test_provenance_contains_changed_parameters(parameter_set: ParameterSet) -> None:
     """The provenance contains each changed parameter, in text and in JSON."""
     edited = replace(parameter_set, values=parameter_set.values._replace(panel_mass=10.5))
     assert changed_parameters(edited) == {

@@ -28,7 +28,7 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
     assert set(dir(hfa)) >= {"linearize", "sweep"}
 
 
-def test_one_name_stands_in_one_package() -> None:
+def test_a_public_name_is_declared_once() -> None:
     """No public name is declared in two stubs."""
     names = Counter(
         name for stub in STUBS for name in re.findall(r" as (\w+)", stub.read_text("utf-8"))

@@ -112,7 +112,7 @@ def row(ratio: float, target: float) -> Row:
     ("ratio", "target", "verdict"),
     [(20.0, 20.0, "yes"), (19.9, 20.0, "NO"), (0.7, 1 / 1.5, "yes"), (0.6, 1 / 1.5, "NO")],
 )
-def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float, verdict: str) -> None:
+def test_a_figure_is_marked_by_its_target(ratio: float, target: float, verdict: str) -> None:
     """The table row of a benchmark states whether its target is reached."""
     line = report.markdown([report.figure([row(ratio, target)])]).splitlines()[-1]
     assert line.startswith("| a job | a peer | 2 µs |")

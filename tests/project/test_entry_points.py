@@ -242,7 +242,7 @@ def test_the_page_of_parts_shows_every_part() -> None:
 
 
 @pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
-def test_readers_take_what_their_protocol_says(group: str, kind: type) -> None:
+def test_readers_have_arguments_of_their_protocol(group: str, kind: type) -> None:
     """The readers of installed packages have the required arguments of their protocol.
 
     Entries of `hfa.critics` that are not file readers are not checked.

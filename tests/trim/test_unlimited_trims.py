@@ -79,7 +79,7 @@ def test_a_far_trim_is_noted_first() -> None:
     assert abs(point["bank"]) < np.pi
 
 
-def test_a_trim_from_another_start_says_what_failed() -> None:
+def test_a_trim_from_another_start_reports_the_failure() -> None:
     """The report of a trim found from another initial point states why the default initial point
     failed.
 

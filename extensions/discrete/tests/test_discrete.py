@@ -180,7 +180,7 @@ def test_smallest_delta_of_one_state_in_closed_form():
         solve_discounted(game.with_delta(1.9), 1.0)
 
 
-def test_a_discounted_solution_says_whether_it_stabilizes():
+def test_a_discounted_solution_reports_its_stability():
     """For a discounted solution that does not stabilize, `radius` is above 1 and
     `discounted_radius` below 1.
     """
@@ -262,7 +262,7 @@ def test_commands_accept_discrete_plants():
 
 
 @pytest.mark.usefixtures("folder")
-def test_h_and_l_judged_and_other_problems_named():
+def test_wrong_h_and_l_fail_with_reason():
     """A wrong matrix H of the Q-function and a wrong L fail.
 
     A K that solves a variant of the problem fails too, and the diagnosis names the variant.

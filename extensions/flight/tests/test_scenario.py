@@ -130,7 +130,7 @@ def test_seed_and_member_determine_the_scenario(plan: MonteCarlo) -> None:
     assert calm.gust is None
 
 
-def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
+def test_noise_and_turbulence_have_specified_deviations(plan: MonteCarlo) -> None:
     """Drawn noise and turbulence have the specified standard deviations."""
     members = [plan.member(number) for number in range(200)]
     noise = np.stack([each.samples for each in members])

@@ -149,7 +149,7 @@ def test_run_ends_with_tick_in_it_to_stop() -> None:
     np.testing.assert_array_equal(stopped.states, whole.states[: len(stopped.times)])
 
 
-def test_loop_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
+def test_error_of_diverging_loop_contains_only_its_time(capfd: pytest.CaptureFixture[str]) -> None:
     """The error of a loop that diverges reports the time, and nothing is printed."""
 
     class Blown(LinearPlant):
@@ -175,7 +175,7 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
     return fly(model, point, law, scenario=scenario, envelope=flight_envelope(model, point))
 
 
-def test_step_without_law_is_what_another_integrator_says() -> None:
+def test_steps_without_policy_agree_with_scipy() -> None:
     """A flight with stepped inputs and no policy agrees with SciPy's integration within 1e-8.
 
     An unknown input is refused.

@@ -67,7 +67,7 @@ def test_data_contain_the_fields() -> None:
     }
 
 
-def test_schema_says_types_and_meanings_and_accepts_data() -> None:
+def test_schema_contains_types_and_meanings() -> None:
     """The schema contains types and descriptions, accepts valid data and rejects wrong types."""
     schema = json_schema(Whole)
     assert meaning(Leaf, ("roots",)) == "(k,) complex, 1/s."

@@ -110,7 +110,7 @@ def test_unstable_aircraft_show_in_the_modes():
     assert "short period damping of 2 aircraft" in bands
 
 
-def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
+def test_costs_of_a_gain_on_drawn_aircraft_agree(folder, capsys):
     """`hfa solve` and `hfa verify` report the same worst cost of a gain on drawn aircraft.
 
     With wider bands the worst cost is more than ten times as large. The second line of the report
@@ -159,7 +159,7 @@ def test_aircraft_without_a_trim_count():
     assert (draws.trimmed, draws.ok) == (1, False)
 
 
-def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
+def test_a_deployed_policy_is_assessed_on_drawn_aircraft(folder, capsys):
     """`hfa assess` reports the band of the spectral radius of a sampled gain on drawn aircraft."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))

@@ -565,7 +565,7 @@ def test_errors_of_sensors_are_estimated():
     assert line.split()[-1] == "deg"
 
 
-def test_steps_of_inputs_are_told_from_slopes():
+def test_stepwise_inputs_are_recognized():
     """A record with stepwise inputs fails if the inputs are interpolated linearly.
 
     The first line recommends --inputs steps.

@@ -257,7 +257,7 @@ def test_components_have_their_steady_output(tmp_path, component, positions):
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
 
 
-def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
+def test_an_actuator_is_read_without_its_hysteresis(tmp_path):
     """In equilibrium, the hysteresis of an actuator is ignored, and a note reports this.
 
     The output of the actuator equals its input.

@@ -145,7 +145,7 @@ WASHOUT = (
 )
 
 
-def test_a_washout_is_state_where_that_is_asked(tmp_path):
+def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     """With the option filters=states, a washout filter has a state with the expected derivatives.
 
     Without the option, a note reports that the output of the filter is 0.

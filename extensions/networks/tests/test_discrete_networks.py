@@ -101,7 +101,7 @@ def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
     assert verdict.reason == "it is right at the origin and wrong away from it"
 
 
-def test_constant_in_u_off_origin_rests_off_trim() -> None:
+def test_constant_in_u_moves_equilibrium_and_is_named() -> None:
     """A constant added to u fails at the origin and in the box, and is named as the reason.
 
     The equilibrium of the loop is not the trim and equals the solution of the linear equations.
@@ -248,7 +248,7 @@ def test_verify_reports_how_networks_are_read() -> None:
     assert wrong["schema"] == "hfa.discounted-check/1"
 
 
-def test_linear_critic_in_discrete_time_judged_as_before() -> None:
+def test_linear_critic_in_discrete_time_needs_no_search() -> None:
     """A linear critic in discrete time passes without a search for errors in the box."""
     problem = problem_of()
     exact = exact_of(problem)

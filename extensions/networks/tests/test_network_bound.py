@@ -252,7 +252,7 @@ def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> Non
     assert proof.fraction <= np.abs(at).max() + 0.05 or proof.error >= 3.0
 
 
-def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
+def test_report_names_the_proved_expression(game: Game) -> None:
     """The report states that the proof applies to the expression after CasADi's simplification.
 
     CasADi simplifies 1e20 (0.1 (10 x) - x) to 0.

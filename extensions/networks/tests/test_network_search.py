@@ -85,7 +85,7 @@ def test_cost_in_flight_linear_loop_where_network_linear(
     assert flown <= linear_loop["cost_lost_worst_percent"] * (1 + 1e-6)
 
 
-def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
+def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     """The exact gain plus a constant of 1 % of the largest input fails, and the constant is named.
 
     The equilibrium is reported, and the cost relative to the equilibrium is optimal.

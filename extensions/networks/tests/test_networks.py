@@ -201,7 +201,7 @@ def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
     )
 
 
-def test_v_and_a_policy_are_judged_together(game: Game) -> None:
+def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     """V and u as outputs of one graph are checked together.
 
     With the correct V and a policy of the wrong sign, the check fails and names the sign. Without a
@@ -262,7 +262,7 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
 
-def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
+def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
     """The shape of the array in an .npy file determines whether the array is W, P or K.
 
     An array of another shape is refused.

@@ -99,7 +99,7 @@ def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
     assert "export the policy u(x)" in str(caught.value)
 
 
-def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
+def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
     """The actor in a file with an actor and two Q functions is read if it is selected.
 
     Without a selection, the file is refused. A Q function that is not quadratic in u is refused.

@@ -155,7 +155,7 @@ def test_without_plotly_page_is_refused_before_anything_computed(
     plotly_script.cache_clear()
 
 
-def test_every_angle_is_trimmed_as_asked() -> None:
+def test_every_angle_is_trimmed_at_given_condition() -> None:
     """Requested and swept angles are trimmed at the condition that the options specify.
 
     The printed pairs are regenerated at the paper's condition.

@@ -126,7 +126,7 @@ def test_flight_that_cycles_is_not_flown_to_end():
     assert flown.times.max() <= 40.0
 
 
-def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
+def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     """A flight that settles at another equilibrium ends early, with the outcome of the full
     duration.
     """

@@ -76,7 +76,7 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
     assert_refused(hfa("printed", str(file)), BAD_INPUT, str(file))
 
 
-def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:
+def test_a_large_plant_is_compared_without_search(tmp_path: Path) -> None:
     """A plant with 60 states is checked without a search for a misprint, as the report states.
 
     The states decay at rates 1 to 60, each with an input and K_i = 1 / (rate + sqrt(rate^2 + 1)).

@@ -361,7 +361,7 @@ def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
     assert verdict_of(re.sub(r'P = ".*"\nK = ".*"', answer, text)).classified.name == "as printed"
 
 
-def test_time_that_every_digit_fits_is_asked_for(verdict_of):
+def test_time_that_fits_every_digit_is_proposed(verdict_of):
     """If every digit is right for the other kind of time, the reason proposes this kind.
 
     If no kind of time is given, the error proposes it. If none fits, the error asks for the kind.

@@ -183,7 +183,7 @@ def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
         assert high >= end
 
 
-def test_outcomes_of_starts_are_told_apart() -> None:
+def test_outcomes_of_trajectories_are_distinguished() -> None:
     """Trajectories of a double integrator have the outcomes RETURNED, UNKNOWN and LEFT.
 
     RETURNED: convergence within the time. UNKNOWN: convergence after the time. LEFT: a limit is

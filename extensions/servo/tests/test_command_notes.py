@@ -12,7 +12,7 @@ NOTE = "dihedral 16 deg is beyond the paper's range, which ends at 15 deg"
 
 
 @pytest.mark.parametrize("words", [(), ("--samples", "2")], ids=["flight", "members"])
-def test_flight_says_once_that_dihedral_lies_beyond_paper(words: tuple[str, ...]) -> None:
+def test_flight_beyond_range_of_paper_is_noted_once(words: tuple[str, ...]) -> None:
     """A flight at 16 deg prints one note that the angle is beyond the paper's range.
 
     A flight at 15 deg prints no note.

@@ -95,7 +95,7 @@ def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
     assert least == pytest.approx(found.gamma_min, rel=1e-6)
 
 
-def test_loop_as_robust_gamma_says_planted_error_found() -> None:
+def test_loop_robustness_is_gamma_and_errors_are_found() -> None:
     """The robustness norm of the loop agrees with slycot and is at most gamma.
 
     A planted factor on the observer gain makes the check fail.

@@ -120,7 +120,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     )
 
 
-def test_structures_are_read_where_nothing_stands_outside() -> None:
+def test_structures_are_read_if_top_level_is_empty() -> None:
     """Matrices are read from a structure in a plant file only if the top level contains none."""
     inside = PLANT | {"delta": 9.0}
     assert stored_game(stored("in.json", model=inside)).game.delta == 9.0

@@ -67,7 +67,7 @@ def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
     assert verdict.ok, failed_names(verdict.checks)
 
 
-def test_exact_solution_means_what_it_says(game: Game) -> None:
+def test_exact_solution_passes_checks_of_cost_and_gain(game: Game) -> None:
     """The exact solution passes the checks of its cost and of its L2 gain."""
     checks = meaning_checks(game, solve_game(game).P, INITIAL)
     assert not failed_names(checks), [check.reason for check in checks if not check.ok]

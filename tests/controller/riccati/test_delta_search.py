@@ -26,7 +26,7 @@ def truth(delta: float) -> Answer:
     return Answer(True) if delta > EXACT else Answer(False, "shown", "of it")
 
 
-def test_the_bracket_is_as_narrow_as_asked() -> None:
+def test_the_bracket_has_the_requested_width() -> None:
     """The bracket of the smallest delta is as narrow as requested, for each initial delta."""
     for begin in (0.1, 1.0, 3e5):
         value, refused, ending = smallest_delta(truth, begin, 1e-6)

@@ -326,7 +326,7 @@ def test_two_thousand_games(seed: int) -> None:
 
 @pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("count", [8, pytest.param(600, marks=pytest.mark.slow)])
-def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
+def test_random_games_are_right_where_scipy_errs(count: int, scaled: bool) -> None:
     """P of random games is right to 1e-8, and no game is refused wrongly.
 
     SciPy's solver alone returns another root without an error for at least 4 % of the games.

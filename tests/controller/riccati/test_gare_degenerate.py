@@ -256,7 +256,7 @@ def scalar(a: float, apart: float) -> Game:
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
-def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
+def test_games_below_smallest_delta_are_never_solved(a: float, apart: float) -> None:
     """A scalar game is never solved below its smallest delta, and always 0.1 % above it.
 
     Closer to the smallest delta, P has the accuracy that its condition number 1/|apart| permits, or

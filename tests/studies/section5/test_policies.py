@@ -231,7 +231,7 @@ class _Tracking:
         return float(flight.cost[-1] + z @ self.P @ z + 2.0 * self.s(flight.times[-1]) @ z)
 
 
-def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
+def test_costs_of_exact_policies_equal_the_value(game: Game) -> None:
     """The exact policies have the cost J(0, T) = V(z(0), 0) - V(z(T), T).
 
     c(0) - c(T) is ∫ 2 s'r - s'S s dt. A feedforward that is 1 % larger costs more.

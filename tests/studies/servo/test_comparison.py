@@ -241,7 +241,7 @@ def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
 @pytest.mark.parametrize(
     ("bandwidth", "degrees", "damping"), [(10.0, 13.0, 0.37), (2.0, 20.0, 0.334)]
 )
-def test_the_servo_stands_actuators_down_to_this_damping(
+def test_the_servo_is_stable_down_to_this_damping(
     published_aircraft: Model, bandwidth: float, degrees: float, damping: float
 ) -> None:
     """The servo loop becomes unstable if the actuators' damping is below the given value."""

@@ -86,7 +86,7 @@ def test_another_outcome_is_seen() -> None:
             assert_same_outcome(other, row)
 
 
-def test_ends_hang_on_ninth_digit_of_start_told() -> None:
+def test_runs_that_depend_on_rounding_are_counted() -> None:
     """Runs whose result depends on the ninth digit of the start are counted.
 
     The stored range of errors includes the repeated runs.

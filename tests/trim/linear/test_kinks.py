@@ -81,7 +81,7 @@ def test_the_sides_of_a_curved_kink_are_exact() -> None:
 
 
 @pytest.mark.parametrize("offset", [1.5e-6, -2.5e-6, 1e-5])
-def test_beside_a_knot_the_derivative_stands(offset: float) -> None:
+def test_derivative_beside_a_knot_is_its_slope(offset: float) -> None:
     """Next to the knot of a table, A contains the slope there, without a note."""
     model = at(cart(TABLE), offset)
     assert (model.A[1, 0], model.kinks) == (3.0 if offset > 0 else -1.0, ())

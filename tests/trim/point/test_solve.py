@@ -274,7 +274,7 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
     assert "no effect" not in str(refusal.value)
 
 
-def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
+def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
     """The message on a failed trim names two elevators with proportional effects.
 
     Very small and distant outer tails only pitch the aircraft, as the center tail does.

@@ -213,7 +213,7 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
     assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
 
 
-def test_undetermined_trims_are_told_from_determined_ones() -> None:
+def test_undetermined_trims_name_their_variable() -> None:
     """The report names the variable of an undetermined trim. With this variable held, no warning is
     printed.
 

@@ -82,7 +82,7 @@ def test_a_costless_states_value_may_be_0() -> None:
     assert check_critic(game, from_value(game, value(game))).ok
 
 
-def test_a_barely_controllable_plant_is_judged() -> None:
+def test_a_barely_controllable_plant_is_checked() -> None:
     """The exact value of a barely controllable plant passes, and an error of 1e-5 fails.
 
     The input reaches the unstable mode of 0.5 1/s only by the factor 3e-6.
@@ -584,7 +584,7 @@ def test_our_own_run_is_a_timed_history(game: Game) -> None:
     assert len(check.report().records.rows) == 21
 
 
-def test_the_last_row_is_judged(
+def test_the_last_row_of_a_history_is_checked(
     game: Game,
 ) -> None:
     """A history fails if its last gain is wrong. Rows of a wrong length are refused."""

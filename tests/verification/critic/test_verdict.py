@@ -144,7 +144,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
     assert far.cost_lost > 1.0
 
 
-def test_the_command_says_whose_weights_it_used(game: Game) -> None:
+def test_the_command_prints_the_source_of_weights(game: Game) -> None:
     """The report states the source of Q, R and delta: the file, an option, or the default."""
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
     critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))

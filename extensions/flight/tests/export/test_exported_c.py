@@ -363,7 +363,7 @@ def without_memory_and_commands(aircraft: Model) -> ScheduledController:
 @pytest.mark.parametrize(
     "made", [with_memory, pytest.param(without_memory_and_commands, marks=pytest.mark.slow)]
 )
-def test_it_flies_what_we_fly_and_says_time(
+def test_exported_loop_agrees_with_simulation_and_prints_time(
     made: Callable[[Model], ScheduledController],
     published_aircraft: Model,
     point: OperatingPoint,

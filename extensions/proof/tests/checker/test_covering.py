@@ -48,7 +48,7 @@ def holds(box: Box, place: Sequence[float]) -> bool:
 
 
 @pytest.mark.parametrize("coordinates", [1, 2, 3])
-def test_what_is_covered_is_what_every_point_says(coordinates: int) -> None:
+def test_coverage_agrees_with_coverage_of_test_points(coordinates: int) -> None:
     """Random boxes cover a box exactly if they contain every test point.
 
     The boxes include single points, duplicates, gaps, overlaps and common ends.

@@ -67,7 +67,7 @@ def test_open_stability_of_a_solution_is_null(monkeypatch: pytest.MonkeyPatch) -
     assert ("A - B K is Hurwitz", "open") in proof.report().parts[0].rows
 
 
-def test_a_root_that_does_not_stabilize_is_told() -> None:
+def test_a_root_that_does_not_stabilize_is_refused() -> None:
     """The root of p² - 2 p - 1 = 0 that does not stabilize is refused as the solution of a game.
 
     For a = 1 the roots are 1 ± sqrt(2). The larger root is positive and stabilizes, and is proved.
