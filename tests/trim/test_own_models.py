@@ -375,7 +375,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         ),
     ],
 )
-def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
+def test_wrong_equations_are_refused_in_one_line(equations: object, words: str) -> None:
     """Equations that fail at a trim are refused by one line."""
     with pytest.raises(BadInputError) as caught:
         trimmed(simple(equations))

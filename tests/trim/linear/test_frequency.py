@@ -141,7 +141,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
     assert errors[0] < 0.1 * errors[1]
 
 
-def test_what_cannot_be_done_is_said() -> None:
+def test_impossible_reductions_and_bode_plots_are_refused() -> None:
     """Residualization with a singular A22 or of all states is refused.
 
     A Bode plot without inputs, or in which no input affects an output, is refused, too.

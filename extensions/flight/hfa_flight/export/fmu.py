@@ -91,7 +91,8 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
     unused = "" if loop.outputs else "\n    (void)u;"
     call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
     return (
-        f'/* {comment_lines(_said(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
+        f"/* {comment_lines(_origin_text(origin))} */\n"
+        f'#include "{SETTINGS}"\n\n#include <math.h>\n\n'
         f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
         f"void fmu_loop(const double *y, const double *v, double *dy, double *u)\n{{\n{call}\n}}\n"
     )
@@ -113,7 +114,7 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
     )
 
 
-def _said(origin: Provenance) -> str:
+def _origin_text(origin: Provenance) -> str:
     return f"{origin.text()}\n{origin.command}"
 
 
@@ -128,7 +129,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         fmiVersion="2.0",
         modelName=IDENTIFIER,
         guid=guid,
-        description="; ".join(_said(origin).splitlines()),
+        description="; ".join(_origin_text(origin).splitlines()),
         version=origin.version,
         generationTool=f"hfa-toolchain {origin.version}",
         generationDateAndTime=origin.date,
