@@ -1,4 +1,6 @@
-"""Refused requests give exit code 1 or 2 and one line with cause and remedy, and write no file."""
+"""Refused requests. They give exit code 1 or 2 and one line with cause and remedy, and write no
+file.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ DIGITS = "9" * 5000
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
-    """Return path -> content for everything below a folder. The content of a folder is None."""
+    """Return the content of every file below a folder, by path. A folder has the content None."""
     return {
         str(path): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))

@@ -1,4 +1,4 @@
-"""`hfa verify` passes correct critics, and fails planted mistakes with their reason."""
+"""`hfa verify`: correct critics pass, and planted mistakes fail with their reason."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ def test_verify_keeps_the_contract() -> None:
 
 
 def test_verify_names_the_critic_that_it_judges() -> None:
-    """The report names the learning law and seed of the critic."""
+    """The report of `hfa verify` without a file names the learning law and the seed of the
+    critic.
+    """
     shown = hfa("verify", *AT_15).out.split("\n\n")[1]
     assert shown.startswith("Critic of the law 'certified', seed 0, on the aircraft at dihedral 15")
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
-    """A file with the exact P, K or W passes. The error of P is null if only K is given."""
+    """A file with the exact P, K or W passes. If only K is given, the error of P is null."""
     exact = solve_game(game)
     row, column = np.triu_indices(6)
     weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
@@ -109,7 +111,7 @@ def test_verify_draws_a_run() -> None:
 def test_a_critic_over_time_keeps_its_time() -> None:
     """A critic over time passes only if it settles within its predefined time.
 
-    The setting is refused for a critic without time and together with --discount.
+    The predefined time is refused for a critic without time, and together with --discount.
     """
     plant = small("plant.json")
     exact = solve_game(load_game("plant.json")).P

@@ -1,4 +1,6 @@
-"""Public functions called with wrong arguments return a result or raise an error of one line."""
+"""Public functions called with wrong arguments. They return a result or raise an error of one
+line.
+"""
 
 from __future__ import annotations
 
@@ -137,7 +139,7 @@ def wrong_values() -> list[Any]:
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
-    """Call a function, and return a description of an improper error, or "" if there is none.
+    """Return a description of the improper error that a call raises, or "" without such an error.
 
     Proper errors are BadInputError and NoSolutionError with a message of one line.
     """
@@ -151,7 +153,7 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 
 def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Call a function with every wrong value of each argument. Return case -> improper error."""
+    """Return the improper errors of calls with every wrong value of each argument, by case."""
     found = {}
     for argument in arguments:
         for number, value in enumerate(wrong_values()):

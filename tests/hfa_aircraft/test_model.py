@@ -13,7 +13,7 @@ from hfa_aircraft.signals import Signal
 
 
 def cart(**declared: Any) -> Model:
-    """Return the cart x' = v, v' = force with the output position = x.
+    """Return the model of a cart, x' = v and v' = force, with the output position = x.
 
     declared: arguments of `Model` that replace the usual ones
     """

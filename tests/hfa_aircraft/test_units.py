@@ -1,4 +1,6 @@
-"""Models converted to SI units agree with the original models after conversion."""
+"""Models converted to SI units. Their results agree with converted results of the original
+models.
+"""
 
 from __future__ import annotations
 
@@ -98,7 +100,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
 
 
 def test_names_that_sound_like_data_are_signals() -> None:
-    """Signals are converted to SI even if they are named like other data, such as "noise"."""
+    """Signals are converted to SI even if their names are those of other data, such as "noise"."""
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(
         "cart",

@@ -1,5 +1,6 @@
-"""Parameter files are restored bit for bit or refused in one line. Checks of the printed
-matrices."""
+"""Parameter files, which are restored bit for bit or refused in one line, and the printed
+matrices.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +45,10 @@ def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) 
 def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     tmp_path: Path, parameter_set: ParameterSet, units: float
 ) -> None:
-    """A symmetric covariance with positive variances and a correlation above 1 is refused."""
+    """A covariance matrix of the parameters with a correlation above 1 is refused.
+
+    The matrix is symmetric with positive variances.
+    """
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
     covariance[2] *= units
@@ -98,8 +102,7 @@ def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
-    """Both named sets load, and the identified parameters differ by less than three standard
-    errors.
+    """Both named parameter sets load. They differ by less than three standard errors.
 
     An unknown name is refused, and the message lists the names.
     """

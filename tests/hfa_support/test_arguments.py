@@ -1,4 +1,6 @@
-"""Checks of arguments against annotations: accepted values, and refusals in one line."""
+"""Checks of a function's arguments against its annotations: accepted values, and one-line
+refusals.
+"""
 
 from __future__ import annotations
 
@@ -110,7 +112,9 @@ def test_what_an_annotation_names_is_taken(arguments: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
 def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: str) -> None:
-    """A value of another type is refused in one line that names the argument."""
+    """A value of a type that the annotation does not contain is refused in a line with the
+    argument's name.
+    """
     with pytest.raises(BadInputError) as refused:
         public(**{"thing": Thing(), **arguments})
     assert message in str(refused.value)

@@ -16,7 +16,7 @@ CIRCLES = 6
 
 
 def modules() -> dict[str, Path]:
-    """Return dotted name -> file for all modules of the core and the extensions."""
+    """Return the files of all modules of the core and the extensions, by dotted name."""
     found = {}
     for folder in FOLDERS.values():
         for path in folder.rglob("*.py"):

@@ -1,4 +1,7 @@
-"""The tracked files contain no path of a machine, and the wheel contains all modules and data."""
+"""Tracked files and the wheel of the project.
+
+The files contain no path of a machine. The wheel contains all modules and data.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The core works without extensions. `make test-core` runs all its tests in this way."""
+"""The core without extensions. `make test-core` runs all tests of the core in this way."""
 
 from __future__ import annotations
 
