@@ -184,9 +184,9 @@ class UnsteadyEquations:
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Return the rates of the states and the outputs, each as name -> value.
 
-        x: states: the seven of `newton`, then `LAG_STATES`
+        x: the states of `newton`, then `LAG_STATES`
         u: inputs
-        p: parameters: those of `newton`, `EFFECTS` and `tail_aspect_ratio`
+        p: the parameters of `newton`, `EFFECTS` and `tail_aspect_ratio`
         w: disturbances, a subset of `DISTURBANCES`
         """
         winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
@@ -257,8 +257,8 @@ def _tail_chord(p: Any) -> Quantity:
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Return the part of an angle of attack that does not yet act on the lift, Σ A_i (a - z_i),
-    rad.
+    """Return the part Σ A_i (a - z_i), rad, of an angle of attack that has no effect on the lift
+    yet.
 
     kind: "lag" for motion and controls, "gust" for gusts
     strip: one of `STRIPS`

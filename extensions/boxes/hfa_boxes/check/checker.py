@@ -9,9 +9,11 @@ solutions.
 Of the search, the checker uses the multipliers of the extents and the number of boxes after which
 the checker stops.
 
-    loop.py       equilibrium, V', the hole     cover.py    branch and bound
-    piece.py      V and its set                 statement.py  the claim
-    ../enclosure/  Taylor models
+    loop.py         equilibrium, V', and V' < 0 near the equilibrium
+    cover.py        branch and bound
+    piece.py        V and its set
+    statement.py    the claim
+    ../enclosure/   Taylor models
 """
 
 from __future__ import annotations

@@ -130,7 +130,9 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _centre(self) -> RowFunction:
-        """Function (z, v) -> gradient of g in v, and its Jacobians in v and in z, in doubles."""
+        """Function (z, v) -> gradient of g in v, and its Jacobians in v and in z, in double
+        precision.
+        """
         g = self._margin
         y, z, v, e = self.symbols
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
@@ -403,7 +405,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _hessian(self) -> TaylorProgram:
-        """Program for the second derivatives of g in (y, z, v), over boxes of y and v."""
+        """Program of the second derivatives of g in (y, z, v), over boxes of y and v."""
         y, z, v, _ = self.symbols
         second = ca.hessian(self._margin, ca.vertcat(y, z, v))[0]
         return TaylorProgram(self.program([ca.vec(second)]), self.n + self.m)

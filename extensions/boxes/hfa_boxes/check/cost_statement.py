@@ -81,7 +81,7 @@ class CostStatement:
     def bound(self, z: np.ndarray) -> np.ndarray:
         """Return the lower bounds (N,) of the cost from deviations z (N, n) from the trim.
 
-        The bounds are computed in doubles without outward rounding.
+        The bounds are computed in double precision without outward rounding.
         """
         plant = self.plant
         offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])

@@ -67,7 +67,7 @@ class Polynomial(NamedTuple):
         return ca.dot(ca.vertcat(*parts), y), ca.vertcat(*slopes)
 
     def at(self, y: np.ndarray) -> np.ndarray:
-        """Return W (N,) at points y (N, n), in doubles."""
+        """Return W (N,) at points y (N, n), in double precision."""
         total = np.zeros(len(y))
         for coefficient, powers in self.terms:
             total += coefficient * np.prod(y ** np.array(powers), axis=1)
@@ -89,7 +89,7 @@ class Piece(NamedTuple):
 
     M: (n, n)
     W: polynomial in y without terms of degree 0 and 1, with products of coefficients and powers
-        that are exact in doubles
+        that are exact in double precision
     c: level
     """
 

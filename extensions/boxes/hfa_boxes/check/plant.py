@@ -110,7 +110,8 @@ def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
     content: the same entry as data
     own: the user's model, if the statement concerns one
 
-    Raises Malformed for the first wrong entry.
+    Raises Malformed for the first wrong entry, and BadInputError if the statement concerns another
+    model.
     """
     model = model_of(content.get("dynamics"), content.get("source"), own)
     for name, fact in facts(model).items():
@@ -164,7 +165,7 @@ def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> di
 def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return state -> lowest and highest deviation, from the entry `extents`.
 
-    Raises Malformed unless every lowest deviation is negative and every highest one positive.
+    Raises Malformed unless every lowest deviation is negative and every highest deviation positive.
     """
     listed = entries.fields("extents")
     extents = {name: listed.pair(name) for name in states}

@@ -76,7 +76,8 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     def intervals(self) -> Intervals | None:
         """Return the intervals of uncertain actuators, or None if --bandwidth is not given.
 
-        Raises BadInputError if an option has no effect without another option that is missing.
+        Raises BadInputError for another interval without --bandwidth, and for --rate with
+        --bandwidth.
         """
         from hfa_proof.search.loops import Intervals
 
