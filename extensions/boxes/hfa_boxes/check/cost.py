@@ -130,7 +130,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _centre(self) -> RowFunction:
-        """Function (z, v) -> gradient of g in v, and its Jacobians in v and in z, in double
+        """Function (z, v) -> gradient of g in v and its Jacobians in v and z, in double
         precision.
         """
         g = self._margin

@@ -400,9 +400,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return the Taylor polynomial of a rate without its constant term, which is 0 at the
-    equilibrium.
-    """
+    """Return a rate's Taylor polynomial without its constant term, 0 at the equilibrium."""
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 
