@@ -43,7 +43,7 @@ def main() -> int:
 
 
 def _end(number: int, _: object) -> None:
-    """Handle a signal: remove temporary files, print one line and end the process.
+    """Handle a signal: print one line, remove temporary files and end the process.
 
     The process ends without an exception, because libraries that call Python suppress or replace
     exceptions.

@@ -46,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     - 0: the command succeeded.
     - 1: a check failed or no solution exists.
     - 2: the usage or the input is invalid.
+    - 130: the run was interrupted by Ctrl-C.
 
     argv: command line without the program name, or None for the command line of this process
     """

@@ -222,8 +222,8 @@ def from_parts(
 ) -> Critic:
     """Return the critic defined by weights W, a value matrix P, a gain K, or several of them.
 
-    value: W'ψ(z) if W is given, else z'Pz, and unknown if only K is given
-    policy: -K z if K is given, otherwise the minimizing policy of the value
+    - The value is W'ψ(z) if W is given, else z'Pz, and unknown if only K is given.
+    - The policy is -K z if K is given, otherwise the minimizing policy of the value.
 
     game: the game whose solution the critic approximates
     parts: "W", "P" and "K" -> array, at least one of them

@@ -53,7 +53,7 @@ class Basis(Reported):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the indices of the states in each monomial and their powers, (M, k) each.
+        """Indices of the states in each monomial and their powers, (M, k) each.
 
         k is the largest number of states in a monomial. Monomials with fewer states are padded with
         powers of 0.

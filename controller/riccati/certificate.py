@@ -281,6 +281,8 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     given: the original form, if `form` is its levelled form. If the other checks pass, a further
         check shows that rounding of the given entries cannot move an eigenvalue to the axis,
         because levelling enlarges this rounding.
+
+    Raises NoSolutionError if entries of H overflow.
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)

@@ -68,16 +68,18 @@ def existence(form: NormalForm) -> Answer:
     rounding.
 
     Let [X1; X2] be a basis of the stable subspace of the Hamiltonian.
-    - The value exists if the Hamiltonian has n eigenvalues on each side of the imaginary axis and
-      X1'X2 > 0, or if every test of P passes.
+
+    - The value exists if Q = 0 and A is Hurwitz, if every test of P passes, or if X1'X2 > 0 and the
+      Hamiltonian has n eigenvalues on each side of the imaginary axis.
     - The value does not exist if an eigenvalue of X1'X2 is below 0 by more than rounding, or if at
       some frequency the gain from the disturbance exceeds delta for every input.
     - Otherwise the existence is undecided.
 
     If X1 is regular, P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has the signs of
     P. As delta falls to its minimum, P grows without bound, but X1 and X2 remain bounded. An
-    eigenvalue of X1'X2 then passes through zero. Source: Basar and Bernhard, H-infinity Optimal
-    Control, Section 4.5 (conjugate points).
+    eigenvalue of X1'X2 then passes through zero.
+
+    Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
     """
     return value_found(form).answer
 

@@ -76,7 +76,7 @@ class Solution(Result, Reported):
 
     @property
     def closed_loop(self) -> control.StateSpace:
-        """Return the closed loop z' = (A - B K) z + E d as a python-control `StateSpace`.
+        """Closed loop z' = (A - B K) z + E d as a python-control `StateSpace`.
 
         The inputs are the disturbances d, and the outputs are the states z.
         """

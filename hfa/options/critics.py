@@ -62,5 +62,5 @@ class ReadingOptions(Request):
     set: Mapping[str, Any]
 
     def reading(self) -> Reading:
-        """Settings for reading a critic file, from the options."""
+        """Return the settings for reading a critic file, from the options."""
         return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))

@@ -80,7 +80,7 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Weights set by options, "Q", "R" or "delta" -> value, in the model's units."""
+        """Return the weights set by options, "Q", "R" or "delta" -> value, in the model's units."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 
@@ -195,7 +195,10 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
     design: Any = None
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the game: the path of the plant file, or the aircraft and its trim."""
+        """Return the provenance of the game.
+
+        The provenance is the path of the plant file, or that of the aircraft and its trim.
+        """
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
     def game(

@@ -121,7 +121,10 @@ class HfaOptions(Request):
         return self.model
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the aircraft: its file, or the dynamics and parameters of the HFA."""
+        """Return the provenance of the aircraft.
+
+        The provenance is the aircraft's file, or the dynamics and parameters of the HFA.
+        """
         if self.own:
             return self._origin_of_file({})
         return self._origin(self.model, condition={})
@@ -463,7 +466,7 @@ class TrimOptions(HfaOptions):
             raise advised(failure, self, aircraft, condition) from None
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the aircraft and of its trim condition."""
+        """Return the provenance of the aircraft and of its trim condition."""
         common = self.common_condition
         condition: dict[str, Any] = common.changes
         if self.own:

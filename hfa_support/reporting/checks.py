@@ -48,7 +48,7 @@ class Check(Result):
 
     @property
     def sentence(self) -> str:
-        """Return a sentence with the value and its limit, for reports and error messages."""
+        """Sentence with the value and its limit, for reports and error messages."""
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
 

@@ -74,9 +74,7 @@ class EntryRow(Result):
 
     @property
     def percent(self) -> float:
-        """Difference (computed - printed) in percent of the printed value, or nan if this value is
-        0.
-        """
+        """Difference (computed - printed) in percent of |printed|, or nan if printed is 0."""
         return (
             100 * (self.computed - self.printed) / abs(self.printed)
             if self.printed

@@ -54,6 +54,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 
     - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
       eigenvalues from their product and sum
+    - `dutch roll`: also the product of frequency and damping ratio
     - `roll`: time constant -1/λ
     - `spiral`: time to double or half, ln 2/|λ|
     - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the control

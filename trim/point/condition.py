@@ -195,7 +195,7 @@ class TrimCondition:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Return the differences of the condition from the trim that the model declares.
+        """Differences of the condition from the trim that the model declares.
 
         The keys are "imposed", "free", "limits", "begin" and "rates". A key without a difference is
         omitted. Tables are lists of [breakpoint, value] rows.

@@ -122,7 +122,9 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """Return a sentence for each active limit of a free variable, with the value that balance
+    """Return a sentence for each active limit of a free variable.
+
+    If the equations balance only beyond this limit, the sentence contains the value that balance
     requires.
 
     z: scaled unknowns within their limits, (k,)

@@ -104,7 +104,7 @@ def newton_step(
     """Return the Newton steps d (N, k) with J d = -r.
 
     If J is singular or not square, or d has an entry above `LONGEST`, the step of least norm is
-    returned. If J is not finite, the step is nan.
+    returned. If J or r is not finite, the step is nan.
 
     jacobian: J, (N, m, k)
     residual: r, (N, m)

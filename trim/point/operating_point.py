@@ -243,7 +243,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def title(self) -> str:
-        """Return one line with the model, the status, and remarks on the search.
+        """One line of text with the model, the status, and remarks on the search.
 
         A remark names an angle without limits that exceeds 90 deg. Another remark states that the
         search did not begin at the default initial point.

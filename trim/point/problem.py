@@ -74,7 +74,7 @@ class TrimProblem:
         return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:
-        """Return the residuals, the Jacobian and the point for scaled unknowns z, (k,).
+        """Return the state, input, residuals and Jacobian for scaled unknowns z, (k,).
 
         Raises FloatingPointError if a result is not finite, and BadInputError if the model refuses
         the state.
@@ -161,9 +161,10 @@ class TrimProblem:
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
         """Yield initial points for further searches, evenly spread within the limits, (k,) each.
 
-        Of `STARTS` points, only those are yielded at which the Jacobian differs from the Jacobian
-        at the guess, because equations with a constant Jacobian have one solution. No point is
-        yielded without unknowns, or with more equations than unknowns.
+        Of `STARTS` points, those at which the equations cannot be evaluated are omitted. Points at
+        which the Jacobian equals the Jacobian at the guess are also omitted, because equations with
+        a constant Jacobian have one solution. No point is yielded without unknowns, or with more
+        equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
         ratio), without random numbers.

@@ -313,7 +313,7 @@ class TrimSystem:
     row_scales: (e,), scale of each equation
     moved: number m of equations that the unknowns affect; they are the first m equations
     is_quick: True if the equations are square and have at most `_FEW` unknowns
-    steps: largest number of Newton steps
+    steps: number of Newton steps in `quick_steps`
     """
 
     def __init__(

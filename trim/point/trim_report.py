@@ -38,7 +38,8 @@ class TrimResult(Result):
     operating_point: X0, U0 and residuals.
     scaled_residuals: residual of each balanced equation divided by its scale.
     balance_limit: largest scaled residual of a trim.
-    margins: variable with a limit, without held states -> distance to its nearer limit.
+    margins: variable with a limit -> distance to the nearer limit. Held states and outputs are
+        omitted.
     variables: name -> value, unit, role, limits, margin.
     nearest_limits: variables nearest to a limit.
     binding: variables at a limit, without held ones.
@@ -319,7 +320,7 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return a sentence on another trim of the condition, with a --start that leads to it.
+    """Return a sentence on another trim of the condition, with an initial point that leads to it.
 
     point: the trim
     other: the other trim

@@ -55,8 +55,8 @@ class Points(NamedTuple):
     """Trims and linear models at N points with n states and m inputs, in the units of the model.
 
     status: (N,), index into `STATUS`
-    states: (N, n); beyond limits, the values that balance would require
-    inputs: (N, m); beyond limits, the values that balance would require
+    states: (N, n); for BEYOND_LIMITS, values with which the equations balance; nan for NO_TRIM
+    inputs: (N, m); for BEYOND_LIMITS, values with which the equations balance; nan for NO_TRIM
     A: (N, n, n), nan if not trimmed
     B: (N, n, m), nan if not trimmed
     failures: number of a point without a trim -> reason from `find_operating_point`

@@ -117,7 +117,7 @@ class SweepPlan:
 
     @property
     def text(self) -> str:
-        """Return the plan as JSON text. Plans with equal texts have the same points and results."""
+        """Plan as JSON text. Plans with equal texts have the same points and results."""
         axes = {}
         for name, values in self.axes.items():
             axes[name] = asdict(values) if isinstance(values, Steps) else list(values)

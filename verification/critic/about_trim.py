@@ -31,7 +31,8 @@ class NonlinearPlant(NamedTuple):
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     """Return the nonlinear plant about the trim of a linear model, with the limits of its inputs.
 
-    The plant has the states and inputs of the linear model. The other states are constant.
+    The plant has the states and inputs of the linear model. All other states and inputs keep
+    their values at the trim.
     """
     point = linear.point
     model = point.model
