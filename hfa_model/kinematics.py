@@ -86,9 +86,9 @@ Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 
 class Flow(NamedTuple):
-    """Velocity of the air relative to one panel, in the axes of this panel.
+    """Air flow at one panel, in the axes of this panel.
 
-    speed: ft/s
+    speed: speed of the panel relative to the air, ft/s
     alpha: angle of attack, rad
     sideslip: rad
     """

@@ -54,8 +54,8 @@ def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     value: the given value
     wanted: description of a valid argument
 
-    Raises BadInputError, which names the row, if an array was expected and the value has a faulty
-    row.
+    Raises a BadInputError that names the faulty row if the argument must be an array of numbers and
+    the value has such a row.
     """
     if wanted.endswith("an array of numbers") and type(value) in (list, tuple, np.ndarray):
         numbers_in(f"{name}: {parameter}", value)

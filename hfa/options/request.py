@@ -160,8 +160,7 @@ class Request:
         return Provenance(self.line, date=self.date, **self.origin())
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the entries that this class of requests adds to the provenance, by default none.
-        """
+        """Return the entries that this class adds to the provenance, by default none."""
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:

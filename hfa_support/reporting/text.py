@@ -150,8 +150,10 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """Return a value with its `shown_unit` as text, "5 deg". An angle above a full turn, which may
-    have been meant in degrees, is also printed in radians: "859.437 deg (15 rad)".
+    """Return a value with its unit as text, "5 deg", in the unit that reports print.
+
+    An angle in radians above a full turn may have been meant in degrees. It is therefore also
+    printed in radians: "859.437 deg (15 rad)".
     """
     text = shown_value(value, unit)
     text = text if unit == "1" else f"{text} {shown_unit(unit)}"
