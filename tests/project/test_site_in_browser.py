@@ -52,7 +52,7 @@ def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_box_that_is_cut_is_seen(tmp_path: Path) -> None:
-    """The check reports a box that is narrower than its content, and no other box."""
+    """The check of the site reports a box that is narrower than its content, and no other box."""
     page = tmp_path / "page.html"
     box = '<article style="width: 900px"><pre style="overflow: auto">{}</pre></article>'
     with browser() as driver:

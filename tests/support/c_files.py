@@ -22,7 +22,7 @@ def compiled(folder: Path, *words: str) -> None:
 
 
 def ran(folder: Path, *words: str) -> dict[str, float]:
-    """Compile and run an exported loop, and return name -> number from its output.
+    """Compile and run an exported loop, and return the numbers in its output by name.
 
     words: source files and options of the compiler
     """
@@ -60,7 +60,11 @@ def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
 
 
 def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
-    """Compile a C file and return (text, data, bss, undefined symbols), with sizes in bytes."""
+    """Return the sizes of the sections text, data and bss of a compiled C file, and undefined
+    symbols.
+
+    The sizes are in bytes.
+    """
     compiled(folder, "-c", source, "-o", "sized.o")
     wanted, sizes = (
         subprocess.run(

@@ -50,7 +50,7 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
 
     JSON that the command prints or writes with -o must conform to the published format.
 
-    out, err: streams for the output, or None for streams that are not terminals
+    out, err: streams for the output, or None for new streams that are not terminals
     """
     result = unchecked_hfa(*words, err=err, out=out)
     if "--json" in words and result.out:
@@ -79,8 +79,9 @@ def unchecked_hfa(
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
     """Run `hfa words... --json` and return the printed JSON object.
 
-    Assert the exit code, and that standard error contains only the warnings listed in the JSON and
-    names of written files. For `trim` and `linearize`, standard error must contain no warning.
+    The function asserts the exit code, and that standard error contains only the warnings listed in
+    the JSON and names of written files. For `trim` and `linearize`, standard error must contain no
+    warning.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err
@@ -105,7 +106,9 @@ def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def written_json(words: tuple[str, ...]) -> list[Path]:
-    """Return the .json files that -o names, including those in a folder named by -o."""
+    """Return the paths of the .json files that -o names, including those in a folder named by
+    -o.
+    """
     targets = [Path(path) for option, path in pairwise(words) if option in ("-o", "--output")]
     inside = [
         path
@@ -192,9 +195,9 @@ def _validator(name: str) -> Any:
 
 
 def refusal(load: Callable[[str], object], path: Path) -> str:
-    """Load a file that must be refused, and return the message of the BadInputError.
+    """Return the message of the BadInputError with which a file is refused.
 
-    Assert that the message is one line and contains the path.
+    The function asserts that the message is one line and contains the path.
     """
     with pytest.raises(BadInputError) as caught:
         load(str(path))

@@ -41,7 +41,7 @@ class Ended(NamedTuple):
 
 
 def stat(process: int) -> list[str]:
-    """Return the fields of /proc/PID/stat from the state on.
+    """Return the fields of /proc/PID/stat, beginning with the state of the process.
 
     The state of an ended process is "X".
     """
@@ -64,7 +64,7 @@ def workers(parent: int) -> list[int]:
 
 
 def until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
-    """Wait until a condition is true, at most `seconds` s. Return whether it is true."""
+    """Wait until a condition is true, at most `seconds` s, and return whether it is true."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
         time.sleep(0.05)
@@ -116,7 +116,7 @@ def run(
 
 
 def result_of(folder: Path) -> dict[str, Any]:
-    """Return path -> content for each file in a folder. JSON is without dates and commands."""
+    """Return the content of each file in a folder by path. JSON is without dates and commands."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     # Files that may remain after SIGKILL.
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
@@ -138,9 +138,9 @@ def _plain(value: Any) -> Any:
 
 
 def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals) -> Ended:
-    """End a run while two workers compute, and return its result.
+    """End a run by a signal while two workers compute, and return its result.
 
-    Assert that no worker remains and, except after SIGKILL, no temporary file.
+    The function asserts that no worker remains and, except after SIGKILL, no temporary file.
     """
     ended = run(folder, *words, number=number, after=0.3, working=2)
     assert len(ended.workers) == 2

@@ -42,7 +42,10 @@ def stored(path: str | Path, **content: Any) -> str:
 
 
 def small(path: str | Path, **changes: Any) -> str:
-    """Write the plant `SMALL`, with changed entries, and return the path. None omits an entry."""
+    """Write the plant `SMALL`, with changed entries, and return the path of the file.
+
+    changes: entries that replace those of `SMALL`; None omits an entry
+    """
     content = {key: value for key, value in (SMALL | changes).items() if value is not None}
     return stored(path, **content)
 

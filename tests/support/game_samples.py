@@ -21,7 +21,7 @@ ANGLES = (0, 5, 10, 15, 20)
 
 
 def game_models() -> dict[str, Game]:
-    """Return name -> game for the two printed linear models."""
+    """Return the games of the two printed linear models, by name."""
     return {
         f"published-{model.dihedral_deg:g}": published_game(model.A, model.B)
         for model in published_models()
@@ -29,7 +29,7 @@ def game_models() -> dict[str, Game]:
 
 
 def regenerated_models() -> dict[str, Game]:
-    """Return name -> game for the dihedral angles `ANGLES` and all dynamics of the HFA."""
+    """Return the games at the dihedral angles `ANGLES` with all dynamics of the HFA, by name."""
     return {
         f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics)
         for dynamics in VARIANTS
@@ -86,7 +86,7 @@ def first() -> tuple[Game, np.ndarray]:
 
 
 def game_in(state: float, of_input: float = 1.0) -> Game:
-    """Return a game with two states and inputs, of which the second have other units.
+    """Return a game with two states and two inputs, the second of which have other units.
 
     state, of_input: scale of the second state and the second input
     """

@@ -115,7 +115,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 
 
 class Hanging(BaseException):
-    """Exception for a run that exceeds its time limit, which commands do not catch."""
+    """Raised in a run that exceeds its time limit. Commands do not catch it."""
 
 
 def _hostile_words(chance: random.Random) -> list[str]:
@@ -139,7 +139,7 @@ def _hostile_words(chance: random.Random) -> list[str]:
 
 
 def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
-    """Return (command-line words, name -> content of the input files) for a hostile input.
+    """Return the words of the command line and the content of the input files for a hostile input.
 
     way: kind of input, a key of `WAYS`
     number: number of the input, which seeds its random changes
@@ -161,7 +161,7 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
 
 @cache
 def seeds() -> Mapping[str, bytes]:
-    """Return name -> content of valid files, most of which are written by commands."""
+    """Return the content of valid input files by name. Most of them are written by commands."""
     from controllers import small_controller
     from known_models import exact_gain
     from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file

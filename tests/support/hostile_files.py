@@ -265,7 +265,7 @@ def _hostile_zip(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
-    """Return a safetensors file with a corrupted header or a wrong header length."""
+    """Return the content of a safetensors file with a corrupted header or a wrong header length."""
     length = struct.unpack("<Q", content[:8])[0]
     header = _hostile_text(content[8 : 8 + length], chance)
     said = len(header)
@@ -318,7 +318,9 @@ _OF_SUFFIX: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def hostile_claims(content: bytes, chance: random.Random) -> bytes:
-    """Return a certificate with false entries and correct digests, like a forgery."""
+    """Return the content of a certificate with changed entries and correct digests, like a
+    forgery.
+    """
     certificate = json.loads(content)
     for _ in range(chance.randint(1, 3)):
         holder: Any = certificate
@@ -348,7 +350,7 @@ _CLAIMS: tuple[Any, ...] = (
 
 
 def hostile_store(files: Mapping[str, bytes], chance: random.Random) -> dict[str, bytes]:
-    """Return a store with one or two files removed, replaced, damaged or added.
+    """Return the files of a store, one or two of them removed, replaced, damaged or added.
 
     files: path in the store -> content
     """

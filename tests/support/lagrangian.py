@@ -26,9 +26,9 @@ from hfa_model.vectors import Input, Quantity, State
 class Panel(NamedTuple):
     """Position and motion of one panel.
 
-    position: center of mass in the inertial frame
-    axes: rotation matrix from panel axes to the inertial frame
-    spin: angular velocity in panel axes
+    position: (3,), center of mass in the inertial frame, ft
+    axes: (3, 3), rotation matrix from panel axes to the inertial frame
+    spin: (3,), angular velocity in panel axes, rad/s
     """
 
     position: ca.SX
@@ -92,7 +92,7 @@ def mechanical_energy(x: State, p: Parameters) -> ca.SX:
 
 
 def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
-    """Return the center, right and left panels.
+    """Return the center, the right and the left panel at given generalized coordinates.
 
     An outer panel is hinged half a panel span from the center, and its center of mass is half a
     panel span farther out.
@@ -127,7 +127,7 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
 
 
 def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Return the inertial velocity of a panel's center of mass."""
+    """Return the inertial velocity of a panel's center of mass, (3,), ft/s."""
     return ca.jtimes(panel.position, r, v)
 
 
@@ -185,7 +185,7 @@ def virtual_work(
 
 
 def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
-    """Return dX/dt from generalized accelerations.
+    """Return dX/dt, computed from the second derivatives of the generalized coordinates.
 
     The speed V, the angle α and the flight-path angle γ = θ - α are those of the center of mass.
     """
@@ -207,7 +207,8 @@ def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parame
 
 
 def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """Replace generalized coordinates and rates in an expression by the state x.
+    """Return an expression in which the state x replaces the generalized coordinates and their
+    rates.
 
     The center panel is (s/3) sin η below the center of mass, where s is the panel span.
     """

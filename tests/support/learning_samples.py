@@ -37,7 +37,7 @@ def lq(name: str) -> tuple[Game, Reference]:
 
 
 def stable_game(delta: float = 3.0) -> Game:
-    """Return a game with two states, one input and one disturbance whose A is stable."""
+    """Return a game with a stable A, two states, one input and one disturbance."""
     return Game(
         A=[[-0.2, 1.0], [-2.0, -0.3]],
         B=[[0.0], [1.0]],
@@ -93,7 +93,8 @@ def abscissa(matrix: np.ndarray) -> float:
 
 
 def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
-    """Return initial weights with a stability margin of about `margin` 1/s of the closed loop.
+    """Return initial weights with which the closed loop has a stability margin of about `margin`
+    1/s.
 
     The weights are far larger than those of the solution.
 

@@ -12,7 +12,7 @@ COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n
 
 
 class Block(NamedTuple):
-    """A fenced code block.
+    """A fenced code block in a document.
 
     language: language after the fence
     line: number of its first line in the document
@@ -34,7 +34,7 @@ def blocks_of(document: str) -> list[Block]:
 
 
 def difference(expected: str, actual: str) -> str:
-    """Return a diff of the expected and actual outputs, or "" if they are equal.
+    """Return a diff of an expected and an actual output, or "" if they are equal.
 
     A line "..." in the expected output matches any number of lines.
     """

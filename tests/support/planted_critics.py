@@ -29,9 +29,10 @@ def gain(game: Game) -> np.ndarray:
 
 
 def other_root(game: Game) -> np.ndarray:
-    """Return a root of the Riccati equation that does not stabilize, (n, n).
+    """Return a root P of the Riccati equation that does not stabilize, (n, n).
 
-    Compared with the stabilizing root, one real closed-loop eigenvalue is reflected.
+    Compared with the stabilizing root, one real closed-loop eigenvalue is reflected at the
+    imaginary axis.
     """
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])

@@ -1,4 +1,4 @@
-"""Random states and inputs in wider ranges than trims, and equations as CasADi columns."""
+"""Random states and inputs in wider ranges than those of trims, and equations as CasADi columns."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def symbols() -> list[ca.SX]:
 
 
 def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
-    """Convert columns to named tuples of the states, inputs and parameters."""
+    """Return columns of states, inputs and parameters as named tuples."""
     return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
 
 
@@ -46,16 +46,16 @@ def rising(updraft: Quantity) -> Winds:
 
 
 def rates(x: State, u: Input, p: Parameters, variant: Variant, winds: Winds = STILL_AIR) -> State:
-    """Return dX/dt as a named tuple."""
+    """Return dX/dt of the equations of a variant as a named tuple."""
     return moment_of(x, u, p, variant, winds).rates
 
 
 def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, variant: Variant, winds: Winds = STILL_AIR) -> ca.SX:
-    """Return dX/dt as a CasADi column, (7,)."""
+    """Return dX/dt of the equations of a variant as a CasADi column, (7,)."""
     return ca.vertcat(*rates(*by_name(x, u, p), variant, winds))
 
 
 def rates_function(variant: Variant) -> ca.Function:
-    """Return the CasADi Function (x, u, p) -> dX/dt."""
+    """Return the CasADi Function (x, u, p) -> dX/dt of the equations of a variant."""
     vectors = symbols()
     return ca.Function("rates", vectors, [state_rates(*vectors, variant)])

@@ -28,8 +28,8 @@ class Reference:
     """Reference solution of a game.
 
     exists: whether the stabilizing P exists and is positive semidefinite
-    P: stabilizing solution (n, n), empty if there is none
-    K: gain of P (m, n), empty if there is none
+    P: stabilizing solution (n, n), empty if it does not exist
+    K: gain of P (m, n), empty if P does not exist
     """
 
     exists: bool
@@ -80,7 +80,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 def _sign(H: np.ndarray) -> np.ndarray | None:
     """Return sign(H) by Newton's iteration Z <- (c Z + Z⁻¹/c)/2 with norm scaling c.
 
-    Return None if an eigenvalue of H is on the imaginary axis.
+    Returns None if an eigenvalue of H is on the imaginary axis.
     """
     Z = H
     for _ in range(MAX_STEPS):
@@ -101,10 +101,10 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
-    """Return the inverse by Gauss-Jordan elimination in place, with row pivoting.
+    """Return the inverse of a matrix, or None if the matrix is singular.
 
-    An exchange of rows of the matrix is the same exchange of columns of the inverse. Return None
-    if the matrix is singular.
+    The method is Gauss-Jordan elimination in place, with row pivoting. An exchange of rows of the
+    matrix is the same exchange of columns of the inverse.
     """
     work = matrix.copy()
     exchanges = []

@@ -70,7 +70,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def has_no_room(small_disk: Path, words: str, left: int) -> None:
-    """Assert that a command fails in one line and leaves no file if `left` KB are free."""
+    """Assert that a command fails in one line and leaves no file if the disk has `left` KB free."""
     (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (

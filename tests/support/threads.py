@@ -11,9 +11,9 @@ Rows = Mapping[str, NDArray]
 
 
 def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]:
-    """Return the numbers of the chunks whose results differ between four threads and one.
+    """Return the numbers of the chunks whose results with four threads differ from those with one.
 
-    chunk: function number -> name -> array
+    chunk: function from the number of a chunk to its arrays by name
     """
     alone = [chunk(number) for number in numbers]
     with ThreadPoolExecutor(4) as threads:

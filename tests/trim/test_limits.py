@@ -41,8 +41,9 @@ def test_trim_and_sweep_agree_at_a_limit(
 
 
 def test_within_allows_rounding_and_no_more(published_aircraft: Model) -> None:
-    """A value beyond a limit by rounding counts as within the limit. A value farther beyond, and
-    nan, do not."""
+    """A value beyond a limit by rounding is within the limit. A value farther beyond is not, nor is
+    nan.
+    """
     model = published_aircraft
     limits = Limits.of(model, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
     slack = SLACK * (model.signals["speed"].nominal + 500.0)

@@ -67,10 +67,10 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
 
 
 def test_inputs_reach_modes_or_not() -> None:
-    """A model is not controllable if the inputs do not affect a mode, in any coordinates.
+    """A model is not controllable if a mode is not affected by the inputs, in any coordinates.
 
-    A model is not observable if the outputs do not show a mode. `zeros` returns the eigenvalue of
-    the mode.
+    A model is not observable if a mode does not affect the outputs. `zeros` returns the eigenvalue
+    of the mode.
     """
     linear = _linear()
     assert linear.is_controllable
@@ -222,8 +222,7 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
 
 
 def test_results_become_tables_of_pandas() -> None:
-    """Trims, solutions and verdicts are converted to pandas tables, and a verdict can be
-    plotted."""
+    """Trims, solutions and verdicts are converted to pandas tables. A verdict can be plotted."""
     linear = _linear()
     frame = linear.point.to_pandas().set_index(["kind", "name"])
     assert frame.loc[("state", "alpha"), "value"] == linear.point["alpha"] == linear.point.x[1]
@@ -244,7 +243,7 @@ def test_a_point_draws_its_limits() -> None:
 
 
 def test_a_model_is_a_table_in_a_notebook() -> None:
-    """The HTML of a model contains names, units, limits and the trim."""
+    """The HTML representation of a model contains names, units, limits and the trim."""
     text = MODEL._repr_html_()
     assert "throttle" in MODEL.report().text()
     with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):

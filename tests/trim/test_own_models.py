@@ -45,7 +45,8 @@ def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
     """Trims of the F-16 equal those printed by Stevens and Lewis, in straight flight and in
-    turns."""
+    turns.
+    """
     point = trimmed(F16.with_parameters(xcg=xcg), hold, rates)
     computed = [
         point.values[name]
@@ -66,14 +67,16 @@ SLOW_FLIGHTS = [
 def test_slow_flights_of_the_book(
     speed: float, alpha: float, throttle: float, elevator: float
 ) -> None:
-    """Trims of the F-16 at low speeds equal those printed in the book."""
+    """Trims of the F-16 at low speeds equal those printed by Stevens and Lewis."""
     point = trimmed(F16, {"speed": speed})
     computed = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
     np.testing.assert_allclose(computed, [alpha, throttle, elevator], rtol=4e-3)
 
 
 def test_no_row_with_free_states_depends_on_others() -> None:
-    """A point with free states has the same bits alone and with other points."""
+    """The result of a sweep point with free states has the same bits alone and with other
+    points.
+    """
     speeds = np.linspace(200.0, 700.0, 300)[:, None]
     whole = trim_points(F16, ("speed",), speeds)
     for rows in (slice(7, 8), slice(100, 140)):
@@ -94,8 +97,10 @@ def test_no_row_with_free_states_depends_on_others() -> None:
     "factor", [*(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.01, 5.0)), 100.0]
 )
 def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, factor: float) -> None:
-    """With a wrong nominal size the slow flight is found, and a sweep converges without single
-    trims."""
+    """With a wrong nominal value of a state, the trim of a slow flight is found.
+
+    A sweep converges without searches for single trims.
+    """
     signals = getattr(F16, kind)
     scaled = signals[name]._replace(nominal=factor * signals[name].nominal)
     model = replace(F16, **{kind: {**signals, name: scaled}})
@@ -116,8 +121,10 @@ def rotating(x, u, p, w):
 
 
 def test_an_undetermined_trim_is_reported() -> None:
-    """A trim with a free quaternion norm is reported as undetermined. A trim with a held component
-    is not."""
+    """A trim with a free quaternion norm is reported as undetermined.
+
+    If a component of the quaternion is held, the trim is determined.
+    """
     free = Model(
         "rotation",
         {"a": Signal(start=0.7), "b": Signal(start=0.5), "rate": Signal()},
@@ -146,7 +153,7 @@ def test_imbalances_that_do_not_matter_are_not_named() -> None:
 
 
 def test_modes_of_the_book() -> None:
-    """Modes of the F-16 equal those printed in the book."""
+    """Modes of the F-16 equal those printed by Stevens and Lewis."""
     model = F16.with_parameters(xcg=0.3)
     computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
@@ -193,7 +200,7 @@ def test_trim_and_modes_of_the_gtm() -> None:
 
 
 def test_rates_of_the_book() -> None:
-    """The rates of the F-16 agree with Table 3.5-2 of the book."""
+    """The rates of the F-16 agree with Table 3.5-2 of Stevens and Lewis."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [
         -75.23724,
@@ -237,8 +244,10 @@ def test_the_back_side_is_another_trim() -> None:
 
 
 def test_swept_turns_equal_single_trims() -> None:
-    """A sweep of turns equals single trims. The bank increases with the turn rate and is below 90
-    deg."""
+    """A sweep of turns equals single trims.
+
+    The bank angle increases with the turn rate and is below 90 deg.
+    """
     rates = np.linspace(0.0, 0.25, 26)
     swept = sweep(F16, {"turn_rate": rates})
     bank = swept.states[:, list(F16.states).index("roll")]
@@ -273,9 +282,9 @@ def test_states_without_balance_are_left_and_named() -> None:
 
 
 def test_other_starts_cross_a_flat_region() -> None:
-    """Further initial guesses find a trim beyond a flat region.
+    """Further initial guesses find a trim beyond a region in which the throttle has no effect.
 
-    Here the throttle has no effect below one half.
+    The throttle has no effect below one half.
     """
 
     def engine(x, u, p, w):
@@ -319,7 +328,7 @@ def simple(equations: object, **more: object) -> Model:
     ],
 )
 def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) -> None:
-    """A nominal size that is wrong by a factor of 1,000 changes neither the trim nor the kinks."""
+    """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the kinks."""
     reference = trimmed(F16)
     kinks = linearize(F16, reference).kinks
     signals = getattr(F16, kind)

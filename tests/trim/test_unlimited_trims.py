@@ -1,4 +1,4 @@
-"""Trims of aircraft that declare no limits remain in the usual range of flight."""
+"""Trims of aircraft that declare no limits. They remain in the usual range of flight."""
 
 from __future__ import annotations
 
@@ -48,8 +48,10 @@ TURNING = Model(
 
 @pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
 def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
-    """The bank satisfies tan(bank) = V turn / g and is below 90 deg, and the report states which
-    variables have no limits."""
+    """Without limits, the bank angle satisfies tan(bank) = V turn / g and is below 90 deg.
+
+    The report states which variables have no limits.
+    """
     point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
     assert point["lift"] > 0.0
@@ -64,7 +66,9 @@ def test_a_sweep_stays_where_its_points_do() -> None:
 
 
 def test_a_far_trim_is_noted_first() -> None:
-    """If the only trim has a bank above 90 deg, the first line of the report states the bank."""
+    """If the only trim has a bank angle above 90 deg, the first line of the report states the
+    angle.
+    """
     inverted = hfa.Model(
         "inverted",
         {"bank": Signal("rad", start=3.0)},

@@ -25,7 +25,7 @@ STORED = ROOT / "studies" / "best_flights" / "results" / "best_flights.json"
 
 
 def test_stored_linear_models_are_todays() -> None:
-    """The stored A and B equal those of the current aircraft.
+    """The A and B stored by the study equal those of the current aircraft.
 
     Flights are stored for every dihedral angle within each set of limits.
     """
@@ -55,10 +55,10 @@ def test_a_flight_is_found_again(index: int) -> None:
 
 
 def test_stored_examination_is_what_the_page_shows() -> None:
-    """The table in docs/optimize.md follows from stored flights, which meet the requirements.
+    """The table in docs/optimize.md follows from the stored flights of the examination.
 
-    The costs by SciPy agree within 1 %, finer meshes within 0.5 %, and 95 % of the flights are
-    found.
+    The stored flights meet its requirements. The costs by SciPy agree within 1 %, the costs on
+    finer meshes within 0.5 %, and 95 % of the flights are found.
     """
     rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
     page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")
@@ -74,7 +74,9 @@ def test_stored_examination_is_what_the_page_shows() -> None:
 
 
 def test_a_wrong_cost_is_noticed() -> None:
-    """SciPy confirms the cost of a flight of the pendulum, but not for changed states."""
+    """SciPy confirms the cost of a flight of the pendulum. With changed states, the costs
+    differ.
+    """
     problem = problem_of("examples/pendulum.py:PENDULUM")
     (start,) = drawn_starts(problem, 1, 0)
     flown = BestFlights(problem).found(start).flown

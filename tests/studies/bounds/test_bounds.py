@@ -1,4 +1,4 @@
-"""The study that compares flights with lower bounds on their cost."""
+"""The study that compares costs of flights with proved lower bounds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 def flown_over(coefficient: float) -> FlownAbove:
-    """Compare flights of x' = u with Q = R = 1 with the bound W = k x², where x² is the least cost.
+    """Return the costs of flights of x' = u with Q = R = 1, compared with the bound W = k x².
+
+    The least cost is x².
 
     coefficient: k
     """
@@ -55,7 +57,9 @@ def test_the_navion_is_that_of_the_tutorial() -> None:
 
 
 def test_the_flexible_aircraft_equals_the_paper() -> None:
-    """A and B of the aircraft with constant altitude equal those of the paper's aircraft."""
+    """A and B of the study's aircraft with constant altitude equal those of the paper's
+    aircraft.
+    """
     dihedral = {"dihedral": float(np.radians(10.0))}
     paper = hfa.find_operating_point(hfa.aircraft("published"), hold=dihedral)
     own = hfa.find_operating_point(FLEXIBLE)

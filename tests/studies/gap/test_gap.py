@@ -18,7 +18,9 @@ STORED = ROOT / "studies" / "gap" / "results" / "gap.json"
 
 
 def test_actions_reach_the_nearer_limit_at_most() -> None:
-    """The inputs at the ends of the action range are within the limits, one of them at a limit."""
+    """At the ends of the action range, all inputs are within the limits, and one end is at a
+    limit.
+    """
     point = TASKS[1].point()
     deployment = deployment_of(point)
     inputs = point.model.inputs
@@ -32,9 +34,10 @@ def test_actions_reach_the_nearer_limit_at_most() -> None:
 
 
 def test_a_departed_flight_is_no_success() -> None:
-    """A flight that leaves the envelope is not counted as staying and is excluded from the ratios.
+    """A flight that leaves the envelope is not counted as staying. It is excluded from the cost
+    ratios.
 
-    An initial condition without a best flight is compared only with the LQR.
+    A flight from an initial condition without a best flight is compared only with the LQR.
     """
     column = [
         Outcome(stays=True, converges=True, cost=2.0),
@@ -50,7 +53,9 @@ def test_a_departed_flight_is_no_success() -> None:
 
 
 def test_another_setting_trains_anew(tmp_path: Path) -> None:
-    """A training is not finished if its policy is missing or its record is not valid."""
+    """A training run does not count as finished if its policy is missing or its record is not
+    valid.
+    """
     run = Run(TASKS[0], "PPO", 1, tmp_path)
     assert run.trained() is None
     run.policy.write_bytes(b"")

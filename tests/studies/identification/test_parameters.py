@@ -31,7 +31,9 @@ THIRD = [
 
 
 def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
-    """Return the parameters with each identified one multiplied by a random factor in exp(±0.2)."""
+    """Return random parameters: each identified parameter is multiplied by a factor in
+    exp(±0.2).
+    """
     factors = np.exp(rng.uniform(-0.2, 0.2, len(IDENTIFIED)))
     return parameters._replace(
         **{
@@ -42,7 +44,9 @@ def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
 
 
 def printed(parameters: Parameters) -> list[PublishedModel]:
-    """Return the matrices of an aircraft at both printed angles, rounded as in the paper."""
+    """Return the matrices A and B of an aircraft at both printed angles, rounded as in the
+    paper.
+    """
     models = []
     for published in published_models():
         exact = regenerate(hfa.aircraft(parameters=parameters), published)
@@ -80,7 +84,9 @@ def identified() -> tuple[Fit, list[float]]:
 def test_all_rough_starts_fit_print_well_rounding_allows(
     identified: tuple[Fit, list[float]],
 ) -> None:
-    """All rough initial guesses lead to the same fit, whose errors are those of rounding."""
+    """All rough initial guesses lead to the same fit. Its errors are as small as rounding
+    permits.
+    """
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
@@ -135,9 +141,9 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
 def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
-    """If one entry at 5 deg is changed by 0.01, no parameters fit all entries.
+    """If one printed entry at 5 deg is changed by 0.01, no parameters fit all entries.
 
-    An exception is an entry printed with one decimal.
+    An exception is the entry that is printed with one decimal.
     """
     near = np.log(
         np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
@@ -158,7 +164,7 @@ def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     ],
 )
 def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
-    """If a term of the published dynamics is replaced by Newton's, the best fit misses an entry.
+    """If a term of the published dynamics is replaced by Newton's, some entry cannot be fitted.
 
     The largest difference exceeds 1000 half units of the last printed digit.
     """
@@ -179,7 +185,7 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
 def test_of_coupling_two_terms_needed_square_changes_nothing(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
-    """The fit misses an entry if one of two terms of the hinge coupling is changed.
+    """If one of two terms of the hinge coupling is changed, some printed entry cannot be fitted.
 
     A term with the squared rate does not prevent the fit. The added terms are m s V times `speed`
     and m s² cos η sin η η'² times `square`.
@@ -197,11 +203,11 @@ def test_of_coupling_two_terms_needed_square_changes_nothing(
 def test_expected_sum_is_what_drawn_rounding_errors_leave(
     parameters: Parameters, identified: tuple[Fit, list[float]]
 ) -> None:
-    """The expected sum of squares equals the mean for simulated rounding errors.
+    """The expected sum of squares of a fit equals the mean for simulated rounding errors.
 
     The errors are uniform within half a unit, and equal for a number that is printed at both
-    angles. The sums are those that no change of the parameters can reduce, with derivatives by
-    finite differences.
+    angles. A sum contains only errors that no change of the parameters can reduce. The derivatives
+    are finite differences.
     """
     models = published_models()
 
@@ -239,7 +245,7 @@ def test_expected_sum_is_what_drawn_rounding_errors_leave(
 
 
 def test_one_angle_determines_all_but_one_combination() -> None:
-    """The matrices at one angle determine all parameters except for one combination.
+    """The printed matrices at one angle determine all parameters except for one combination.
 
     The combination is a factor of the pitch-rate row. It consists of the constant and the sin² part
     of the pitch inertia.
@@ -284,7 +290,9 @@ THIN = 1 - 16.14e-6
 
 
 def test_the_released_constants_lie_within_two_standard_errors(parameter_set: ParameterSet) -> None:
-    """The released constants are within two standard errors of the identified parameters."""
+    """The constants of the released simulation are within two standard errors of the identified
+    ones.
+    """
     for name, value in RELEASED.items():
         distance = abs(getattr(parameter_set.values, name) - value)
         assert distance <= 2.0 * parameter_set.standard_errors[name], name
@@ -294,7 +302,10 @@ def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Pa
 def test_released_constants_in_their_thinner_air_print_paper(
     parameters: Parameters, density: float, half_units: tuple[float, float]
 ) -> None:
-    """The released constants reproduce the printed entries only with their own, thinner air."""
+    """The constants of the released simulation reproduce the printed entries only in thinner air.
+
+    The air density is that of the released simulation.
+    """
     values = dict(RELEASED)
     for name in (
         "lift_slope",

@@ -1,4 +1,4 @@
-"""A, B and thrust of JSBSim aircraft compared with JSBSim."""
+"""A, B and thrust of models read from JSBSim files, compared with JSBSim."""
 
 from __future__ import annotations
 

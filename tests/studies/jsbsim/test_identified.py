@@ -23,9 +23,10 @@ from studies.jsbsim.identified import (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_bands_hold_slopes_of_jsbsim(name: str) -> None:
-    """More than 90 % of the 95 % bands contain the derivatives of JSBSim and of this project.
+    """More than 90 % of the 95 % bands contain the derivatives of JSBSim's linearization.
 
-    No band of the pitch damping contains 1.1 times the true value.
+    The same is true for this project's linearization. No band of the pitch damping contains 1.1
+    times the true value.
     """
     case = CASES[name]
     point, flights = flown(name, case)

@@ -1,4 +1,4 @@
-"""Claims of Section 5: verdicts follow from the numbers, and the stored results are current."""
+"""Claims of Section 5. Verdicts follow from the numbers, and the stored results are current."""
 
 from __future__ import annotations
 
@@ -99,10 +99,10 @@ def test_the_stored_results_are_those_of_this_configuration() -> None:
 
 @pytest.mark.slow
 def test_the_results_come_out_again(tmp_path: Path) -> None:
-    """A new run reproduces all stored verdicts, and the numbers of this project's laws within 1e-6.
+    """A new run of the study reproduces all stored verdicts.
 
-    The paper's law chatters. Therefore its numbers depend on the processor, but its verdicts do
-    not.
+    The numbers of this project's laws agree within 1e-6. The paper's law chatters. Its numbers
+    therefore depend on the processor, but its verdicts do not.
     """
     assert section5.main(["-o", str(tmp_path)]) == 0
     again = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
@@ -141,9 +141,10 @@ def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf)
 
 
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
-    """Return evidence with four flights of Section 5.3 under the exact law, with the given metrics.
+    """Return evidence with flights of Section 5.3 under the exact law, which have the given
+    metrics.
 
-    tables: rms error by name for each flight, where the entry "a" is also the cost
+    tables: rms errors by name for each flight. The entry "a" is also the cost.
     lost_at: time when the last flight leaves the envelope, s
     """
     plans = [
@@ -173,7 +174,7 @@ TABLES = [{"a": 1.0, "b": 4.0, "c": np.inf}, *[{"a": 2.0, "b": 3.0, "c": np.inf}
     ],
 )
 def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], value: float) -> None:
-    """A measure is computed from the flights and names in its declaration.
+    """The measure of a claim is computed from the flights and names in its declaration.
 
     A flight that leaves the envelope raises an error with its name.
     """
@@ -200,7 +201,8 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
-    """The verdict on a claim follows from its number, its limit and missing data.
+    """The verdict on a claim follows from its measured number, its limit and data missing in the
+    paper.
 
     A flight that leaves the envelope gives no number and confirms no claim.
     """
@@ -214,7 +216,7 @@ def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, ver
 
 
 def test_claims_about_print_are_those_of_printed_matrices() -> None:
-    """Claims about the paper's print are evaluated with the printed matrices."""
+    """Claims about the paper's printed numbers are evaluated with the printed matrices."""
     at_15, at_5 = published_models()
     about = {
         claim.number: claim

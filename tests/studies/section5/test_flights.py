@@ -97,9 +97,9 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
 def test_tracking_is_what_another_study_found(
     dihedral: float, law: str, changes: dict[str, Any], expected: tuple[float, float, float]
 ) -> None:
-    """The rms tracking errors with the printed matrices agree with those of another study.
+    """The rms tracking errors with the printed matrices agree with those of an independent study.
 
-    That study used the opposite sign of one entry of A, which changes the third digit.
+    That study used the opposite sign of one entry of A. This changes the third digit.
     """
     errors = flown(COARSE | changes, FlightPlan(dihedral, law), matrices="printed").metrics[
         "rms_error"
@@ -139,7 +139,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
 
 
 def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
-    """All states agree within 1e-6 with DOP853 (rtol 1e-10), which is restarted at each tick."""
+    """All states of a flight agree within 1e-6 with DOP853 (rtol 1e-10), restarted at each tick."""
     from scipy.integrate import solve_ivp
 
     setting = make_setting(section5_configuration(BRIEF))
@@ -257,7 +257,9 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
     ],
 )
 def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
-    """For each choice of the unprinted signs, docs/experiments.md states the error of alpha."""
+    """docs/experiments.md states the error of alpha for each choice of the signs that are not
+    printed.
+    """
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
         changes = {"reference": Waveform(np.array(changes), own.slope, own.harmonics)}

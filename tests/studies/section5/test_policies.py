@@ -53,7 +53,12 @@ def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
 def expected(
     law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and W' of Eq. (46), computed by `studies.update_law` for the drift F = A z + r."""
+    """Return u and W' of Eq. (46), computed by `studies.update_law` for the drift F = A z + r.
+
+    r: forcing by the reference, (6,)
+    z: tracking error, (6,)
+    W: weights, (M,)
+    """
     e = law.equations
     s = law.settings
     y = (z / e.scales)[None, :]
@@ -100,7 +105,7 @@ def flown(
 def test_the_right_sides_are_equal(
     normalisation: str, coordinates: str, basis: str, told: bool
 ) -> None:
-    """Input and weight rate of the policy equal an independent computation.
+    """Input and weight rate of the policy that learns in flight equal an independent computation.
 
     All interpretations of the paper are tested.
     """
@@ -121,7 +126,7 @@ def test_the_right_sides_are_equal(
 
 
 def test_another_law_is_seen() -> None:
-    """The comparison detects another exponent η and a missing reference."""
+    """The comparison of weight rates detects another exponent η and a missing reference."""
     law = law_with()
     z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
     W = np.linspace(-50.0, 100.0, law.basis.size)
@@ -151,7 +156,9 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
 
 
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
-    """The feedforward satisfies its differential equation (derivatives by central differences)."""
+    """The feedforward s(t) satisfies its differential equation, with derivatives by central
+    differences.
+    """
     P = solve_game(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
     loop = game.A - game.S @ P
@@ -167,7 +174,9 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
 
 
 def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game) -> None:
-    """A constant reference gives a constant feedforward, and a free motion gives none."""
+    """A constant reference has a constant feedforward. A free motion of the plant as reference
+    has none.
+    """
     P = solve_game(game).P
     level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))
@@ -254,7 +263,7 @@ def test_costs_of_exact_policies_equal_the_value(game: Game) -> None:
 def test_leaving_the_feedforward_costs_to_second_order() -> None:
     """A deviation from the exact policies changes the cost to second order.
 
-    The input u + ε v costs ε² ∫ v'R v more, and the disturbance d + ε g changes the cost by
+    The input u + ε v increases the cost by ε² ∫ v'R v. The disturbance d + ε g changes it by
     -ε² δ² ∫ g'g.
     """
     game = game_models()[min(game_models())]

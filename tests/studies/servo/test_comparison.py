@@ -33,7 +33,9 @@ FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
 
 
 def errors(flight: ServoFlight) -> tuple[float, float]:
-    """Return the rms errors of dihedral angle (deg) and vertical acceleration (ft/s²)."""
+    """Return the rms errors of dihedral angle (deg) and vertical acceleration (ft/s²) in a
+    flight.
+    """
     angle, acceleration = flight.tracked
     return float(np.degrees(angle.rms)), acceleration.rms
 
@@ -45,7 +47,7 @@ def test_a_case_is_flown_kept_and_resumed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The paper's policy leaves the envelope after the fault, and SimVFA's LQR does not.
+    """The paper's policy leaves the envelope after the fault of a case, and SimVFA's LQR does not.
 
     With --resume, a finished case is reused, and a changed result file is replaced. Unknown cases,
     laws and too long durations are refused.
@@ -107,7 +109,10 @@ STORED_ROWS = [
 
 
 def test_the_findings_have_stored_results() -> None:
-    """Every case has a stored result, and findings.md shows only rows of stored results."""
+    """Every case with the published dynamics has a stored result.
+
+    findings.md shows only rows of stored results.
+    """
     published = [case["case"] for case in STORED if case["dynamics"] == "published"]
     assert published == list(CASES)
     shown = re.findall(r"^\| order-.*$", FINDINGS, re.M)
@@ -147,7 +152,9 @@ def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model,
 
 @pytest.mark.slow
 def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
-    """A flight stays within the envelope in the largest gust, but not in one 1 ft/s stronger."""
+    """A flight stays within the envelope in the largest gust found, but not in one 1 ft/s
+    stronger.
+    """
     controller = designed_servo(published_aircraft)
     model = model_at(11.0)
     acting = Actuator(2, 2.0)
@@ -161,7 +168,7 @@ def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -
 
 
 def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
-    """The loop is stable with 0.98 times its delay margin and unstable with 1.02 times.
+    """The servo loop is stable with 0.98 times its delay margin and unstable with 1.02 times.
 
     The delay is approximated by Padé's approximant at all inputs.
     """
@@ -230,7 +237,9 @@ def test_the_stored_requirements_are_of_the_shipped_design(
 
 
 def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
-    """SimVFA's servo loop is stable for `published` and `newton`, but not for `unsteady`."""
+    """SimVFA's servo loop is stable with the dynamics `published` and `newton`, but not
+    `unsteady`.
+    """
     servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
     assert margins_of("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins_of("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)

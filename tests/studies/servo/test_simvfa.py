@@ -1,4 +1,4 @@
-"""SimVFA's servos: reference model, and an independent form of the adaptive laws."""
+"""SimVFA's servos: the reference model, and adaptive laws compared with an independent form."""
 
 from __future__ import annotations
 
@@ -111,7 +111,10 @@ def random_models(seed: int, states: int) -> list[ReferenceModel]:
 
 
 def between(models: list[ReferenceModel]) -> tuple[np.ndarray, ...]:
-    """Return A, B, K, L, S, R⁻¹ and squared-up B halfway between two models, and C of the first."""
+    """Return A, B, K, L, S, R⁻¹ and squared-up B halfway between two reference models, and C.
+
+    C is that of the first model.
+    """
     names = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
     return (*(sum(getattr(each, name) for each in models) / 2 for name in names), models[0].C)
 
@@ -125,7 +128,7 @@ def law_of(kind: type[AdaptivePolicy], models: list[ReferenceModel]) -> Adaptive
 
 
 def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the inputs u controlled by a law, and the time derivative of its memory."""
+    """Return the inputs u that an adaptive law controls, and the time derivative of its memory."""
     states = ca.SX(6, 1)
     nothing = ca.SX(0, 1)
     states[4] = _RISEN
@@ -141,7 +144,7 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np.ndarray]:
-    """Split the memory into matrices of these shapes, which are stored by columns."""
+    """Return the parts of a memory as matrices of these shapes, which are stored by columns."""
     ends = np.cumsum([rows * columns for rows, columns in shapes])[:-1]
     return [
         each.reshape(shape, order="F")
@@ -154,10 +157,10 @@ SHAPES_2 = ((2, 1), (10, 1), (2, 1), (8, 1), (2, 2), (6, 2), (8, 2), (3, 1), (3,
 
 
 def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and the time derivative of the memory for degree 2, from the equations.
+    """Return u and the time derivative of the memory for the adaptive law of degree 2.
 
-    Π f = f + f'/2, where f' is a central difference. The difference is exact, because f is a
-    product of two factors.
+    They follow from the equations. Π f = f + f'/2, where f' is a central difference. The difference
+    is exact, because f is a product of two factors.
 
     y: the memory
     """
@@ -235,7 +238,10 @@ def operated(psi: Signal, x: Signal) -> np.ndarray:
 def by_equations_3(
     memory: np.ndarray, models: list[ReferenceModel]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and the time derivative of the memory for degree 3, from the equations."""
+    """Return u and the time derivative of the memory for the adaptive law of degree 3.
+
+    They follow from the equations.
+    """
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     left = iter(parts_of(memory, SHAPES_3))
     rates = []
@@ -332,7 +338,7 @@ def by_equations_3(
 def test_an_adaptive_law_is_what_its_equations_say(
     kind: Any, expected: Any, states: int, ones: int
 ) -> None:
-    """At a random memory and for random models, an adaptive law agrees with its equations.
+    """An adaptive law agrees with its equations at a random memory and for random models.
 
     In its initial memory, only the nominal effectiveness is nonzero.
     """

@@ -1,4 +1,4 @@
-"""Confidence bands compared with the Cramér-Rao bounds printed by SIDPAC."""
+"""Confidence bands of `identify` compared with the Cramér-Rao bounds printed by SIDPAC."""
 
 from __future__ import annotations
 

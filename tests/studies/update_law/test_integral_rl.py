@@ -1,4 +1,4 @@
-"""The integral-learning baseline: recorded integrals, policy evaluation and requirements."""
+"""Integral reinforcement learning: recorded integrals, policy evaluation and requirements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def stable_learning(**changes: Any) -> IntegralLearning:
 
 
 def test_integrals_are_those_of_the_flight() -> None:
-    """The recorded integrals agree with Simpson's rule on a fine grid."""
+    """The recorded integrals of a flight agree with Simpson's rule on a fine grid."""
     from scipy.integrate import simpson
 
     law = stable_learning()
@@ -50,7 +50,7 @@ def test_integrals_are_those_of_the_flight() -> None:
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
-    """Each iteration computes the value of the previous policies."""
+    """Each iteration of the learning computes the value of the previous policies."""
     law = stable_learning(form=form, iterations=4)
     weights = run(law).history["weights"]
     matrices = [law.basis.matrix(w) for w in weights]

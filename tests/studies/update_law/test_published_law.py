@@ -88,7 +88,7 @@ def test_direction_is_the_printed_sum() -> None:
 
 
 def test_gains_are_those_of_the_theorem() -> None:
-    """The gains equal the formulas of Theorem 1, and are inf if the samples are rank deficient."""
+    """The gains α equal the formulas of Theorem 1. For rank-deficient samples they are inf."""
     regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
     gains = theorem_gains(regressors, gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
     assert gains.lambda_0 == pytest.approx(0.25)
@@ -154,7 +154,9 @@ def test_explicit_steps_stable_below_limit_and_not_above() -> None:
 
 @pytest.mark.parametrize("gain", [1.0, 1e4, 1e9])
 def test_implicit_step_satisfies_its_equation(gain: float) -> None:
-    """The implicit step satisfies (end - start) / step = direction(end), even for gains of 1e9."""
+    """An implicit step of the law satisfies (end - start) / step = direction(end), even for
+    gains of 1e9.
+    """
     sample = random_sample(4)
     gamma = 0.01
     step = 0.1
@@ -177,7 +179,9 @@ def test_implicit_step_satisfies_its_equation(gain: float) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("policies", ["frozen", "reevaluated"])
 def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) -> None:
-    """The paper's settings overflow, and the error states lambda_0, alpha1 and the stable step."""
+    """With the paper's settings the law overflows. The error states lambda_0, alpha1 and the
+    stable step.
+    """
     game, _ = published(name)
     with pytest.raises(
         NoSolutionError,
@@ -187,7 +191,7 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
 
 
 def test_defaults_are_those_of_the_paper() -> None:
-    """The default settings equal the printed ones."""
+    """The default settings of the law equal those printed in the paper."""
     printed = published_data()["critic"]
     chosen = PublishedSettings()
     assert chosen.predefined_time == printed["T_w_s"]
@@ -235,9 +239,9 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
 
 
 def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
-    """A flight with chosen gains α equals explicit Euler steps written out in this test.
+    """A training run in flight with chosen gains α equals Euler steps written out in this test.
 
-    The run does not settle, and its diagnostics contain the chosen gains and λ₀.
+    The run does not settle. Its diagnostics contain the chosen gains and λ₀.
     """
     game = stable_game()
     functions = basis("quadratic", 2)

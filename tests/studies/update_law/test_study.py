@@ -1,4 +1,4 @@
-"""The stored table of the update-law study is current, and a new run reproduces it."""
+"""The stored table of the update-law study, which is current and can be reproduced."""
 
 from __future__ import annotations
 
@@ -70,7 +70,9 @@ def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
 
 
 def test_another_outcome_is_seen() -> None:
-    """The comparison of rows detects a changed overflow, certificate, error or gain."""
+    """The comparison of a stored with a new row detects a changed overflow, certificate, error
+    or gain.
+    """
     row = COMMITTED[FROZEN]
     assert_same_outcome(row, row)
     for change in (

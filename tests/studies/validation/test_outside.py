@@ -1,4 +1,4 @@
-"""Comparison with external data: the identified aircraft passes, and planted errors are detected.
+"""Comparison with external data. The identified aircraft passes, and planted errors are detected.
 
 The data also determine how each inertia depends on the dihedral angle.
 """
@@ -32,7 +32,7 @@ from trim import compare, regenerate
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
-    """The identified aircraft passes all checks at 20 trims and for 27 printed entries."""
+    """The identified aircraft passes all checks at 20 released trims and for 27 printed entries."""
     validation = validate(published_aircraft)
     assert [check for check in validation.checks if not check.ok] == []
     assert {trim.speed for trim in validation.trims} == {68.0, 64.0, 30.0}
@@ -42,7 +42,9 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    """The `newton` dynamics fail the eigenvalues at 30 ft/s and the third printed model."""
+    """The `newton` dynamics fail the checks of the eigenvalues at 30 ft/s and of a third printed
+    model.
+    """
     validation = validate(hfa.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in validation.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
@@ -62,7 +64,9 @@ def test_first_principles_are_not_what_was_released(parameters: Parameters) -> N
 def test_a_wrong_parameter_is_seen(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
-    """A wrong parameter fails the expected check, and every failed check has a reason."""
+    """A wrong parameter fails the check that is expected for it, and every failed check has a
+    reason.
+    """
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
     failed = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
     assert check in {check.name for check in failed}
@@ -105,9 +109,9 @@ def test_half_units_of_printed_and_exact_entries(
 
 
 def test_the_simulations_values_pass_in_its_air() -> None:
-    """The released parameters pass with the air density of the released simulation.
+    """The parameters of the released simulation pass with the air density of this simulation.
 
-    In the standard atmosphere, the released parameters fail four checks.
+    In the standard atmosphere, they fail four checks.
     """
     gravity, gas, radius = (
         32.17405,
@@ -149,7 +153,9 @@ class PrintedInertia(Published):
 
 
 class FreeFactor(PrintedInertia):
-    """The published dynamics with a constant c in d3 that is identified from the printed pairs."""
+    """The published dynamics with a constant factor c in d3, identified from the printed pairs
+    (A, B).
+    """
 
     factor = 0.039211
 
@@ -168,7 +174,7 @@ def failed(found: Validation) -> dict[str, float]:
 
 
 def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
-    """Return a factor that is 1 + size at one dihedral angle, and 1 beyond about 2 deg."""
+    """Return a factor that is 1 + size at one dihedral angle, and 1 a few degrees away from it."""
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
@@ -209,7 +215,7 @@ def test_cos_squared_fits_the_print_and_fails_outside(
 def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
-    """The hinge inertia printed by Gibson et al. fails the check of their figure.
+    """The hinge inertia printed by Gibson et al. contradicts the roots in their figure.
 
     The figure shows the fast roots -7.25 at 0 deg and -7.85 at 45 deg. These roots require the sign
     + and cos(η²).
@@ -226,7 +232,9 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
 def test_inertia_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
-    """Errors at one angle of 2e-5 in the hinge and 3e-4 in the pitch inertia are detected."""
+    """Errors at one angle of 2e-5 in the hinge inertia and 3e-4 in the pitch inertia are
+    detected.
+    """
 
     class Off(Published):
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:

@@ -33,7 +33,7 @@ LINEAR = 1e-10
 def points(count: int, seed: int) -> np.ndarray:
     """Return random states, inputs and zero winds, (count, 12 + winds).
 
-    Altitudes near a kink of the density are moved by 1000 ft.
+    Altitudes near the kink of the density at the tropopause are moved by 1000 ft.
     """
     states, inputs = random_points(count, seed)
     altitude = np.clip(states[:, 2], 500.0, 64_500.0)
@@ -43,7 +43,7 @@ def points(count: int, seed: int) -> np.ndarray:
 
 
 def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
-    """Return rates and outputs, computed by the equations with numbers.
+    """Return rates and outputs of the aircraft at z, computed by the equations with numbers.
 
     z: states (7), inputs (5), winds
     """
@@ -59,7 +59,9 @@ def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarr
 
 
 def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
-    """Return [A B E; C D F], with each column multiplied by the step in `SCALES`."""
+    """Return the linear model [A B E; C D F], with each column multiplied by the step in
+    `SCALES`.
+    """
     model = aircraft
     model = replace(model, equations=replace(model.equations, ground_drag=ground_drag))
     exact = model.at(z[:7], z[7:12], WATCHED, NAMES)
@@ -71,7 +73,8 @@ def slopes(
 ) -> np.ndarray:
     """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows).
 
-    The slopes are 2 for an exact J and 1 for a wrong one.
+    f are the equations and J is the linear model. The slopes are 2 for an exact J and 1 for a wrong
+    one.
 
     planted: (row, column) of an entry of J that is changed, or None
     """
@@ -93,9 +96,9 @@ def slopes(
 
 @pytest.mark.parametrize("ground_drag", [False, True])
 def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
-    """The Taylor remainder of each row has the median order 2.
+    """The Taylor remainder of each row of the linear model has the median order 2.
 
-    In some directions the second-order terms cancel, so that a single order may differ.
+    In some directions the second-order terms cancel, and the order differs.
     """
     differences = slopes(aircraft, 100, ground_drag=ground_drag)
     typical = np.median(differences, axis=0)
@@ -119,7 +122,9 @@ def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bo
 def test_one_wrong_entry_is_seen_in_its_row(
     published_aircraft: Model, row: str, column: str
 ) -> None:
-    """An error planted in one entry lowers the order of the remainder in its row only."""
+    """An error planted in one entry of the linear model lowers the remainder's order in its row
+    only.
+    """
     at_row = ROWS.index(row)
     at_column = COLUMNS.index(column)
     typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)

@@ -60,7 +60,7 @@ def test_transfer_functions_have_the_models_response(model: LinearModel) -> None
 
 
 def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
-    """Transmission zeros equal those of SLICOT for systems with one to three inputs and outputs."""
+    """Transmission zeros equal those computed by SLICOT, for one to three inputs and outputs."""
     pytest.importorskip("slycot")
     for size in (1, 2, 3):
         B = model.B[:, :size]
@@ -88,7 +88,8 @@ def test_a_known_zero_is_found_and_cancels() -> None:
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("slow", [0.0, -1e-3])
 def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
-    """A free body with a lag of 0.5 s has an infinite static gain, with a spring a finite one.
+    """A free body with a lag of 0.5 s has an infinite static gain. With a spring, the gain is
+    finite.
 
     The coordinates are random, with rounded entries.
     """
@@ -104,8 +105,10 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
 
 
 def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
-    """The static gain of (s + 5e-10) / (s (s + 1)) is infinite: the slow zero does not cancel the
-    pole 0."""
+    """The static gain of (s + 5e-10) / (s (s + 1)) is infinite.
+
+    The slow zero does not cancel the pole 0.
+    """
     A = np.array([[0.0, 1.0], [0.0, -1.0]])
     system = StateSpace(A, np.array([[0.0], [1.0]]), np.array([[5e-10, 1.0]]), np.zeros((1, 1)))
     _, static, zeros, poles = gain_and_roots(system, spectrum(A), 1.0)
@@ -118,7 +121,7 @@ def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
 def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
     """A residualized model equals python-control's and keeps the static gain.
 
-    At a low frequency a residualized model is more accurate than a truncated one.
+    At low frequency, a residualized model is more accurate than a truncated one.
     """
     follow = ("alpha", "pitch_rate")
     keep = tuple(name for name in model.states if name not in follow)

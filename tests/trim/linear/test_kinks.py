@@ -1,4 +1,7 @@
-"""A and B at a kink: the knot of a table, |x|, sign, min, max or a comparison."""
+"""A and B at a kink of the equations.
+
+A kink is the knot of a table, |x|, sign, min, max or a comparison.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ def at(model: Model, x: float) -> Any:
 
 @pytest.mark.parametrize("name", FORCES)
 def test_a_kink_has_the_mean_slope(name: str) -> None:
-    """At a kink A contains the mean of both slopes, and a note names the entry."""
+    """At a kink, A contains the mean of the slopes on both sides, and a note names the entry."""
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
     assert model.A[1, 0] == pytest.approx((below + above) / 2, abs=1e-13)
@@ -70,12 +73,12 @@ def test_a_kink_has_the_mean_slope(name: str) -> None:
 
 @pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
 def test_a_knot_hit_by_rounding_has_the_mean(offset: float) -> None:
-    """A trim that is at a knot up to rounding has the mean slope, too."""
+    """If a trim is at the knot of a table except for rounding, A contains the mean slope."""
     assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-13)
 
 
 def test_the_sides_of_a_curved_kink_are_exact() -> None:
-    """The mean slope at a curved kink is exact to 1e-11."""
+    """The mean slope at a kink with curved sides is exact to 1e-11."""
     model = at(cart(lambda x: 700 * ca.sin(x) + ca.fabs(x) * ca.exp(x)), 0.0)
     assert model.A[1, 0] == pytest.approx(700.0, abs=1e-11)
 
@@ -93,7 +96,9 @@ def test_a_smooth_table_has_no_note() -> None:
 
 
 def test_a_jump_is_named_and_keeps_its_slope() -> None:
-    """A note names a jump, such as dry friction, and A contains the slope without the jump."""
+    """A note names a jump of the equations, such as dry friction. A contains the slope without
+    the jump.
+    """
     model = at(cart(lambda x: ca.sign(x) + 2 * x), 0.0)
     assert model.A[1, 0] == 2.0
     assert model.kinks == (
@@ -102,7 +107,7 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
 
 
 def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
-    """A sweep uses the mean slope at a kink and names the kink, and a store counts the kinks."""
+    """A sweep uses the mean slope at a kink and names the kink. Its store counts the kinks."""
     result = sweep(cart(TABLE), {"x": [-0.5, 0.0, 0.5]})
     assert result.A[:, 1, 0] == pytest.approx([-1.0, 1.0, 3.0], abs=1e-8)
     np.testing.assert_allclose(result.eigenvalues[1] ** 2, 1.0, atol=1e-8)

@@ -39,7 +39,8 @@ PRINTED = pytest.mark.parametrize(
 
 def half_units(model: LinearModel, published: PublishedModel) -> float:
     """Return the largest |computed - printed| of A and B, in half units of the last printed
-    digit."""
+    digit.
+    """
     A = np.abs(model.A - published.A) / published.half_unit_A
     B = np.abs(model.B - published.B) / published.half_unit_B
     return float(max(A.max(), B.max()))
@@ -49,7 +50,9 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
 def test_every_printed_entry_is_regenerated(
     published_aircraft: Model, published: PublishedModel
 ) -> None:
-    """All 66 printed entries are reproduced within three half units of the last digit."""
+    """All 66 printed entries of A and B are reproduced within three half units of the last
+    digit.
+    """
     computed = regenerate(published_aircraft, published)
     assert half_units(computed, published) <= 3.0
     rows = compare(computed, published)
@@ -64,17 +67,16 @@ def test_every_printed_entry_is_regenerated(
 def test_a_parameter_one_percent_off_is_seen(
     parameters: Parameters, published: PublishedModel, name: str
 ) -> None:
-    """A change of one parameter by 1 % causes an error above three half units."""
+    """If one parameter is changed by 1 %, some entry has an error above three half units."""
     wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
-    """Eigenvalues agree with -7.11, -0.019 and -4.82 ± 18.66i of Ma and Peng (2021) to the last
-    digit.
+    """Eigenvalues at 5 deg agree with -7.11, -0.019 and -4.82 ± 18.66i of Ma and Peng (2021).
 
-    The fourth pair of the paper, 0.016 ± 0.64i, is not an eigenvalue of the printed matrix, which
-    has 0.0144 ± 0.751i.
+    They agree to the last digit. The fourth pair of that paper, 0.016 ± 0.64i, is not an eigenvalue
+    of the printed matrix, which has 0.0144 ± 0.751i.
     """
     eigenvalues = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
     quoted = np.array([-7.11, -0.019, -4.82 + 18.66j, -4.82 - 18.66j])
@@ -87,7 +89,7 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
-    """Trims at 15 and 5 deg are assigned to a printed model. A trim at 10 deg is not."""
+    """Trims at 15 and 5 deg are recognized as those of a printed model. A trim at 10 deg is not."""
     matches = [
         printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
         for degrees in (15.0, 10.0, 5.0)
@@ -111,9 +113,9 @@ def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
 def test_a_band_is_two_standard_errors(
     parameter_set: ParameterSet, dynamics: str, widest: float
 ) -> None:
-    """A band is two standard errors, sqrt(diag(J C J')).
+    """The half-width of a band is two standard errors, 2 sqrt(diag(J C J')).
 
-    J is computed from differences of linear models.
+    J is computed from differences of linear models. C is the covariance of the parameters.
     """
 
     def entries(values: Parameters) -> np.ndarray:
@@ -139,8 +141,10 @@ def test_a_band_is_two_standard_errors(
 def test_copies_of_an_identification_have_its_bands(
     parameter_set: ParameterSet,
 ) -> None:
-    """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %. Changes of
-    1e-6 or more are refused."""
+    """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %.
+
+    Bands are refused for changes of 1e-6 or more.
+    """
 
     def heavier(factor: float) -> ParameterSet:
         values = parameter_set.values
@@ -207,13 +211,15 @@ def test_a_point_of_other_dynamics_is_refused(
 
 
 def over_ground(aircraft: Model) -> Model:
-    """Return the model with drag that depends on the speed over ground instead of the airspeed."""
+    """Return the aircraft with drag that depends on the speed over ground instead of the
+    airspeed.
+    """
     model = aircraft
     return replace(model, equations=replace(model.equations, ground_drag=True))  # type: ignore[type-var]
 
 
 def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
-    """The columns of E for wind at the center and the outer panels add up to the column of uniform
+    """The columns of E for wind at the center and at the outer panels add up to that of uniform
     wind.
 
     In level trim, headwind has the effect of more speed over ground. Outward wind affects only
@@ -243,8 +249,10 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
 
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
-    """Return wind -> largest relative error of its column of E, compared with the released
-    simulation."""
+    """Return the largest relative error of the column of E for each wind.
+
+    The reference is the released simulation.
+    """
     aircraft, altitude = released_simulation()
     point = point_of(aircraft, altitude=altitude)
     model = linearize(

@@ -77,7 +77,7 @@ def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
 
 @pytest.mark.parametrize("slow", [-1e-9, 1e-6])
 def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
-    """A slow eigenvalue above rounding is not replaced by 0."""
+    """A slow eigenvalue that exceeds rounding is not replaced by 0."""
     basis = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
     A = basis @ np.diag([-3.0, -1.0, slow]) @ np.linalg.inv(basis)
     *_, slowest = modes_of(A, ("a", "b", "c"))
@@ -85,8 +85,10 @@ def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
 
 
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
-    """The participation equals |∂λ_i/∂a_kk|, normalized to the sum 1 and computed by
-    differences."""
+    """The participation of a state in a mode is |∂λ_i/∂a_kk|, normalized to the sum 1.
+
+    The derivative is computed by finite differences.
+    """
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6

@@ -22,7 +22,9 @@ def tank(level: str, flow: str) -> Model:
 
 
 def test_columns_in_other_units_are_named() -> None:
-    """The title names the columns of B in other units, such as three inputs in degrees."""
+    """The title of a report names the columns of B in other units, such as three inputs in
+    degrees.
+    """
     model = linearize(F16, trimmed(F16))
     assert units_in_words(model) == "rad, ft, s, but elevator, aileron, rudder in deg"
     assert "A and B in rad, ft, s, but elevator" in model.report().title

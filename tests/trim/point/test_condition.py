@@ -1,4 +1,4 @@
-"""Alternative variables of a model, such as mach for speed, in a trim condition."""
+"""Alternative variables in a trim condition, such as mach in place of speed."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ MODEL = Model(
 def test_the_first_alternative_replaces_another(
     imposed: dict[str, float], in_terms_of_speed: dict[str, float]
 ) -> None:
-    """One imposed alternative, knots or mach, is replaced by the first of its group, speed."""
+    """An imposed alternative variable, knots or mach, is replaced by the first of its group,
+    speed.
+    """
     assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
 
 

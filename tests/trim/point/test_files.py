@@ -31,8 +31,10 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
 
 
 def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_path: Path) -> None:
-    """The report of a loaded point prints its states and inputs. The data of the report also
-    contain the residuals."""
+    """The report of an operating point read from a file prints its states and inputs.
+
+    The data of the report also contain the residuals.
+    """
     point.save(tmp_path / "point.json")
     report = OperatingPoint.load(tmp_path / "point.json", hfa.aircraft()).report()
     assert report.text().count("\nstate") == len(point.states)
@@ -74,7 +76,9 @@ def test_the_paper_s_condition_is_the_default() -> None:
 def test_the_peers_conditions_have_its_angles(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
-    """Trims at the conditions of the released simulation have its angles of attack."""
+    """Trims at the conditions of the released simulation have the angles of attack of this
+    simulation.
+    """
     condition = load_condition(name)
     trims = [trim for trim in released_trims() if trim.speed == speed]
     assert len(trims) >= 5

@@ -1,4 +1,4 @@
-"""Newton's method for many points: in Python and C, with singular, scaled and bounded equations."""
+"""Newton's method for many trims: in Python and C, with singular, scaled and bounded equations."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ SPEEDS = np.linspace(150.0, 700.0, 40)
 
 
 def f16_system(kind: type[TrimSystem] = TrimSystem) -> TrimSystem:
-    """Return the equations of a straight trim of the F-16, 12 unknowns, with the speed as a
-    constant.
+    """Return the equations of a straight trim of the F-16 with 12 unknowns and a given speed.
 
     kind: class of the system, interpreted or compiled
     """
@@ -28,7 +27,7 @@ def f16_system(kind: type[TrimSystem] = TrimSystem) -> TrimSystem:
 
 
 def circle(scale: float) -> tuple[Model, TrimCondition]:
-    """Return the equations x² + y² = 4 and 1e3 (x - y) = 0 as a model and its trim.
+    """Return a model and its trim with the equations x² + y² = 4 and 1e3 (x - y) = 0.
 
     scale: nominal size of the second equation
     """
@@ -86,8 +85,9 @@ def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
 
 
 def test_trials_can_be_kept_within_the_limits() -> None:
-    """With `bounded`, Newton's method remains within the limits. Without `bounded`, the solution is
-    beyond the limits.
+    """With `bounded`, Newton's method remains within the limits of the unknowns.
+
+    Without `bounded`, the solution is beyond the limits.
     """
     model, condition = circle(1.0)
     bounded = TrimCondition(model, condition.imposed, limits={"x": (0.0, 5.0)})
@@ -100,7 +100,7 @@ def test_trials_can_be_kept_within_the_limits() -> None:
 
 
 def test_a_singular_step_has_the_least_norm() -> None:
-    """The step for a singular Jacobian has the least norm. The step for nan is nan."""
+    """The Newton step for a singular Jacobian has the least norm. The step for nan is nan."""
     jacobians = np.array(
         [[[1.0, 1.0], [2.0, 2.0]], [[1.0, 0.0], [0.0, 2.0]], np.full((2, 2), np.nan)]
     )
@@ -125,8 +125,10 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_c_code_flags_a_singular_jacobian() -> None:
-    """The C code reports a singular Jacobian, here at x = -y. Python then takes the step of least
-    norm."""
+    """The C code reports a singular Jacobian, and Python then takes the step of least norm.
+
+    The Jacobian is singular at x = -y.
+    """
     system = CompiledSystem(*circle(1.0))
     assert system.machine is not None
     starts = np.array([[0.1, 3.0], [1.0, -1.0], [2.0, 0.5]])

@@ -1,4 +1,4 @@
-"""Trims: all equations balance, imposed values are exact, and a failed trim names its cause."""
+"""Trims: balance of all equations, imposed values, and causes of failed trims."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None
     "extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")]
 )
 def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> None:
-    """Among trims with more unknowns than equations, the one found has the least effort.
+    """Of the trims with more unknowns than equations, the one that is found has the least effort.
 
     If an unknown is held slightly aside, the effort increases by second order.
     """
@@ -124,7 +124,7 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
 def test_least_effort_stays_within_limits(
     aircraft: Model, limited: str, limits: tuple[float, float]
 ) -> None:
-    """If the unlimited minimum of effort is outside a limit, the result is at this limit."""
+    """If the minimum of effort without limits is outside a limit, the trim is at this limit."""
     unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[
         limited
     ]
@@ -141,7 +141,7 @@ def test_least_effort_stays_within_limits(
 
 
 def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
-    """Limits that differ by one rounding have the effect of an imposed value."""
+    """Limits of an unknown that differ by one rounding have the effect of an imposed value."""
     alpha = 0.05
     ends = (alpha, np.nextafter(alpha, 1.0))
     point = find_operating_point(
@@ -197,7 +197,7 @@ def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
 def test_the_cheaper_of_two_minima_is_found(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """From both initial points, the smaller of two local minima of effort is found.
+    """From two initial points, the trim with the smaller of two local minima of effort is found.
 
     At this minimum the dihedral is at its upper limit. At the other minimum the wings are slightly
     down (effort 0.248).
@@ -262,7 +262,7 @@ def test_contradictions_are_refused() -> None:
 def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
     """The message on a failed trim names an aileron without effect.
 
-    The message on a failed trim with an effective aileron contains no such clause.
+    If the aileron has an effect, the message does not name it.
     """
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(

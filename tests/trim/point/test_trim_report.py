@@ -61,7 +61,7 @@ def test_every_variable_has_limits_and_a_margin(
 
 
 def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
-    """The limit that binds is listed first.
+    """The limit at which a variable of the trim is saturated is listed first.
 
     The outer elevator is at its limit of -2 deg, while the least effort would need -2.8 deg.
     """
@@ -81,7 +81,9 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
 
 
 def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Model) -> None:
-    """A residual 1 % above its tolerance fails its equation only, and 1 % below passes."""
+    """A residual 1 % above its tolerance fails only its own equation. A residual 1 % below
+    passes.
+    """
     point, report = reported(published_aircraft, BASE)
     assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(
         choice.aircraft().steady
@@ -129,10 +131,10 @@ def test_the_report_has_loads_of_each_panel(
 
 @pytest.mark.parametrize("command", ["trim", pytest.param("linearize", marks=pytest.mark.slow)])
 def test_a_trim_that_fails_is_data_too(command: str) -> None:
-    """The JSON of a failed trim contains the nearest point within limits, the binding limit and the
-    cause.
+    """The JSON of a failed trim contains the nearest point within limits, the limit and the cause.
 
-    The exit code is 1, and the message of the JSON output equals the message of the text output.
+    The limit is the one that prevents the trim. The exit code is 1, and the message of the JSON
+    output equals that of the text output.
     """
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
     result = hfa(*words, "--json")
@@ -147,7 +149,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
 
 
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
-    """The pitch angle follows from alpha and gamma, and its limits bound a free gamma."""
+    """The pitch angle in a trim follows from alpha and gamma. Its limits bound a free gamma."""
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
     margins = all_margins(condition, point)
@@ -171,7 +173,7 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
-    """Forces equal coefficient times pressure times area, and balance in a climb.
+    """Forces in the report equal coefficient times pressure times area, and balance in a climb.
 
     L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
     """

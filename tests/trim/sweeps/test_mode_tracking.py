@@ -1,4 +1,6 @@
-"""Tracking of modes in a sweep: through crossings, for any order of the solver, along any grid."""
+"""Tracking of modes in a sweep through crossings, for any order of eigenvalues and along any
+grid.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,9 @@ NEARLY_PARALLEL = np.array(
 
 
 def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndarray:
-    """Return matrices (N, 3, 3) with these eigenvalues (N, 3) and eigenvectors.
+    """Return matrices with given eigenvalues and eigenvectors, (N, 3, 3).
 
+    eigenvalues: (N, 3)
     shapes: (3, 3), eigenvectors as columns, in nominal sizes of the states
     """
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
@@ -55,7 +58,7 @@ def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
 
 
 def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
-    """Two modes with shapes 4 deg apart, which turn by 4 deg, keep their columns through a
+    """Two modes whose shapes are 4 deg apart and turn by 4 deg keep their columns through a
     crossing.
 
     Both eigenvalues increase.
@@ -82,7 +85,7 @@ def test_a_mode_crosses_two_integrators_on_a_point() -> None:
 
 
 def test_similar_shapes_are_paired_by_eigenvalues() -> None:
-    """Two modes with shapes two degrees apart that are interchanged are paired by eigenvalue."""
+    """Two interchanged modes with shapes two degrees apart are paired by their eigenvalues."""
     values = np.array([[-5.0, -1.0, -0.1]])
     A = np.concatenate(
         [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
@@ -106,8 +109,10 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 @pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
 def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
-    """If both orders fit equally well, the lower eigenvalue is first, whatever the solver's
-    order."""
+    """Where a complex pair becomes two real eigenvalues, the lower one is first in both orders.
+
+    Both orders fit equally well there.
+    """
     pair = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -0.1]])
     two = np.diag([*real, -0.1])
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])

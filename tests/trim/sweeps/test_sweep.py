@@ -1,4 +1,4 @@
-"""Sweeps: the same points as single trims, in memory and in a store, and refusals."""
+"""Points of sweeps equal single trims, in memory and in a store. Faulty sweeps are refused."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None:
     """Each point of a sweep equals its single trim and linear model.
 
-    If there is no trim, the reason is equal, too.
+    If a point has no trim, the sweep and the single trim give the same reason.
     """
     grid, condition, square = CASES[name]
     system = TrimSystem(aircraft, condition.freed_for(grid), tuple(grid))
@@ -124,7 +124,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
 def test_what_no_trim_takes_no_sweep_takes(
     published_aircraft: Model, grid, condition, words: str
 ) -> None:
-    """A sweep refuses unknown names, values out of range and contradictions, as a trim does."""
+    """A sweep refuses unknown names, values out of range, masked entries and empty grids."""
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
 
@@ -186,7 +186,7 @@ def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
 
 
 def test_an_aircraft_without_inputs_is_swept() -> None:
-    """A model without inputs, x' = -q x, can be swept over its parameter q."""
+    """A model without inputs, x' = -q x, is swept over its parameter q."""
     model = Model(
         "still",
         {"x": Signal()},
@@ -202,7 +202,9 @@ def test_an_aircraft_without_inputs_is_swept() -> None:
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
-    """A sweep to -16 deg has a note on the range of the paper. A sweep to -15 deg has none."""
+    """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
+    does not.
+    """
     within, beyond = (
         sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
         for lowest in (-15.0, -16.0)
@@ -285,8 +287,9 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
-    """States, inputs, A and B of many points equal those of single trims, with and without compiled
-    code.
+    """Results of many points equal those of single trims, with and without compiled code.
+
+    Compared are states, inputs, A and B.
     """
     aircraft = choice.aircraft(dynamics)
     k = len(variables)
@@ -304,7 +307,7 @@ def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, vari
 
 
 def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
-    """Each point of a sweep has the same bits alone, with few and with many other points.
+    """Points of a sweep are equal bit for bit in sweeps with few and with many other points.
 
     This is also true if a parameter varies from point to point.
     """
@@ -357,8 +360,10 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
 
 
 def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) -> None:
-    """With more unknowns than equations, each point equals its single trim of least effort bit for
-    bit."""
+    """With more unknowns than equations, each point equals its single trim bit for bit.
+
+    Both are trims of least effort.
+    """
     model = published_aircraft
     condition = release(LEVEL_FLIGHT, free=("aileron_center",))
     angles = np.radians([5.0, 15.0])
@@ -469,7 +474,7 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
 
 
 def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
-    """A plan with too many points, or with a value beyond its limit, is refused."""
+    """A plan of a sweep with too many points, or with a value beyond its limit, is refused."""
     with pytest.raises(
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
@@ -482,10 +487,10 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
 
 
 def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
-    """A store contains the same numbers as the sweep in memory, and its condition.
+    """A store contains the condition of the sweep, and the same A as the sweep in memory.
 
-    A store cannot be resumed with another condition, limit, initial guess or order of variables,
-    because the initial guess affects the last bits.
+    A store cannot be resumed with another condition, limit, initial guess or order of variables.
+    The initial guess affects the last bits.
     """
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
@@ -521,7 +526,7 @@ def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: 
 def test_a_long_sweep_prints_its_ends(
     published_aircraft: Model,
 ) -> None:
-    """The report of a long sweep prints its first and last rows and all failed points."""
+    """The report of a long sweep prints its first and last rows and all points without a trim."""
     speeds = np.linspace(68.0, 75.0, 3_001)
     speeds[[1_000, 2_000]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})

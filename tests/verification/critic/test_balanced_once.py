@@ -1,4 +1,4 @@
-"""The number of times that a check of a critic balances its game."""
+"""The number of times that a check of a critic balances the matrices of its game."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from verification.critic.critic_check import check_critic
 
 
 def test_one_check_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One check of a critic balances the game once."""
+    """One check of a critic balances the matrices of the game once."""
     rng = np.random.default_rng(12)
     A, B, E = (rng.standard_normal((4, size)) for size in (4, 2, 1))
     game = Game(A, B, E, np.eye(4), np.eye(2), 30.0)

@@ -1,4 +1,4 @@
-"""The check of critics: the exact critic passes, and each planted error is found, in any units."""
+"""The check of critics. The exact critic passes, and each planted error is found, in any units."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_a_gain_alone_passes(game: Game) -> None:
 
 
 def test_the_limit_is_the_limit() -> None:
-    """An error of 1e-5 in P fails at the default limit and passes at a limit of 2e-5."""
+    """An error of 1e-5 in P fails at the default error limit and passes at a limit of 2e-5."""
     game = game_in(1.0, 1.0)
     P = value(game)
     noise = np.random.default_rng(0).standard_normal(P.shape)
@@ -118,8 +118,10 @@ def test_the_limit_is_the_limit() -> None:
 
 
 def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
-    """A root of the Riccati equation that does not stabilize fails by its error and its closed
-    loop."""
+    """A root P of the Riccati equation that does not stabilize fails two checks.
+
+    They are the checks of its error and of its closed loop.
+    """
     P = other_root(game)
     assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
     check = check_critic(game, from_value(game, P))
@@ -169,8 +171,10 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
 def test_a_runs_settling_time_is_computed_anew(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
-    """The settling time of a training run is computed again and compared with the predefined
-    time."""
+    """The check computes the settling time of a training run itself.
+
+    It compares the settling time with the predefined time.
+    """
     weights = weights_of(value(game))
     run = replace(
         result_of(game, weights, 21, predefined_time=0.5),
@@ -262,8 +266,9 @@ def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
 
 
 def test_a_file_is_read_for_its_game(game: Game) -> None:
-    """A gain can be read from a file without a game. A value, or a gain with units, needs the
-    game."""
+    """A gain can be read from a file without a game. For a value, or a gain with units, a game is
+    required.
+    """
     np.savez("K.npz", K=gain(game))
     np.savez("P.npz", P=value(game))
     for file in ("K.npz", "P.npz"):
@@ -279,7 +284,7 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
 
 
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
-    """A limit or constant that is not a number, and a nan constant, are refused by name."""
+    """An error limit or constant that is not a number is refused by name, as is nan."""
     weights = weights_of(value(game))
     with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
         from_weights(game, weights, constant=math.nan)
@@ -294,7 +299,7 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
 def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
     """The box about a trim extends to the nearer limit of each state.
 
-    At or beyond a limit there is no box.
+    If a state is at or beyond a limit, no box exists.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -313,8 +318,7 @@ def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None)
 
 
 def test_the_report_shows_the_farthest_entries(game: Game) -> None:
-    """The report prints the entries with the largest errors, and the records contain all
-    entries."""
+    """The report prints the entries with the largest errors. The records contain all entries."""
     P = value(game).copy()
     K = gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
@@ -363,7 +367,7 @@ def test_a_wrong_part_is_seen(
 
 
 def test_contradicting_parts_are_refused(game: Game) -> None:
-    """Contradicting W and P, and a K of wrong shape, are refused."""
+    """A critic with contradicting W and P, or with a K of wrong shape, is refused."""
     P = value(game)
     words = ("verify", *AT_15, "--weights")
     result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
@@ -378,9 +382,10 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
 
 @RICHER
 def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -> None:
-    """Every wrong weight of a term that is not quadratic is detected, even if no policy changes.
+    """Every wrong weight of a basis function that is not quadratic is detected, even without
+    effect.
 
-    B has zero rows for pitch and dihedral, so that a weight of the dihedral changes neither P, K
+    B has zero rows for pitch and dihedral. A weight of the dihedral therefore changes neither P, K
     nor the policy.
     """
     functions = basis(name, 6)
@@ -424,7 +429,9 @@ def test_every_entry_is_seen(game: Game) -> None:
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
 def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
-    """Sampled errors of V, ∂V/∂z and both policies in the box do not exceed their bounds."""
+    """Sampled errors of V, ∂V/∂z and both policies in the box do not exceed their computed
+    bounds.
+    """
     game = replace(game, E=game.E[:, :disturbances])
     functions = basis(name, 6)
     rng = np.random.default_rng(0)
@@ -473,7 +480,8 @@ def test_names_and_units_decide(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
     """The box of typical deviations is used only for a plant with the aircraft's names and
-    units."""
+    units.
+    """
     box = ordinary_box(states, inputs, units)
     if speed is None:
         assert box is None
@@ -499,7 +507,7 @@ SETTLES = np.where(TIMES < 4.1, 0.1, 1e-9)
 
 
 def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
-    """Return the history of the exact critic multiplied by 1 + sizes, one factor for each time.
+    """Return a history of critics: the exact critic times 1 + size, for one size at each time.
 
     of: "W", "P" or "K"
     """
@@ -520,7 +528,7 @@ def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
 def test_a_history_passes_where_it_settles_in_time(
     game: Game, sizes: np.ndarray, of: str, predefined_time: float | None, settled: float
 ) -> None:
-    """A history passes if its errors settle before the predefined time.
+    """A history of critics passes if its errors settle before the predefined time.
 
     Without a predefined time, a history with a wrong last critic fails.
     """

@@ -1,4 +1,7 @@
-"""Verdicts on copies of a critic with other last bits, order, units or axes of the states."""
+"""Verdicts on equivalent copies of a critic, which must not differ from the verdict on the critic.
+
+The copies differ in last bits, order, units or axes of the states.
+"""
 
 from __future__ import annotations
 

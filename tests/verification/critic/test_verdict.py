@@ -38,7 +38,7 @@ BOX = np.array(ORDINARY_DEVIATIONS)
 
 
 def bent_actor(game: Game) -> Critic:
-    """Return the network u = -10 K tanh(z / 10), which is exact only to first order at z = 0."""
+    """Return the policy u = -10 K tanh(z / 10), which is exact only to first order at z = 0."""
     layers = {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)}
     return networks.from_network(
         game, network_files.torch_file("bent.pt", layers), activation="tanh"
@@ -90,8 +90,8 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
 
 
 def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
-    """No error of a network's V, at random states and at the worst states found, exceeds the
-    reported error.
+    """The errors of a network's V at random states, and at the worst states found, are at most the
+    reported one.
     """
     z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
     layers = {
@@ -112,7 +112,9 @@ def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
 
 
 def test_a_network_flies_within_control_limits() -> None:
-    """In the nonlinear plant, inputs saturate at the control limits."""
+    """In flights of a network on the nonlinear plant, the inputs are saturated at the control
+    limits.
+    """
     model = choice.aircraft()
     point = find_operating_point(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
@@ -125,7 +127,7 @@ def test_a_network_flies_within_control_limits() -> None:
 
 
 def test_a_verdict_has_three_grades(game: Game) -> None:
-    """The grade is "exact", "near" (at most 1 % more cost) or "fail"."""
+    """The grade of a verdict is "exact", "near" (at most 1 % more cost) or "fail"."""
     grades = {
         "exact": from_gain(game, gain(game)),
         "near": from_gain(game, 1.002 * gain(game)),
