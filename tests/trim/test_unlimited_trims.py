@@ -84,10 +84,9 @@ def test_a_far_trim_is_noted_first() -> None:
 
 
 def test_a_trim_from_another_start_reports_the_failure() -> None:
-    """The report of a trim found from another initial point states why the default initial point
-    failed.
+    """The report of a trim found from another initial point states why the default point failed.
 
-    Here a local minimum on the way stops both Newton's method and the least-squares search.
+    At the default point, a local minimum stops both Newton's method and the least-squares search.
     """
     bumpy = hfa.Model(
         "bumpy",

@@ -89,7 +89,7 @@ def test_another_outcome_is_seen() -> None:
 
 
 def test_runs_that_depend_on_rounding_are_counted() -> None:
-    """Runs whose result depends on the ninth digit of the start are counted.
+    """Runs whose result depends on the ninth digit of the initial weights are counted.
 
     The stored range of errors includes the repeated runs.
     """

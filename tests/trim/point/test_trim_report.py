@@ -216,10 +216,10 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
 
 def test_undetermined_trims_name_their_variable() -> None:
-    """The report names the variable of an undetermined trim. With this variable held, no warning is
-    printed.
+    """The report names the variable that a trim leaves undetermined.
 
-    The equations a' = a b and b' = u - b are satisfied for any a at b = 0.
+    If this variable is held, no warning is printed. The equations a' = a b and b' = u - b are
+    satisfied for any a at b = 0.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

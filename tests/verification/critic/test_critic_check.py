@@ -85,7 +85,7 @@ def test_a_costless_states_value_may_be_0() -> None:
 def test_a_barely_controllable_plant_is_checked() -> None:
     """The exact value of a barely controllable plant passes, and an error of 1e-5 fails.
 
-    The input reaches the unstable mode of 0.5 1/s only by the factor 3e-6.
+    The input affects the unstable mode of 0.5 1/s only by the factor 3e-6.
     """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
@@ -595,7 +595,7 @@ def test_our_own_run_is_a_timed_history(game: Game) -> None:
 def test_the_last_row_of_a_history_is_checked(
     game: Game,
 ) -> None:
-    """A history fails if its last gain is wrong. Rows of a wrong length are refused."""
+    """A history of gains fails if its last gain is wrong. Rows of a wrong length are refused."""
     history = critics_over_time(
         game, TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
     )
