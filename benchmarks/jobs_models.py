@@ -52,6 +52,8 @@ def _start(quick: bool) -> list[Row]:
 
     The first round, which writes the bytecode of the modules, is not counted. The limits are the
     times of Python processes in which NumPy starts no threads, as in `hfa`.
+
+    quick: whether each process is timed only once
     """
     repeats = 1 if quick else 5
     environment = dict(os.environ)
@@ -83,6 +85,8 @@ def _games(quick: bool) -> list[Row]:
     """Return the comparison of certified game solutions of the HFA with SciPy's solver.
 
     The games are those from 0 to 20 degrees of dihedral. SciPy's solver computes no certificate.
+
+    quick: whether only a few games are solved
     """
     from scipy.linalg import block_diag, solve_continuous_are
 
@@ -116,6 +120,8 @@ def _games(quick: bool) -> list[Row]:
 def _one_game(quick: bool) -> list[Row]:
     """Return comparisons of certified solutions of random games with SciPy's, for several state
     numbers.
+
+    quick: whether only a few games with the smallest number of states are solved
     """
     from benchmarks.jobs_scale import random_game
 
@@ -317,6 +323,8 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 def _trim(quick: bool) -> list[Row]:
     """Return the comparison of one trim with its linear model, called from Python, with
     python-control.
+
+    quick: whether the trim is timed only once
     """
     flexible = aircraft()
     system = peer_system()
@@ -354,6 +362,8 @@ def _angles(quick: bool) -> list[Row]:
 
     The last comparison adds tracked modes. Without a C compiler, the one with generated C is
     missing.
+
+    quick: whether the sweeps have a toy size
     """
     count, peer_count = _counts(quick)
     flexible = aircraft()
@@ -496,6 +506,8 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 def _f16(quick: bool) -> list[Row]:
     """Return comparisons of trims of the F-16: straight flight (5 unknowns) and a turn (12
     unknowns).
+
+    quick: whether the sweeps have a toy size
     """
     return [row for turning in (False, True) for row in _f16_flights(turning, *_counts(quick))]
 

@@ -52,6 +52,8 @@ def say_aside(text: str, end: str = "\n") -> None:
     """Print a text on standard error. On a terminal, the text replaces an unfinished progress line.
 
     Nothing is printed if standard error is closed or cannot be written.
+
+    end: characters printed after the text
     """
     if sys.stderr is None:
         return

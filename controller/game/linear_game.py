@@ -62,6 +62,7 @@ def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...
 
     matrix: "Q" or "R", for messages
     given: a matrix, its diagonal, name -> weight, or None
+    linear: linear model with the nominal values
     names: names of the states or inputs
 
     Raises BadInputError for an unknown name, a weight that is not a number, or an input without a

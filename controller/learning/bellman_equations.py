@@ -90,6 +90,7 @@ class StackEquations:
 
         The equations contain B, E, Q, R and δ of the game, but not A.
 
+        basis: ψ, basis of the value
         stack: recorded states and drifts
         scales: (n,), scales of the states
         """
@@ -218,6 +219,8 @@ class StackEquations:
         """Return the stability margin of the closed loop, 1/s, positive for a stable loop.
 
         The margin is the negative of the largest real part of `closed_loop_eigenvalues`.
+
+        weights, problem: as for `closed_loop_eigenvalues`
         """
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 

@@ -43,6 +43,10 @@ def decay_rate(time: float, eta: float, theta: float) -> float:
     """Return the rate k = π / (2 η θ T), 1/s, for convergence by the time θT.
 
     With this k, y' = -k (y^(1-η) + y^(1+η)) reaches 0 by θT from any y(0) >= 0.
+
+    time: T, s
+    eta: η in (0, 1)
+    theta: θ in (0, 1)
     """
     return math.pi / (2.0 * eta * theta * time)
 
@@ -54,6 +58,9 @@ def after(y: float, rate: float, eta: float, step: float) -> float:
     step))^(1/η).
 
     y: initial value, >= 0
+    rate: 1/s
+    eta: η in (0, 1)
+    step: s
     """
     return math.tan(max(0.0, math.atan(y**eta) - eta * rate * step)) ** (1.0 / eta)
 

@@ -38,6 +38,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 
     F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
 
+    game: the game, with the cost and the plant
     K: (m, n)
     L: (k, n)
 

@@ -81,6 +81,7 @@ def checked(
     value: the measured number
     limit: the limit
     reason: reason for a failure
+    kind: as in `Check`
     relation: a key of `RELATIONS`, for example "<="
     """
     ok = RELATIONS[relation](float(value), float(limit))

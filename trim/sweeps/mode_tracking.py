@@ -236,6 +236,8 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 
     The gain is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral
     projections P_i and Q_j.
+
+    modes, others: modes of the two points, or of many pairs of points
     """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
