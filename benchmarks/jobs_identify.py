@@ -138,6 +138,8 @@ class RecordCase:
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
         """Return a function v -> residuals of the record that uses `hfa.identify`'s compiled
         simulation.
+
+        If the simulation fails, all residuals are `_DIVERGED`.
         """
         responses, record = self._responses()
 

@@ -439,13 +439,13 @@ def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
 
 
 def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
-    """Return a function that trims and linearizes the F-16 with python-control.
+    """Return a function that trims and linearizes an aircraft with python-control.
 
     The function (name, values of this variable) returns (operating point, linear model) at each
     value. Each search starts from the preceding operating point. The equations are compiled by
     CasADi.
 
-    condition: trim condition
+    condition: trim condition of the aircraft
     """
     import casadi as ca
     import control

@@ -205,7 +205,8 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
 def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
     """Return the results of one comparison in several runs, for JSON.
 
-    They contain the run with the median ratio, and the smallest and largest ratio of all runs.
+    The results are those of the run with the median ratio, and the smallest and largest ratio of
+    all runs.
 
     runs: the same comparison in each run
     name: name of the job
