@@ -190,7 +190,8 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     if later and words[1].startswith("-"):
         name = later[0].replace(".", " ")
         raise BadInputError(
-            f"options follow both words of the command: hfa {name} {shortened(words[1])} ..."
+            f"an option is given before the second word of the command; write hfa {name} "
+            f"{shortened(words[1])} ..."
         )
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):
@@ -199,8 +200,10 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     if first in offered(COMMANDS):
         return first, words[1:]
     if known:
-        raise BadInputError(f"`hfa {first}` needs a second word: {', '.join(known)}")
+        raise BadInputError(f"`hfa {first}` requires a second word; choose from {', '.join(known)}")
     later = [word for word in words if word in CORE or word in offered(COMMANDS)]
     if first.startswith("-") and later:
-        raise BadInputError(f"the command comes first: hfa {later[0]} {shortened(first)} ...")
+        raise BadInputError(
+            f"an option is given before the command; write hfa {later[0]} {shortened(first)} ..."
+        )
     return "", words

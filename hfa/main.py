@@ -155,7 +155,7 @@ def _run(words: list[str], find: Find) -> int:
             if not command.install:
                 raise
             raise BadInputError(
-                f"{program} needs {error.name}; install it with `pip install {command.install}`"
+                f"{program} requires {error.name}; type `pip install {command.install}`"
             ) from error
 
 
@@ -169,8 +169,8 @@ def _refuse_small_address_space() -> None:
     megabytes = allowed // 2**20
     if allowed != resource.RLIM_INFINITY and megabytes < _ADDRESS_SPACE:
         raise BadInputError(
-            f"this process is limited to {megabytes} MB of address space (ulimit -v) and needs"
-            f" {_ADDRESS_SPACE}; raise the limit"
+            f"this process is limited to {megabytes} MB of address space (ulimit -v), but "
+            f"{_ADDRESS_SPACE} is required; raise the limit"
         )
 
 
@@ -213,7 +213,7 @@ def _refuse_to_overwrite(request: Request) -> None:
     for path in paths:
         refuse_read(path)
     if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise BadInputError(f"{paths[0]} is given for two outputs; give each output its own name")
+        raise BadInputError(f"{paths[0]} is given for two outputs; give two different files")
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:

@@ -78,8 +78,8 @@ class Layout(NamedTuple):
         for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
             if entry and not slope:
                 raise BadInputError(
-                    f"{self.name}: {name} is discrete, so all derivatives with respect to it are "
-                    "0; declare it as a parameter"
+                    f"{self.name}: all derivatives with respect to {name} are 0, because {name} "
+                    f"is discrete; declare {name} as a parameter"
                 )
 
     def record(self, vector: str, values: Any) -> Any:
@@ -156,7 +156,7 @@ class Layout(NamedTuple):
             slope = ca.jacobian(replacements[row], symbol)
             if slope.is_zero() or ca.depends_on(slope, symbol):
                 raise BadInputError(
-                    f"{self.name}: {output} must be affine in {state}, which it replaces"
+                    f"{self.name}: {output} replaces {state} and must be affine in {state}"
                 )
             at_zero = ca.substitute(replacements[row], symbol, 0)
             parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])
@@ -226,8 +226,8 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
             f"{layout.name}: the equations return {shown(returned)}; return two dicts, rates by "
-            "state and outputs by name (algebraic equations are not supported: solve them, or "
-            "declare their unknowns as states)"
+            "state and outputs by name (for algebraic equations, solve for the unknowns or "
+            "declare the unknowns as states)"
         )
     rates, outputs = returned
     for kind, values, names in (
@@ -236,7 +236,9 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     ):
         for name in names:
             if name not in values:
-                raise BadInputError(f"{layout.name}: the equations return no {kind} {name}; add it")
+                raise BadInputError(
+                    f"{layout.name}: the equations return no {kind} {name}; return one"
+                )
         for name in values:
             refuse_unknown(
                 f"{layout.name}: the equations return the undeclared {kind}", name, names

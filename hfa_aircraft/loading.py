@@ -80,8 +80,7 @@ def load_model(text: str) -> Model:
         ) from error
     except SystemExit as error:
         raise BadInputError(
-            f"{where} calls sys.exit when it is loaded; put this call under "
-            'if __name__ == "__main__":'
+            f'{where} calls sys.exit when loaded; put this call under if __name__ == "__main__":'
         ) from error
     except Exception as error:  # any exception of the user's file
         raise BadInputError(

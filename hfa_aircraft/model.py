@@ -94,7 +94,7 @@ class Model(Reported):
         """
         self._check_signals()
         if not self.states:
-            raise BadInputError(f"{self.name} declares no states; a model needs at least one")
+            raise BadInputError(f"{self.name} declares no states; declare at least one")
         for kind in ("steady", "linear"):
             names = _names(f"{self.name}: {kind}", getattr(self, kind))
             vars(self)[kind] = names or tuple(self.states)
@@ -297,8 +297,8 @@ class Model(Reported):
             return
         if name in self.parameters:
             raise BadInputError(
-                f"{meaning} {name!r}, a parameter; give its value (--hold {name}=VALUE, or"
-                f" with_parameters({name}=VALUE))"
+                f"{meaning} {name!r}, a parameter; set the parameter by --hold {name}=VALUE or "
+                f"with_parameters({name}=VALUE)"
             )
         known = (*self.holdable, *also, *self.parameters)
         refuse_unknown(meaning, name, dict.fromkeys(known))
@@ -376,9 +376,7 @@ class Model(Reported):
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
                 unit = "" if signal.unit == "1" else f" {signal.unit}"
-                raise BadInputError(
-                    f"{name} is {value:g}{unit}; it must be at {which} {limit:g}{unit}"
-                )
+                raise BadInputError(f"{name} is {value:g}{unit}; give at {which} {limit:g}{unit}")
             changed[name] = signal._replace(start=float(value))
             if native is not None:
                 native_values[name] = float(value) / si_factor(native.unit(name))
@@ -526,16 +524,16 @@ def _check_signal(where: str, signal: Signal) -> None:
     where: beginning of the message
     """
     if not isinstance(signal, Signal):
-        raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
+        raise BadInputError(f"{where} is {shown(signal)}; give a Signal")
     if not isinstance(signal.unit, str):
         raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give the unit as text")
     rate = signal.nominal if signal.rate is None else signal.rate
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
         raise BadInputError(
-            f"{where}: nominal, start and rate must be finite, and nominal and rate positive"
+            f"{where}: give a finite start, and a finite and positive nominal and rate"
         )
     if not signal.min <= signal.max:
         raise BadInputError(
-            f"{where}: min {signal.min:g} is above max {signal.max:g}; exchange them"
+            f"{where}: min {signal.min:g} is above max {signal.max:g}; exchange the two limits"
         )

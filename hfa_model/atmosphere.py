@@ -55,7 +55,7 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
     for height in heights:
         if not 0.0 <= height <= HIGHEST_ALTITUDE:
             raise BadInputError(
-                f"altitude is {height:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft"
+                f"altitude is {height:g} ft; give an altitude from 0 to {HIGHEST_ALTITUDE:g} ft"
             )
 
 

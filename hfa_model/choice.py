@@ -56,5 +56,5 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
         if name in _SIZES and value < 0.0:
-            raise BadInputError(f"parameter {name} is {value:g}; it must not be negative")
+            raise BadInputError(f"parameter {name} is {value:g}; give a number of at least 0")
     return parameters

@@ -66,11 +66,11 @@ def check_in_range(x: State) -> None:
     deg in magnitude.
     """
     if x.speed <= 0.0:
-        raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
+        raise BadInputError(f"speed is {x.speed:g} ft/s; give a positive speed")
     refuse_beyond_the_atmosphere(x.altitude)
     if not abs(x.dihedral) < np.pi / 2:
         raise BadInputError(
-            f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg"
+            f"dihedral is {np.degrees(x.dihedral):g} deg; give an angle above -90 and below 90 deg"
         )
 
 

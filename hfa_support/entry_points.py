@@ -73,7 +73,9 @@ def part(group: str, name: str, what: str) -> Any:
     Raises BadInputError if no installed package provides the object.
     """
     if name not in offered(group):
-        raise BadInputError(f"{what} needs a package that provides {name!r} in {group}; install it")
+        raise BadInputError(
+            f"{what} requires a package that provides {name!r} in {group}; install such a package"
+        )
     return loaded(offered(group)[name])
 
 

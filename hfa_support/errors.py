@@ -152,7 +152,7 @@ def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
     """
     if not (is_finite(value) and value > 0.0):
         text = f"{value}{unit}" if isinstance(value, float) else shown(value)
-        raise BadInputError(f"{what} is {text}; it must be a positive number")
+        raise BadInputError(f"{what} is {text}; give a positive number")
 
 
 def refuse_unless_whole(what: str, value: object, least: int) -> None:
@@ -201,7 +201,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
         raise BadInputError(rule + _faulty_row(values))
     mask = getattr(values, "_mask", None)  # importing numpy.ma would take 10 ms
     if mask is not None and np.any(mask):
-        raise BadInputError(f"{what} has masked entries; replace them with numbers")
+        raise BadInputError(f"{what} has masked entries; give a number for each entry")
     return array.astype(float)
 
 

@@ -235,9 +235,9 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     """
     target = Path(path)
     if target.is_dir():
-        raise BadInputError(f"cannot write {target}: it is a folder; name a file")
+        raise BadInputError(f"{target} is a folder; name a file")
     if target.exists() and not target.is_file():
-        raise BadInputError(f"cannot write {target}: it is not a regular file; name another file")
+        raise BadInputError(f"{target} is not a regular file; name another file")
     refuse_read(target)
     temporary = _temporary_path(target.parent)
     waits = False

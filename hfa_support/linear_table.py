@@ -35,7 +35,7 @@ class LinearTable(ByValue):
         )
         if not increasing or len(values) != len(breakpoints):
             raise BadInputError(
-                "the breakpoints of a table must increase, with a value for each; correct the table"
+                "a table is invalid; give increasing breakpoints, and one value for each"
             )
         vars(self).update(breakpoints=breakpoints, values=values)
 

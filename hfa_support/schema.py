@@ -102,7 +102,8 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise BadInputError(
-            f"{where}: {entry or 'it'} is {shown(value)}; make it a table{entry and f' [{entry}]'}"
+            f"{where}: {entry or 'content'} is {shown(value)}; give a "
+            f"table{entry and f' [{entry}]'}"
         )
     kinds = {
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)

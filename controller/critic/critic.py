@@ -211,7 +211,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
-        raise BadInputError(f"P is {shape_text(P.shape)}; for this plant it must be {n} x {n}")
+        raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
     return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed)
 
 

@@ -176,7 +176,7 @@ def read_critic(
         entries = {} if is_network(Path(path)) else entries_in(path)
         if "K" not in entries or "state_units" in entries:
             raise BadInputError(
-                f"{path} cannot be read without its game; give the game as the second argument"
+                f"{path} cannot be read without a game; give the game as the second argument"
             )
         with said_of(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])
@@ -245,9 +245,9 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
     if not fitting and max(array.shape, default=1) == array.size:
         fitting = ["W"]
     if len(fitting) != 1:
-        meaning = " or ".join(fitting) or "neither W, P nor K of this plant"
+        meaning = "may be P or K" if fitting else "is neither W, P nor K of this plant"
         raise BadInputError(
-            f"the shape {array.shape} is that of {meaning}; name the file W.npy, P.npy or K.npy"
+            f"the array of shape {array.shape} {meaning}; name the file W.npy, P.npy or K.npy"
         )
     return fitting[0]
 
@@ -279,8 +279,8 @@ def single_parts(
         is_row = max(values.shape, default=1) == values.size
         if not values.size or (name == "W" and not is_row):
             raise BadInputError(
-                f"{name} has shape {values.shape}; W must be one row or one column, P and K "
-                "must be matrices"
+                f"{name} has shape {values.shape}; give W as one row or one column, and P and K "
+                "as matrices"
             )
         flat = values.reshape(-1) if name == "W" else values
         parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])

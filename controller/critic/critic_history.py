@@ -56,7 +56,7 @@ def critics_over_time(
         )
     for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
         raise BadInputError(
-            f"time is {times[row]:g} s at row {row + 1}; times must increase from 0 s or later"
+            f"time is {times[row]:g} s at row {row + 1}; give increasing times of at least 0 s"
         )
     for name, array in rows.items():
         if len(array) != len(times):
@@ -86,7 +86,7 @@ def with_named_basis(reading: Reading, entries: Mapping[str, Any]) -> Reading:
         return reading
     named = words(entries, "basis")
     if len(named) != 1:
-        raise BadInputError("the entry basis must be one name, such as 'quadratic'")
+        raise BadInputError("the entry basis is not one name; give a name such as 'quadratic'")
     return replace(reading, basis=named[0])
 
 
@@ -143,8 +143,7 @@ def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basi
         return np.moveaxis(array, -1, 0)
     if array.shape == (count, math.prod(size)):
         return array.reshape(count, *size)
-    reason = f"there are {count} times, so it must be {shape_text((count, *size))}"
+    reason = f"give {shape_text((count, *size))} for {count} times"
     if name == "W":
-        weights = f"basis {psi.name!r} on {psi.states} states has {psi.size} weights"
-        reason = f"{weights} and {reason}"
+        reason += f", because basis {psi.name!r} of {psi.states} states has {psi.size} functions"
     raise BadInputError(f"{name} is {shape_text(array.shape)}; {reason}")

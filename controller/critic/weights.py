@@ -42,13 +42,13 @@ def from_weights(
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):
-        raise BadInputError(f"constant is {shown(constant)}; V(0) must be a finite number")
+        raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")
     if isinstance(functions, ca.Function):
         count = functions.numel_out(0)
         if functions.numel_in(0) != n or weights.shape != (count,):
             raise BadInputError(
-                f"W has {weights.size} weights and the plant has {n} states; the basis needs"
-                f" {count} weights and {functions.numel_in(0)} states"
+                f"W has {weights.size} weights and the plant has {n} states; give a basis of "
+                f"{weights.size} functions of {n} states"
             )
         from controller.critic.expressions import from_functions
 
@@ -58,8 +58,8 @@ def from_weights(
     psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
         raise BadInputError(
-            f"W has {weights.size} weights, but basis {psi.name!r} on {psi.states} states has "
-            f"{psi.size}; give the name of the basis of W"
+            f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
+            f"{psi.size} functions; give the name of the basis of W"
         )
     P = psi.matrix(weights)
     return Critic(

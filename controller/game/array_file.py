@@ -53,7 +53,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
 def _json(path: Path) -> dict[str, Any]:
     content = read_json(path)
     if not isinstance(content, dict):
-        raise ValueError("the content must be an object with keys such as A and B")
+        raise ValueError("the content is not an object with keys such as A and B")
     return content
 
 

@@ -130,7 +130,7 @@ def basis(name: str, states: int) -> Basis:
     """
     refuse_unknown("unknown basis", name, BASES)
     if states < 1:
-        raise BadInputError(f"a basis needs at least 1 state, not {states}")
+        raise BadInputError(f"a basis of {states} states does not exist; give at least 1 state")
     unit = np.eye(states, dtype=int)
     row, column = np.triu_indices(states)
     exponents = np.vstack([unit[row] + unit[column], BASES[name](states)])
@@ -145,7 +145,7 @@ def _paper(states: int) -> np.ndarray:
     """
     if states != PAPER_STATES:
         raise BadInputError(
-            f"basis 'paper' is for {PAPER_STATES} states, not {states}; choose 'quadratic'"
+            f"basis 'paper' requires {PAPER_STATES} states, not {states}; choose 'quadratic'"
         )
     return 4 * np.eye(states, dtype=int)[list(PAPER_QUARTIC_CHANNELS)]
 

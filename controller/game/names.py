@@ -56,7 +56,7 @@ def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[
     if not texts:
         return usual
     if len(texts) != len(usual):
-        raise BadInputError(f"{key} has {len(texts)} entries; this plant needs {len(usual)}")
+        raise BadInputError(f"{key} has {len(texts)} entries; give {len(usual)} for this plant")
     return tuple(texts)
 
 

@@ -166,7 +166,7 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
     """
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
-        raise BadInputError(f'time is {shortened(time[0])}; it must be "continuous" or "discrete"')
+        raise BadInputError(f'time is {shortened(time[0])}; give "continuous" or "discrete"')
     return time == ("discrete",)
 
 
@@ -182,7 +182,7 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
                 raise BadInputError(
-                    f'{key} requires a discrete-time plant; remove it, or add time = "discrete"'
+                    f'{key} requires a discrete-time plant; remove {key}, or add time = "discrete"'
                 )
         return None
     discount = 1.0

@@ -80,8 +80,8 @@ class Game(ByValue, Reported):
         """
         if self.Q is None or self.R is None:
             raise BadInputError(
-                "Q or R is missing; give both as Q=, R=, because the third argument is E, each as "
-                "a matrix or as its diagonal"
+                "Q or R is missing; write Q=..., R=... (matrices or diagonals), because the "
+                "third argument is E"
             )
         if self.E is None:
             vars(self)["E"] = np.eye(len(np.atleast_1d(self.A)))
@@ -97,9 +97,9 @@ class Game(ByValue, Reported):
         for name, shape in shapes.items():
             actual = getattr(self, name).shape
             if actual != shape:
-                rule = f"with this A and B it must be {shape_text(shape)}"
+                rule = f"give {shape_text(shape)}, to match A and B"
                 if name == "A":
-                    rule = "it must be square"
+                    rule = "give a square matrix"
                 raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
         check_definite("Q", self.Q, strictly=False)
         check_definite("R", self.R, strictly=True)
@@ -150,10 +150,9 @@ class Game(ByValue, Reported):
         K = numbers_in("K", K)
         n, m = self.B.shape
         if K.shape != (m, n):
-            hint = ": give its transpose" if K.shape == (n, m) else ""
+            hint = ", such as the transpose of K" if K.shape == (n, m) else ""
             raise BadInputError(
-                f"K is {shape_text(K.shape)}; for this plant it must be {m} x {n}, inputs x states"
-                f"{hint}"
+                f"K is {shape_text(K.shape)}; give {m} x {n}, inputs x states{hint}"
             )
         return K
 
@@ -196,12 +195,12 @@ def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) 
     """
     array = numbers_in(name, value)
     if ndim not in (None, array.ndim):
-        raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
+        raise BadInputError(f"the number of dimensions of {name} is {array.ndim}; give {ndim}")
     for index in np.argwhere(~(np.abs(array) <= largest))[:1]:
         entry = array[tuple(index)]
-        rule = "every entry must be finite"
+        rule = "give finite entries"
         if np.isfinite(entry):
-            rule = f"entries must not exceed {largest:g}"
+            rule = f"give entries of at most {largest:g} in magnitude"
         where = "".join(f"[{i}]" for i in index)
         raise BadInputError(f"{name}{where} is {entry:g}; {rule}")
     array.setflags(write=False)
@@ -214,8 +213,8 @@ def _checked_delta(delta: float) -> float:
     is_number = isinstance(delta, (int, float, np.floating))
     if not is_number or not (least <= delta <= most or delta == np.inf):
         raise BadInputError(
-            f"delta is {shown(delta)}; it must be a positive number from {least:g} to {most:g},"
-            " or inf for a game without disturbance"
+            f"delta is {shown(delta)}; give a number from {least:g} to {most:g}, or inf for a "
+            "game without disturbance"
         )
     return float(delta)
 
@@ -233,10 +232,10 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     if strictly and not is_definite(matrix):
         kind = "definite"
-        advice = "every eigenvalue must be positive"
+        advice = "give a matrix with positive eigenvalues"
     elif not strictly and not is_semidefinite(matrix):
         kind = "semidefinite"
-        advice = "no eigenvalue may be negative"
+        advice = "give a matrix without negative eigenvalues"
     else:
         return
     smallest = np.linalg.eigvalsh(matrix)[0]

@@ -374,11 +374,10 @@ class CertifiedSettings:
             refuse_unless_positive(name, getattr(self, name))
         for name in ("eta", "theta"):
             if getattr(self, name) >= 1.0:
-                raise BadInputError(f"{name} is {getattr(self, name)}; it must be less than 1")
+                raise BadInputError(f"{name} is {getattr(self, name)}; give a number less than 1")
         if self.tick > self.predefined_time:
             raise BadInputError(
-                f"tick is {self.tick} s; it must not exceed predefined_time,"
-                f" {self.predefined_time} s"
+                f"tick is {self.tick} s; give at most the predefined_time, {self.predefined_time} s"
             )
         for name, value in {"samples": self.samples, "pool_samples": self.pool_samples}.items():
             whole = isinstance(value, (int, np.integer)) and value is not True
@@ -670,7 +669,7 @@ def learn(
         refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
     if not game.Q.any():
         raise BadInputError(
-            "Q is zero, but every law divides by z'Qz; give at least one state a weight"
+            "Q is zero, but every learning law divides by z'Qz; give at least one state a weight"
         )
     settings = CertifiedSettings(**options)
     if progress is not None:

@@ -102,7 +102,7 @@ def record(game: Game, states: np.ndarray) -> Stack:
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(
-            f"recorded states have shape {states.shape}; the shape must be (N, {game.A.shape[0]})"
+            f"recorded states have shape {states.shape}; give (N, {game.A.shape[0]})"
         )
     return Stack(states, states @ game.A.T)
 
@@ -259,6 +259,7 @@ def refuse_poor(found: int, needed: int, what: str) -> None:
     """
     if found < needed:
         raise BadInputError(
-            f"the rank of {what} is {found} of {needed} (singular values below {RANK_TOLERANCE:g}"
-            " of the largest do not count); record more states, or states that differ more"
+            f"the rank of {what} is {found} of {needed} (singular values below "
+            f"{RANK_TOLERANCE:g} of the largest do not count); record more states, or more "
+            "different states"
         )

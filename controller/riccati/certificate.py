@@ -416,8 +416,8 @@ def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -
 def _refuse_overflow(form: NormalForm) -> None:
     if not form.is_finite.all():
         raise NoSolutionError(
-            "the entries of the game differ so much in size that they overflow; check the scaling"
-            " of A, B, E, Q and R"
+            "the computation overflows, because the entries of the game differ too much in size; "
+            "check the scaling of A, B, E, Q and R"
         )
 
 

@@ -107,7 +107,7 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
     abscissa = spectrum(closed).abscissa
     if abscissa >= 0.0:
         raise NoSolutionError(
-            f"the loop has a pole at {abscissa:+.4g} 1/s; margins need a stable loop"
+            f"the loop has a pole at {abscissa:+.4g} 1/s and no margins; give a stabilizing gain"
         )
     A, units = balanced(closed)
     return ClosedLoop(A, enters / units[:, None], leaves * units, 0.5 * np.eye(len(leaves)))

@@ -52,7 +52,7 @@ def solve(request: SolveRequest) -> int:
             request.refuse_of_the_aircraft()
             request.refuse(
                 ("Q", "R"),
-                "does not apply to a generalized plant, whose C1 and D12 define the cost; omit it",
+                "does not apply to a generalized plant; define the cost by C1 and D12",
             )
             report = part(PARTS, "solve.plant", f"{request.plant} has B2 and")(
                 request.plant, arrays, request.delta

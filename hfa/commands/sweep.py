@@ -132,8 +132,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
             varied = [name for name, values in axes.items() if np.ptp(values) > 0]
             if len(varied) > 1:
                 raise BadInputError(
-                    f"--picture needs a sweep in one variable, but {' and '.join(varied)} vary; "
-                    "fix all variables but one"
+                    f"--picture requires a sweep in one variable, but {' and '.join(varied)} "
+                    "vary; fix all variables but one"
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and self.model.extras.names_schedule and not is_named:
@@ -159,7 +159,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         for name, values in {**self.hold, **ranges}.items():
             if name in axes or not (isinstance(values, tuple) and len(values) == 1):
                 raise BadInputError(
-                    f"{name} needs either a column of {listing} or an option with one value; "
+                    f"{name} requires either a column of {listing} or an option with one value; "
                     "correct the options"
                 )
         for name, values in ranges.items():
@@ -176,9 +176,9 @@ def sweep(request: SweepRequest) -> int:
     exit code is 1 if no point has a trim. --resume continues an interrupted sweep into a store."""
     if not request.stored:
         stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"
-        request.refuse(OF_A_STORE, f"needs a store; add -o FILE{stores}")
+        request.refuse(OF_A_STORE, f"requires a store; add -o FILE{stores}")
         return _in_memory(request)
-    request.refuse(("picture",), "is not available for a sweep into a store; leave it out")
+    request.refuse(("picture",), "is not available for a sweep into a store; remove this option")
     return _in_store(request)
 
 
@@ -240,8 +240,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     model = condition.model
     if not rows or len({*names}) < len(names):
         raise BadInputError(
-            f"{path}: a name is repeated or there are no values; give a row of names, each once, "
-            "and a row of values for each point"
+            f"{path}: row 1 contains a name twice, or no values follow; give a row of different "
+            "names, then a row of values for each point"
         )
     for name in names:
         what = f"{path}: the column of row 1 is unknown:"
@@ -250,8 +250,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     for index, row in enumerate(rows):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}: row {index + 2} has {len(row)} cells for {len(names)} names; "
-                "correct the row"
+                f"{path}: row {index + 2} has {len(row)} cells, but row 1 has {len(names)} "
+                "names; correct the row"
             )
         for column, (name, text) in enumerate(zip(names, row, strict=True)):
             try:

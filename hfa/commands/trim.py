@@ -32,7 +32,7 @@ def trim(request: TrimRequest) -> int:
     """Trim the aircraft and report variables, limits, active limits, residuals, loads and
     performance."""
     if not hfa_model.is_hfa(request.model):
-        request.refuse(("picture",), "supports only the HFA; leave it out with --aircraft")
+        request.refuse(("picture",), "supports only the HFA; remove this option or --aircraft")
     aircraft = request.flown_aircraft()
     point = trimmed(request, aircraft)
     report = trim_report(aircraft, request.trim_condition, point)

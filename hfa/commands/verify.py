@@ -134,7 +134,7 @@ def verify(request: VerifyRequest) -> int:
     _refuse_unused(request, paths)
     if request.draws is not None and len(paths) > 1:
         raise BadInputError(
-            "--draws needs a single critic; leave out --draws, or give a single file with --weights"
+            "--draws requires a single critic; remove --draws, or give a single file with --weights"
         )
     named = request.game(may_be_discrete=bool(paths))
     if named.discrete is not None:
@@ -254,30 +254,30 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     paths: files of critics, empty if the critic is learned
     """
     if not any(map(is_network, paths)):
-        request.refuse(("network",), "applies only to a network; name its file with --weights")
+        request.refuse(("network",), "applies only to a network; give a network with --weights")
         for name in ("activation", "scale") if paths else ():
             if name in request.set:
                 raise BadInputError(
-                    f"--set {name} applies only to a network; name its file with --weights"
+                    f"--set {name} applies only to a network; give a network with --weights"
                 )
     if (request.discount is None) != (request.dt is None):
-        raise BadInputError("--discount and --dt need each other; give both")
+        raise BadInputError("--discount and --dt require each other; give both options")
     if request.discount is not None:
-        request.refuse(("picture",), "cannot be used with --discount; leave it out")
+        request.refuse(("picture",), "cannot be combined with --discount; remove one of the two")
         if len(paths) != 1:
             raise BadInputError(
-                "--discount needs a single critic; give a single file with --weights"
+                "--discount requires a single critic; give a single file with --weights"
             )
         if "predefined_time" in request.set:
             raise BadInputError(
-                "--set predefined_time cannot be used with --discount; leave it out"
+                "--set predefined_time cannot be combined with --discount; remove one of the two"
             )
     if not paths:
         request.refuse(
-            ("basis",), "applies only to --weights; for a learning law, use --set basis=..."
+            ("basis",), "applies only to --weights; for a learning law, give --set basis=..."
         )
         return
-    request.refuse(("law", "seed"), "applies only to learning; leave it out with --weights")
+    request.refuse(("law", "seed"), "applies only to learning; remove this option or --weights")
     for name in request.set:
         refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
@@ -307,7 +307,7 @@ def _check_file(
         return _check_history(path, critics, request, named, scope)
     if "predefined_time" in request.set:
         raise BadInputError(
-            f"--set predefined_time applies only to a critic over time; {path} has no time entry"
+            f"--set predefined_time applies only to a critic over time; {path} has no entry time"
         )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)

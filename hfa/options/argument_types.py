@@ -79,7 +79,7 @@ def span(model: Model, name: str, text: str) -> tuple[float, float]:
     lowest = quantity(model, name, low)
     highest = quantity(model, name, high)
     if not lowest < highest:
-        raise BadInputError(f"is {shortened(text)!r}; the first limit must be less than the second")
+        raise BadInputError(f"is {shortened(text)!r}; give the lower limit first")
     return lowest, highest
 
 
@@ -108,7 +108,7 @@ def one_of(*words: str) -> Callable[[str], str]:
     def convert(text: str) -> str:
         word = text.lower()
         if word not in words:
-            raise BadInputError(f"is {shortened(text)!r}; use one of {', '.join(words)}")
+            raise BadInputError(f"is {shortened(text)!r}; choose from {', '.join(words)}")
         return word
 
     return convert
@@ -120,9 +120,9 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
     def convert(text: str) -> tuple[str, ...]:
         names = tuple(text.split(","))
         for name in names:
-            refuse_unknown("names", name, known)
+            refuse_unknown("contains the unknown name", name, known)
             if names.count(name) > 1:
-                raise BadInputError(f"names {name} twice; remove one of the two")
+                raise BadInputError(f"contains {name} twice; remove one {name}")
         return names
 
     return convert
@@ -171,10 +171,10 @@ def output_file(
             kinds = ", ".join((*suffixes, *stores))
             if folder:
                 kinds += ", or a folder, whose name has no suffix"
-            raise BadInputError(f"{where}: unknown suffix {path.suffix!r}; use one of {kinds}")
+            raise BadInputError(f"{where}: the suffix {path.suffix!r} is unknown; use {kinds}")
         if not path.parent.is_dir():
             raise BadInputError(
-                f"{where}: the folder {path.parent} does not exist; create it first"
+                f"{where}: the folder {path.parent} does not exist; create this folder first"
             )
         store = path.is_dir() and path.suffix.lower() in stores
         if path.exists() and not path.is_file() and not store:

@@ -266,10 +266,10 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         """Raise BadInputError if an option of the aircraft or its trim is combined with --model."""
         if self.at is not None:
             raise BadInputError(
-                "--dihedral and --model both define the plant; leave out one of these options"
+                "--dihedral and --model both define the plant; remove one of these options"
             )
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
-        self.refuse(of_the_aircraft, "applies only to the aircraft; leave it out with --model")
+        self.refuse(of_the_aircraft, "applies only to the aircraft; remove this option or --model")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -132,7 +132,7 @@ class Parser(argparse.ArgumentParser):
             before = self._words.setdefault(action.dest, arg_strings)
             if before != arg_strings:
                 both = " and ".join(shortened(" ".join(words)) for words in (before, arg_strings))
-                raise argparse.ArgumentError(action, f"is given twice ({both}); give it once")
+                raise argparse.ArgumentError(action, f"is given twice ({both}); give one value")
         return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
@@ -175,12 +175,14 @@ class _Named(argparse.Action):
             name, separator, text = word.partition("=")
             if not separator:
                 raise argparse.ArgumentError(
-                    self, f"{shortened(word)!r} is not NAME=VALUE; correct it"
+                    self, f"{shortened(word)!r} is not NAME=VALUE; give a name and a value"
                 )
             name = self._aliases.get(name, name)
             before = self._texts.setdefault(name, text)
             if before != text:
-                twice = f"is given twice ({shortened(before)} and {shortened(text)}); give it once"
+                twice = (
+                    f"is given twice ({shortened(before)} and {shortened(text)}); give one value"
+                )
                 raise argparse.ArgumentError(self, f"{shortened(name)} {twice}")
             try:
                 value = self._kind(name, text)

@@ -198,7 +198,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         for name in ("dynamics", "parameters"):
             if name in typed:
                 raise BadInputError(
-                    f"--{name} applies only to the HFA; leave it out with --aircraft, or use --hold"
+                    f"--{name} applies only to the HFA; use --hold, or remove --aircraft"
                 )
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])
@@ -238,7 +238,8 @@ def scheduled(
     def convert(model: Model, text: str) -> Any:
         if not model.schedule:
             raise BadInputError(
-                f"needs a scheduling variable, but {model.name} declares none; omit this option"
+                f"is not available, because {model.name} declares no scheduling variable; remove "
+                "this option"
             )
         return kind(model, text)
 
@@ -406,7 +407,7 @@ class TrimOptions(HfaOptions):
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(
-                    f"{name} is both free and held; leave out --free or --hold for this variable"
+                    f"{name} is both free and held; remove --free or --hold for this variable"
                 )
         if self.at is None:
             return
@@ -414,12 +415,12 @@ class TrimOptions(HfaOptions):
         option_name = f"--{called_at(self.model)}"
         if variable in self.hold:
             raise BadInputError(
-                f"{variable} is given by both {option_name} and --hold; leave out one option"
+                f"{variable} is given by both {option_name} and --hold; remove one of these options"
             )
         # A single value of a free variable is the initial guess of the search.
         if variable in self.free and not isinstance(self.at, float):
             raise BadInputError(
-                f"{variable} is given by both {option_name} and --free; leave out one option"
+                f"{variable} is given by both {option_name} and --free; remove one of these options"
             )
 
     def is_constant(self, name: str) -> bool:

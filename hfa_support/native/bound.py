@@ -24,9 +24,7 @@ class BoundFunction:
         if function.nnz_in() + function.nnz_out() != sum(
             array.size for array in (*self.inputs, *self.results)
         ):
-            raise ValueError(
-                f"{function.name()}: arguments and results must be dense; call densify on them"
-            )
+            raise ValueError(f"{function.name()}: an argument or a result is sparse; call densify")
         buffer: Any
         buffer, self._evaluate = function.buffer()
         for index, array in enumerate(self.inputs):

@@ -102,7 +102,7 @@ def _own_folder(folder: Path) -> Path:
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
-        raise RuntimeError(f"{folder} is a link; make it a folder")
+        raise RuntimeError(f"{folder} is a link; replace the link with a folder")
     if os.name == "posix" and folder.stat().st_uid != os.geteuid():
         raise RuntimeError(f"{folder} belongs to another user")
     folder.chmod(0o700)

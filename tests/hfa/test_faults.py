@@ -81,7 +81,8 @@ def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
     done = shell('ulimit -v 204800; exec "$0" "$@"', "solve", "--dihedral", "15", folder=tmp_path)
     assert (done.returncode, done.stdout) == (BAD_INPUT, "")
     assert done.stderr == (
-        "hfa: this process is limited to 200 MB of address space (ulimit -v) and needs 384; raise the limit\n"
+        "hfa: this process is limited to 200 MB of address space (ulimit -v), but 384 is "
+        "required; raise the limit\n"
     )
 
 

@@ -57,8 +57,7 @@ def test_a_signal_ends_the_run_wherever_it_comes(
 
 @pytest.mark.filterwarnings("default")
 def test_warnings_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each distinct warning of a successful run is printed as a note. A failed run prints no
-    warnings.
+    """Each distinct warning of a successful run is printed as a note. A failed run prints none.
 
     Deprecation warnings are not printed, and --quiet suppresses all notes.
     """

@@ -1,6 +1,4 @@
-"""Reports of results in Python, which equal those of commands and mention no command-line
-option.
-"""
+"""Reports in Python equal those of the commands, and mention no command-line option."""
 
 from __future__ import annotations
 
@@ -45,9 +43,7 @@ def test_a_points_report_equals_the_commands(
 
 
 def reports() -> list[Report]:
-    """Return seven reports of trims, a linear model, verdicts and a regeneration, made in
-    Python.
-    """
+    """Return seven reports of trims, a linear model, verdicts and a regeneration."""
     model = hfa.aircraft()
     point = hfa.find_operating_point(model, hold={"dihedral": 0.2})
     two = {"dihedral": np.radians(10.0), "throttle": 45.0, "aileron_outer": np.radians(1.0)}

@@ -1,6 +1,4 @@
-"""Refused requests. They give exit code 1 or 2 and one line with cause and remedy, and write no
-file.
-"""
+"""Refused requests give exit code 1 or 2 and one line with cause and remedy, and write no file."""
 
 from __future__ import annotations
 
@@ -21,7 +19,7 @@ DIGITS = "9" * 5000
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
-    """Return the content of every file below a folder, by path. A folder has the content None."""
+    """Return path -> content for everything below a folder. The content of a folder is None."""
     return {
         str(path): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))
@@ -88,7 +86,7 @@ REFUSED = {
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
         (
             "--dihedral 15 --outputs lift",
-            "--outputs names 'lift'; did you mean lift_center or lift_outer? choose from speed, "
+            "--outputs contains the unknown name 'lift'; did you mean lift_center or lift_outer? choose from speed, "
             "alpha",
         ),
         ("--dihedral 15 -o result.xyz", "'.xyz'"),
@@ -105,20 +103,20 @@ REFUSED = {
     ],
     "solve": [
         ("", "no plant is given; add --dihedral DEG or --model FILE"),
-        ("--dihedral 15 --delta 0", "delta is 0.0; it must be a positive number"),
+        ("--dihedral 15 --delta 0", "delta is 0.0; give a number from"),
         (
             "--dihedral 15 --R 100,400,400,400,0",
-            "R is not positive definite (smallest eigenvalue 0); every",
+            "R is not positive definite (smallest eigenvalue 0); give a matrix",
         ),
         ("--dihedral 15 --Q 1,two,3,4,5,6", "--Q is 'two'; give a finite number"),
         (
             "--model given.json --hold speed=70",
-            "--hold applies only to the aircraft; leave it out with --model",
+            "--hold applies only to the aircraft; remove this option or --model",
         ),
         ("--model given.json --units si", "--units applies only to the aircraft"),
     ],
     "learn": [
-        ("--dihedral 15 --law sarsa", "--law is 'sarsa'; use one of certified"),
+        ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from certified"),
         (
             "--dihedral 15 --set samples=20",
             "20 samples cannot determine 21 weights; record at least 21",
@@ -130,10 +128,10 @@ REFUSED = {
         ),
     ],
     "verify": [
-        ("--dihedral 15 --basis quadratic", "use --set basis="),
+        ("--dihedral 15 --basis quadratic", "give --set basis="),
         (
             "--dihedral 15 --weights given.npz --law certified",
-            "--law applies only to learning; leave it out with --weights",
+            "--law applies only to learning; remove this option or --weights",
         ),
     ],
 }
@@ -177,9 +175,12 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
     ("words", "named"),
     [
         ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
-        ("--dihedral 10 trim", "the command comes first: hfa trim --dihedral"),
-        ("trim --at 10 --dihedral 12", "--dihedral is given twice (10 and 12); give it once"),
-        ("trim --hold speed=70 --hold speed=71", "speed is given twice (70 and 71); give it once"),
+        ("--dihedral 10 trim", "write hfa trim --dihedral"),
+        ("trim --at 10 --dihedral 12", "--dihedral is given twice (10 and 12); give one value"),
+        (
+            "trim --hold speed=70 --hold speed=71",
+            "speed is given twice (70 and 71); give one value",
+        ),
         ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),
         ("linearise", "unknown command 'linearise'; did you mean linearize?"),
         ("x" * 5000, "unknown command 'xxxx"),
@@ -194,11 +195,11 @@ def test_unknown_commands_and_options(words: str, named: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "code", "named"),
     [
-        ({"A": [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]}, BAD_INPUT, "A is 2 x 3; it must be square"),
-        ({"E": [[1.0]]}, BAD_INPUT, "E is 1 x 1; with this A and B it must be 2 x 1"),
+        ({"A": [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]}, BAD_INPUT, "A is 2 x 3; give a square matrix"),
+        ({"E": [[1.0]]}, BAD_INPUT, "E is 1 x 1; give 2 x 1, to match A and B"),
         ({"R": [[-1.0]]}, BAD_INPUT, "R is not positive definite"),
         ({"Q": [[1.0, 2.0], [2.0, 1.0]]}, BAD_INPUT, "Q is not positive semidefinite"),
-        ({"delta": -1.0}, BAD_INPUT, "delta is -1.0; it must be a positive number"),
+        ({"delta": -1.0}, BAD_INPUT, "delta is -1.0; give a number from"),
         ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "stabilizable"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The option --units si. Units are converted, and the results satisfy physical laws."""
+"""The option --units si: units are converted, and physical laws are satisfied."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ ENGLISH = ("ft", "lbf", "slug")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
-    """Return ratios of two values of a trim in SI units, by name. Each ratio is 1 by a physical
-    law.
+    """Return name -> ratio of two values of a trim in SI units.
+
+    Each ratio is 1 by a physical law.
     """
     performance = data["performance"]
     loads = data["loads"]
@@ -57,9 +58,7 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
 
 
 def test_matrices_are_similar() -> None:
-    """In SI units, A becomes T A T⁻¹ for the conversion T of the states. B to F are converted
-    likewise.
-    """
+    """In SI units A becomes T A T⁻¹, where T converts the states. B to F are converted likewise."""
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
     before = answer(*words)
     after = answer(*words, "--units", "si")
@@ -93,7 +92,7 @@ def test_matrices_are_similar() -> None:
 
 
 def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
-    """Plants and operating points in files with SI units are converted when they are read.
+    """Plants and operating points written in SI units are converted when they are read.
 
     An operating point with a speed in km/h is refused.
     """
@@ -109,14 +108,16 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
     data["operating_point"]["state_units"]["speed"] = "km/h"
     Path(point).write_text(json.dumps(data), encoding="utf-8")
     assert_refused(
-        hfa("trim", "--dihedral", "12", "--start", point), 2, "is in km/h; give it in ft/s or m/s"
+        hfa("trim", "--dihedral", "12", "--start", point),
+        2,
+        "is in km/h; use ft/s or m/s",
     )
 
 
 def test_the_trim_that_was_printed_can_be_typed() -> None:
-    """Values that `hfa trim --units si` prints define the same trim when they are given as options.
+    """Values printed with --units si define the same trim when they are typed with --units si.
 
-    Converted to feet, the values define this trim in English units.
+    The same values converted to feet define this trim in English units.
     """
     words = ("trim", "--dihedral", "10", "--units", "si", "--free", "alpha")
     first = answer(*words, "--hold", "altitude=12000", "--hold", "speed=21")["operating_point"][
@@ -147,7 +148,7 @@ AT = ("--dihedral", "12")
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])
 def test_a_critic_in_other_units_is_the_same(suffix: str, tmp_path: Path) -> None:
-    """P and K in a file with SI units are correct for plants in English units, and vice versa."""
+    """P and K written in SI units are correct for plants in English units, and vice versa."""
     files = {}
     for system in ("english", "si"):
         for command in ("solve", "linearize"):

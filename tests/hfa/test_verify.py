@@ -1,4 +1,4 @@
-"""`hfa verify`: correct critics pass, and planted mistakes fail with their reason."""
+"""`hfa verify` passes correct critics, and fails planted mistakes with their reason."""
 
 from __future__ import annotations
 
@@ -34,16 +34,14 @@ def test_verify_keeps_the_contract() -> None:
 
 
 def test_verify_names_the_critic_that_it_judges() -> None:
-    """The report of `hfa verify` without a file names the learning law and the seed of the
-    critic.
-    """
+    """The report names the learning law and seed of the critic."""
     shown = hfa("verify", *AT_15).out.split("\n\n")[1]
     assert shown.startswith("Critic of the law 'certified', seed 0, on the aircraft at dihedral 15")
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
-    """A file with the exact P, K or W passes. If only K is given, the error of P is null."""
+    """A file with the exact P, K or W passes. The error of P is null if only K is given."""
     exact = solve_game(game)
     row, column = np.triu_indices(6)
     weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
@@ -111,7 +109,7 @@ def test_verify_draws_a_run() -> None:
 def test_a_critic_over_time_keeps_its_time() -> None:
     """A critic over time passes only if it settles within its predefined time.
 
-    The predefined time is refused for a critic without time, and together with --discount.
+    The setting is refused for a critic without time and together with --discount.
     """
     plant = small("plant.json")
     exact = solve_game(load_game("plant.json")).P
@@ -143,11 +141,11 @@ def test_a_critic_over_time_keeps_its_time() -> None:
     )
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")
-    assert_refused(refused, BAD_INPUT, "single.npz has no time entry")
+    assert_refused(refused, BAD_INPUT, "single.npz has no entry time")
     refused = hfa(
         "verify", "--model", plant, "--weights", single, "--set", "predefined_time=2", *discounted
     )
-    assert_refused(refused, BAD_INPUT, "--set predefined_time cannot be used with --discount")
+    assert_refused(refused, BAD_INPUT, "--set predefined_time cannot be combined with --discount")
     refused = hfa("verify", "--model", plant, "--set", "predefined_time=2")
     assert refused.err == ""
 

@@ -1,6 +1,4 @@
-"""Public functions called with wrong arguments. They return a result or raise an error of one
-line.
-"""
+"""Public functions called with wrong arguments return a result or raise an error of one line."""
 
 from __future__ import annotations
 
@@ -139,7 +137,7 @@ def wrong_values() -> list[Any]:
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
-    """Return a description of the improper error that a call raises, or "" without such an error.
+    """Call a function, and return a description of an improper error, or "" if there is none.
 
     Proper errors are BadInputError and NoSolutionError with a message of one line.
     """
@@ -153,7 +151,7 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 
 def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Return the improper errors of calls with every wrong value of each argument, by case."""
+    """Call a function with every wrong value of each argument. Return case -> improper error."""
     found = {}
     for argument in arguments:
         for number, value in enumerate(wrong_values()):

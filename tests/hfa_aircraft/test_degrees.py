@@ -1,4 +1,4 @@
-"""Warning about equations that apply sine, cosine or tangent to a signal declared in degrees."""
+"""Warning about equations that compute the sine, cosine or tangent of a signal in degrees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hfa_aircraft.units import in_si
 def pendulum(torque: Any) -> Model:
     """Return a pendulum whose angle is declared in degrees.
 
-    torque: function from the angle to the torque
+    torque: function of the angle
     """
 
     def equations(x: Any, u: Any, _p: Any, _w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -44,7 +44,7 @@ def pendulum(torque: Any) -> Model:
 def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
     """A trigonometric function of an angle in degrees causes a warning that names the function.
 
-    A trim causes the same warning.
+    The trim has the same warning.
     """
     model = pendulum(torque)
     (note,) = notes_on_degrees(model)

@@ -57,10 +57,7 @@ def test_a_file_that_ends_the_program_is_refused(
 def test_equations_that_end_the_program_are_refused(
     calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """sys.exit() in the equations of an aircraft is reported in one line.
-
-    The program may end in the first or in a later call of the equations.
-    """
+    """sys.exit() in the equations is reported in one line, in whichever call it occurs."""
     monkeypatch.chdir(tmp_path)
     write_aircraft(tmp_path / "late.py", in_equations=f"len(calls) > {calls} and sys.exit()")
     result = hfa("trim", "--aircraft", "late.py:CAR")

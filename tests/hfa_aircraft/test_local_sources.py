@@ -1,4 +1,4 @@
-"""The hash of a model. It covers imported local modules and data that the model reads."""
+"""Hash of a model, which covers local modules that the file imports, and data that the model reads."""
 
 from __future__ import annotations
 
@@ -26,9 +26,7 @@ PLANT = Model(
 def test_a_changed_neighbour_is_another_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A change of a module in the same folder changes the hash, even if it is imported
-    indirectly.
-    """
+    """A change of a module that is imported indirectly from the same folder changes the hash."""
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "inner_of_plant.py").write_text("two = 2.0\n")
     (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two\ngain = two\n")
@@ -43,7 +41,7 @@ def test_a_changed_neighbour_is_another_model(
 
 
 def test_installed_modules_do_not_count(tmp_path: Path) -> None:
-    """The hash of a model does not cover installed modules."""
+    """The hash does not cover installed modules."""
     alone = tmp_path / "alone.py"
     alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
     model = load_model(f"{alone}:PLANT")
@@ -52,8 +50,7 @@ def test_installed_modules_do_not_count(tmp_path: Path) -> None:
 
 
 def test_a_neighbouring_table_is_in_the_fingerprint(tmp_path: Path) -> None:
-    """The hash of a model covers numbers that it reads from a .csv file, for equations or for
-    limits.
+    """The hash covers numbers that the equations or the limits read from a .csv file.
 
     Models with the same hash share their equations.
     """
@@ -79,7 +76,7 @@ def test_a_neighbouring_table_is_in_the_fingerprint(tmp_path: Path) -> None:
 def test_a_changed_outer_module_is_another_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A change of a module imported from the enclosing package changes the hash of a model."""
+    """A change of a module imported from the enclosing package changes the hash."""
     monkeypatch.syspath_prepend(str(tmp_path))
     inner = tmp_path / "outer_of_plant" / "models"
     inner.mkdir(parents=True)

@@ -1,6 +1,4 @@
-"""Models converted to SI units. Their results agree with converted results of the original
-models.
-"""
+"""Models converted to SI units agree with the original models after conversion."""
 
 from __future__ import annotations
 
@@ -100,7 +98,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
 
 
 def test_names_that_sound_like_data_are_signals() -> None:
-    """Signals are converted to SI even if their names are those of other data, such as "noise"."""
+    """Signals are converted to SI even if they are named like other data, such as "noise"."""
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(
         "cart",
@@ -128,10 +126,10 @@ def test_conditions_and_points_in_other_units_are_refused() -> None:
     """A model in SI units refuses trim conditions and operating points in English units."""
     model = MODELS[0]
     converted = in_si(model)
-    with pytest.raises(BadInputError, match="condition is in other units than the model"):
+    with pytest.raises(BadInputError, match="condition and the model have different units"):
         find_operating_point(converted, usual_condition(model))
     point = find_operating_point(model, usual_condition(model))
-    with pytest.raises(BadInputError, match="operating point is in other units than the model"):
+    with pytest.raises(BadInputError, match="operating point and the model have different units"):
         linearize(converted, point)
     assert isinstance(published_game(linearize(model, point)), Game)
     assert replace(usual_condition(model), name="a") == usual_condition(model)

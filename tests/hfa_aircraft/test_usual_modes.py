@@ -1,4 +1,4 @@
-"""Default names of the modes of an aircraft whose model declares no names."""
+"""Default names of the modes of an aircraft that declares none."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_linearize_and_sweep_give_one_name() -> None:
 def test_other_units_and_states_stay_unnamed() -> None:
     """Short period and phugoid have no default names if the pitch rate is in 1/h.
 
-    The modes of a satellite have no default names. Declared names are kept.
+    A satellite has no default names, and declared modes are kept.
     """
     assert set(_jet({**_UNITS, "q": "1/h"}).modes) == {"dutch roll", "roll", "spiral"}
     spinning = {name: Signal("rad/s") for name in ("p", "q", "r")}

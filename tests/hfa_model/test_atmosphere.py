@@ -1,6 +1,4 @@
-"""Density and speed of sound, compared with the standard's tables, a package, and the hydrostatic
-equation.
-"""
+"""Density and speed of sound, compared with the standard's tables, a package, and hydrostatics."""
 
 from __future__ import annotations
 
@@ -67,9 +65,7 @@ def test_it_is_that_of_an_independent_package(
 def test_what_the_printed_tables_have(
     metres: int, thick: float, half_unit: float, kelvin: float, sound: float
 ) -> None:
-    """Density, temperature and speed of sound agree with the standard's printed tables to the
-    last digit.
-    """
+    """Density, temperature and speed of sound agree with the printed tables to their last digit."""
     altitude = metres / METRE_PER_FOOT
     assert abs(density(altitude) * KG_PER_M3 - thick) <= half_unit
     assert abs(temperature(altitude) - kelvin) <= 5.0001e-4
@@ -77,10 +73,7 @@ def test_what_the_printed_tables_have(
 
 
 def test_derivative_is_hydrostatic() -> None:
-    """The derivative of the density satisfies the hydrostatic equation.
-
-    It is dρ/dH = -ρ (g/R - λ) / T, with dH/dh = (r / (r + h))².
-    """
+    """The derivative of the density is dρ/dH = -ρ (g/R - λ) / T, with dH/dh = (r / (r + h))²."""
     h = ca.SX.sym("h")
     slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])
     for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 98).tolist():
@@ -103,5 +96,5 @@ def test_what_the_layers_do_not_cover_is_refused(
     quantity: Callable[[Any], Any], altitude: Any
 ) -> None:
     """An altitude outside 0 to 65,000 ft raises BadInputError."""
-    with pytest.raises(BadInputError, match="the atmosphere covers 0 to 65000 ft"):
+    with pytest.raises(BadInputError, match="give an altitude from 0 to 65000 ft"):
         quantity(altitude)

@@ -1,7 +1,4 @@
-"""Invariance of the equations of motion under changes of units and of the scale of mass.
-
-The limit of a very stiff hinge is tested too.
-"""
+"""Invariance of the equations: units, a common scale of mass, and a very stiff hinge."""
 
 from __future__ import annotations
 
@@ -31,7 +28,7 @@ RATE_UNITS = tuple(map(hfa.aircraft().rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
-    """Return the number of new units in one old unit, for a unit composed of base units.
+    """Return the number of new units in one old unit.
 
     unit: a unit as in `FIELDS` and `vectors.py`
     length, mass, time: number of new units in a foot, a slug and a second
@@ -101,7 +98,7 @@ def test_a_change_of_units_leaves_the_physics_alone(
 
 @pytest.mark.parametrize("name", Parameters._fields)
 def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
-    """A parameter whose declared unit has one factor of time too many fails the test of units."""
+    """A parameter whose declared unit has a factor of time too many fails the change of units."""
     unit = re.sub(r"(/|$)", r" s\1", getattr(FIELDS, name).unit, count=1)
     wrong = FIELDS._replace(**{name: Field(unit, "")})
     assert change_of_units_error(Published(), parameters, wrong, *SI_WITH_MINUTES) > 1e-6
@@ -153,10 +150,10 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
 def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
-    """Two scalings of the parameters leave A and B unchanged.
-
-    The identification must therefore fix two parameters. If the induced drag is not scaled, A
+    """Two scalings of the parameters leave A and B unchanged. If the induced drag is not scaled, A
     changes.
+
+    Therefore the identification must fix two parameters.
     """
     other_aircraft = hfa.aircraft(
         hfa_model.variant_of(aircraft), change(hfa_model.parameters_of(aircraft), 1.7)
@@ -186,9 +183,8 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> No
 
 
 def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
-    """For hinge stiffness k, four eigenvalues differ from those of the rigid aircraft by order
-    1/k.
-    """
+    """With hinge stiffness k, four eigenvalues differ from those of the rigid aircraft by order
+    1/k."""
     elastic = release(
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
     )

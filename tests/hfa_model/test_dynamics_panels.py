@@ -1,7 +1,7 @@
 """An independent model of three panels in space, for comparison with the equations of motion.
 
 The aircraft with locked hinges is a rigid body, and symmetric conditions keep the body in its
-plane. The test uses the product only for the loads of one panel.
+plane. Only the loads of one panel are computed by the product.
 """
 
 from __future__ import annotations
@@ -22,11 +22,9 @@ SIDES = (0, 1, -1)
 
 
 class Body(NamedTuple):
-    """Force, moment and inertia of the aircraft in body axes, about the center of mass.
+    """Force (lbf) without weight, moment (ft lbf) and inertia (slug ft^2) of the aircraft.
 
-    force: (3,), without weight, lbf
-    moment: (3,), ft lbf
-    inertia: (3, 3), slug ft^2
+    The axes are the body axes in the center of mass.
     """
 
     force: np.ndarray
@@ -107,7 +105,7 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
     """Return the largest errors of V', α', q' compared with the rigid body, (3,).
 
-    Each error is divided by the rate or, if the rate is near zero, by its scale.
+    Each error is divided by the rate or, near zero, by the scale of the rate.
 
     change: function that is applied to each random state
     """
@@ -146,9 +144,7 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
 def test_moving_hinges_move_only_the_mass_center(
     parameters: Parameters,
 ) -> None:
-    """With moving hinges, V' and α' of "newton" equal the rates of the rigid body, but q' does
-    not.
-    """
+    """With moving hinges, V' and α' of "newton" equal the rates of the rigid body, but q' does not."""
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3

@@ -1,6 +1,5 @@
 """The equations of motion, compared with a second derivation and with the conservation of
-energy.
-"""
+energy."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ NAMES = tuple(DISTURBANCES)
 
 
 def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.Function:
-    """Return the CasADi Function (x, u, p, w) -> dX/dt of the given equations.
+    """Return the CasADi Function (x, u, p, w) -> dX/dt of these equations.
 
     moving: whether all winds are used; otherwise still air
     drag: `ground_drag`, as in `winds_named`
@@ -48,8 +47,8 @@ def disagreement(
 ) -> State:
     """Return the largest difference of each rate between `judge` and the equations of a variant.
 
-    Each difference is divided by the rate or, if the rate is near zero, by its scale. Random
-    states, inputs, winds and parameters (20 % standard deviation) are used.
+    Each difference is divided by the rate or, near zero, by the scale of the rate. Random states,
+    inputs, winds and parameters (20 % standard deviation) are used.
     """
     closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
     random = np.random.default_rng(5)
@@ -80,7 +79,7 @@ def test_newton_in_wind_equals_the_euler_lagrange_equations(
 ) -> None:
     """In wind, the rates of "newton" equal the Euler-Lagrange equations to 1e-11.
 
-    With drag that depends on the other speed, over ground or through the air, the rates differ.
+    With the other definition of drag in wind the rates differ.
     """
     reference = judge(True, ground_drag=ground_drag)
     assert (
@@ -201,12 +200,12 @@ def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> f
 
 
 def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
-    """Without air and damping, "newton" conserves the energy for 20 s."""
+    """ "newton" conserves the energy for 20 s without air and damping."""
     assert energy_growth(Newton(), parameters, seconds=20.0) <= 1e-10
 
 
 def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
-    """Without air and damping, the energy more than doubles within 2 s with "published"."""
+    """With "published", the energy more than doubles within 2 s without air and damping."""
     assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
 
 

@@ -1,6 +1,4 @@
-"""Loads and outputs of the aircraft, compared with steady flight and with derivatives of the
-motion.
-"""
+"""Loads and outputs, checked in steady flight and by derivatives of the motion."""
 
 from __future__ import annotations
 
@@ -112,7 +110,7 @@ def velocity_of_panel(
 
 
 def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
-    """Return the state after t seconds, computed by one step of the midpoint rule."""
+    """Return the state t seconds later, computed by one step of the midpoint rule."""
     return np.asarray(x + t * aircraft.at(x + t / 2 * aircraft.at(x, u).f, u).f)
 
 
@@ -125,7 +123,7 @@ def test_panel_load_factors_follow_the_moving_panels(
 ) -> None:
     """The load factor of a panel is gravity minus acceleration, normal to the panel, divided by g.
 
-    The acceleration is computed by finite differences along the motion.
+    The acceleration is computed by differences along the motion.
     """
     gravity = np.array([0.0, 0.0, hfa_model.parameters_of(aircraft).gravity])
     for x, u in zip(*random_points(20, seed=11), strict=True):
@@ -162,9 +160,9 @@ def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> Non
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("speed", 0.0, "speed is 0 ft/s; it must be positive"),
+        ("speed", 0.0, "speed is 0 ft/s; give a positive speed"),
         ("altitude", 1e6, "altitude"),
-        ("dihedral", np.pi / 2, "dihedral is 90 deg; it must be above -90 and below 90 deg"),
+        ("dihedral", np.pi / 2, "dihedral is 90 deg; give an angle above -90 and below 90 deg"),
     ],
 )
 def test_loads_out_of_range_are_refused(name: str, value: float, message: str) -> None:

@@ -1,6 +1,5 @@
-"""Parameter files, which are restored bit for bit or refused in one line, and the printed
-matrices.
-"""
+"""Parameter files are restored bit for bit or refused in one line. Checks of the printed
+matrices."""
 
 from __future__ import annotations
 
@@ -45,10 +44,7 @@ def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) 
 def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     tmp_path: Path, parameter_set: ParameterSet, units: float
 ) -> None:
-    """A covariance matrix of the parameters with a correlation above 1 is refused.
-
-    The matrix is symmetric with positive variances.
-    """
+    """A symmetric covariance with positive variances and a correlation above 1 is refused."""
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
     covariance[2] *= units
@@ -97,12 +93,15 @@ def test_wrong_entries_are_refused(
 def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
     """A panel with a negative mass, span or chord is refused."""
     for name in ("panel_mass", "panel_span", "chord"):
-        with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must not be negative"):
+        with pytest.raises(
+            BadInputError, match=f"parameter {name} is -1; give a number of at least 0"
+        ):
             hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
-    """Both named parameter sets load. They differ by less than three standard errors.
+    """Both named sets load, and the identified parameters differ by less than three standard
+    errors.
 
     An unknown name is refused, and the message lists the names.
     """

@@ -1,4 +1,4 @@
-"""The variants of the equations, compared with Gibson, Annaswamy, Lavretsky, AIAA 2011-6202."""
+"""The variants, compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202."""
 
 from __future__ import annotations
 
@@ -29,10 +29,8 @@ class GibsonsLever(Published):
     outer_lever = Newton.outer_lever
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """Return the hinge inertia I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2.
-
-        I_xx is the roll inertia of a panel.
-        """
+        """Return I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a
+        panel."""
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
@@ -99,11 +97,10 @@ def accelerations(
 
 
 def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
-    """Return the largest relative difference of q' and η'' between aircraft and `accelerations`.
+    """Return the largest relative difference of q' and η'' between the aircraft and
+    `accelerations`.
 
     100 random states and inputs are compared.
-
-    repairs: corrections of the printed equations, as in `accelerations`
     """
     differences = []
     for state, control in zip(*random_points(100, seed=4), strict=True):
@@ -124,7 +121,7 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
 
 
 def test_newton_is_gibsons_report_after_four_repairs(parameters: Parameters) -> None:
-    """The rates of "newton" equal the equations of Gibson's report with four corrections."""
+    """The rates of "newton" equal the equations of the report with four corrections."""
     assert worst(hfa.aircraft("newton", parameters), REPAIRS) < 1e-12
 
 
@@ -137,8 +134,6 @@ def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple
 def test_published_differs_from_gibson_in_two_terms(
     parameters: Parameters,
 ) -> None:
-    """With the lever arm and the hinge inertia of Gibson's report, "published" equals its
-    equations.
-    """
+    """With the report's lever arm and hinge inertia, "published" equals the report's equations."""
     assert worst(hfa.aircraft(GibsonsLever(), parameters), ()) < 1e-12
     assert worst(hfa.aircraft("published", parameters), ()) > 1e-2

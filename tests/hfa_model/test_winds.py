@@ -1,4 +1,4 @@
-"""Wind at each panel: Galilean invariance of the equations, and the names of the disturbances."""
+"""Wind at each panel: Galilean invariance, and the names of the disturbances."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
 
 
 def inertial(x: State, rate: State) -> np.ndarray:
-    """Return the accelerations north, up, in pitch and in dihedral, (4,), from states and rates.
+    """Return the accelerations north, up, in pitch and in dihedral, (4,).
 
     These accelerations are equal for all observers in uniform motion.
     """
@@ -42,9 +42,10 @@ def inertial(x: State, rate: State) -> np.ndarray:
 
 
 def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np.ndarray:
-    """Return the largest differences of the accelerations between steady wind and still air, (4,).
+    """Return the largest difference of the accelerations between uniform steady wind and still air,
+    (4,).
 
-    The wind is uniform. 100 random states and inputs are compared.
+    100 random states and inputs are compared.
     """
     worst = np.zeros(4)
     for state, control in zip(*random_points(100, seed=5), strict=True):
@@ -61,7 +62,8 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
 def test_steady_wind_changes_published_and_not_newton(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
-    """Uniform steady wind changes the hinge acceleration of "published", and nothing of "newton".
+    """Uniform steady wind changes only the hinge acceleration of "published", and nothing of
+    "newton".
 
     With drag that depends on the speed over ground, wind also changes "newton".
     """

@@ -1,6 +1,4 @@
-"""Checks of a function's arguments against its annotations: accepted values, and one-line
-refusals.
-"""
+"""Checks of arguments against annotations: accepted values, and refusals in one line."""
 
 from __future__ import annotations
 
@@ -112,9 +110,7 @@ def test_what_an_annotation_names_is_taken(arguments: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
 def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: str) -> None:
-    """A value of a type that the annotation does not contain is refused in a line with the
-    argument's name.
-    """
+    """A value of another type is refused in one line that names the argument."""
     with pytest.raises(BadInputError) as refused:
         public(**{"thing": Thing(), **arguments})
     assert message in str(refused.value)
@@ -132,7 +128,7 @@ def test_missing_and_unknown_arguments_are_named() -> None:
     for call in (public, lambda: public(Thing(), other=1), lambda: public(*[Thing()] * 40)):
         with pytest.raises(BadInputError, match=r"^public: "):
             call()
-    with pytest.raises(BadInputError, match=r"required .*: 'thing'; its arguments are thing,"):
+    with pytest.raises(BadInputError, match=r"required .*: 'thing'; the arguments are thing,"):
         public()
     with pytest.raises(BadInputError, match="unexpected keyword argument 'other'"):
         public(Thing(), other=1)
@@ -159,7 +155,7 @@ def test_of_a_class_the_constructor_is_checked() -> None:
     with pytest.raises(BadInputError, match="Declared: number is 'x'; give a number"):
         Declared(Thing(), number="x")
     with pytest.raises(
-        BadInputError, match=r"Declared: .*'thing'; its arguments are thing, number"
+        BadInputError, match=r"Declared: .*'thing'; the arguments are thing, number"
     ):
         Declared()
 

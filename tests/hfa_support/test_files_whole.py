@@ -1,4 +1,4 @@
-"""Files that are written completely, or not at all."""
+"""A file is written completely, or the old file is unchanged."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_the_mode_of_an_existing_file_is_kept(
 
 
 def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
-    """`remove_unfinished` removes only temporary files and folders of its own process."""
+    """`remove_unfinished` removes only temporary files and folders of this process."""
     theirs = {tmp_path / ".a.json.0123456789abcdef.part", tmp_path / ".hfa-theirs"}
     for path in theirs:
         path.mkdir()

@@ -27,7 +27,7 @@ def test_names_alike_are_all_offered(name, known, meant):
 
 
 def test_words_of_other_tools_are_other_names():
-    """Each listed synonym is in lower case, and is not a synonym of itself."""
+    """Each synonym is in lower case and is not listed as its own meaning."""
     for word, meanings in MEANINGS.items():
         assert word == word.lower()
         assert word not in meanings

@@ -31,7 +31,7 @@ def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> No
 
 
 def test_the_date_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The environment variable SOURCE_DATE_EPOCH replaces the current date in the provenance."""
+    """SOURCE_DATE_EPOCH replaces the current date."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert Provenance("hfa trim").date == "1970-01-01T00:00:00Z"
     monkeypatch.delenv("SOURCE_DATE_EPOCH")

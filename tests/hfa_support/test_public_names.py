@@ -29,7 +29,7 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
 
 
 def test_a_public_name_is_declared_once() -> None:
-    """No public name is declared in the stubs of two packages."""
+    """No public name is declared in two stubs."""
     names = Counter(
         name for stub in STUBS for name in re.findall(r" as (\w+)", stub.read_text("utf-8"))
     )

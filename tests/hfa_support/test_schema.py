@@ -42,7 +42,7 @@ def test_what_is_declared_is_read_as_floats() -> None:
         ({"sizes": [[1], ["x"]]}, "f.toml: sizes[1][0] is 'x'; give a finite number"),
         ({"sizes": 1}, "f.toml: sizes is 1; give a list of lists of numbers"),
         ({"limits": {"any": 0}}, "f.toml: limits.any is 0; give a finite number above 0"),
-        ({"limits": 5}, "f.toml: limits is 5; make it a table [limits]"),
+        ({"limits": 5}, "f.toml: limits is 5; give a table [limits]"),
         ({"delta": math.nan}, "f.toml: delta is nan; give a number above 0"),
         ({"delta": True}, "f.toml: delta is True; give"),
         ({"delta": 10**400}, "f.toml: delta is 1000"),

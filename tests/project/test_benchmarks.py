@@ -1,7 +1,4 @@
-"""Benchmarks: results of peers, verdicts, and figures in the documents.
-
-A peer is another program, such as python-control, that solves the same problem.
-"""
+"""Tests of the benchmarks: equal results of peers, verdicts, and current documents."""
 
 from __future__ import annotations
 
@@ -55,14 +52,12 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
 
 
 def test_peers_have_the_dynamics_of_the_aircraft() -> None:
-    """The state derivatives of the Python function given to python-control equal the aircraft's
-    to 1e-12.
-    """
+    """The peer's state derivatives equal those of the aircraft within 1e-12."""
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE)) < 1e-12
 
 
 def test_other_dynamics_would_be_noticed() -> None:
-    """A change of the peer function's inertia by 0.1 % or of its altitude by 10 ft is detected."""
+    """A change of the peer's inertia by 0.1 % or altitude by 10 ft is detected."""
     heavier = PARAMETERS._replace(inertia_roll=1.001 * PARAMETERS.inertia_roll)
     assert largest_difference_of_rates(six_state_rates(heavier, ALTITUDE)) > 1e-5
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE + 10.0)) > 1e-5
@@ -143,13 +138,13 @@ def test_the_run_of_median_ratio_is_stored() -> None:
 
 
 def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
-    """The exponent of the time's growth with problem size is fitted to the larger sizes only."""
+    """The growth exponent of the time is fitted to the larger sizes only."""
     sizes = [Size(n, 1.0 if n < 100 else 1e-6 * n**3, 100.0) for n in (1, 10, 100, 1000, 10000)]
     assert Growth("a job", "states", tuple(sizes)).slope == pytest.approx(3.0)
 
 
 def test_tables_of_a_page_are_replaced() -> None:
-    """A new table of results replaces the table with the same header and changes no other text."""
+    """A new table replaces the table with the same header and changes no other text."""
     head = "| a | b |\n|---|---|\n"
     page = f"text\n\n{head}| 1 | 2 |\n| 3 | 4 |\n\nmore\n"
     assert report.with_table(page, f"{head}| 5 | 6 |") == f"text\n\n{head}| 5 | 6 |\n\nmore\n"
@@ -188,7 +183,7 @@ def test_every_job_runs_and_quick_runs_store_nothing(
 
 
 def not_shown(document: str, data: dict) -> list[str]:
-    """Return the table rows of stored benchmark results that a document does not contain."""
+    """Return the table rows of stored results that a document does not contain."""
     rows = [report.markdown([figure]).splitlines()[-1] for figure in data["figures"]]
     rows += [report.growth_markdown([each]).splitlines()[-1] for each in data["growth"]]
     return [row for row in rows if row not in document]
@@ -201,7 +196,7 @@ def test_the_document_shows_the_stored_figures() -> None:
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
-    """If the stored results are changed, all of them are reported as missing in the documents."""
+    """Changed stored results are all reported as missing in the documents."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     data = report.stored()
     data["figures"] = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in data["figures"]]

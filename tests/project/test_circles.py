@@ -16,7 +16,7 @@ CIRCLES = 6
 
 
 def modules() -> dict[str, Path]:
-    """Return the files of all modules of the core and the extensions, by dotted name."""
+    """Return dotted name -> file for all modules of the core and the extensions."""
     found = {}
     for folder in FOLDERS.values():
         for path in folder.rglob("*.py"):

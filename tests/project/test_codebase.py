@@ -1,7 +1,4 @@
-"""Tracked files and the wheel of the project.
-
-The files contain no path of a machine. The wheel contains all modules and data.
-"""
+"""The tracked files contain no path of a machine, and the wheel contains all modules and data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The import contracts in pyproject.toml. They cover every package and detect violations."""
+"""The import contracts in pyproject.toml cover every package and detect violations."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ BREACHES = {
 
 
 def contract(begin: str) -> dict[str, Any]:
-    """Return the import contract whose name begins with this text."""
+    """Return the contract whose name begins with this text."""
     (found,) = (each for each in CONTRACTS if each["name"].startswith(begin))
     return found
 

@@ -1,4 +1,4 @@
-"""The core without extensions. `make test-core` runs all tests of the core in this way."""
+"""The core works without extensions. `make test-core` runs all its tests in this way."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     assert "unknown command 'fly'" in output
     code, output = run("solve", "--dihedral", "11", "--design", "paper")
     assert (code, output.count("\n")) == (2, 1)
-    assert "--design needs a package that provides 'design' in hfa.parts" in output
+    assert "--design requires a package that provides 'design' in hfa.parts" in output
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)

@@ -1,5 +1,4 @@
-"""Code blocks and links of the documents. Blocks run and print the shown output, and links are
-valid.
+"""The documents are correct: code blocks run and print the shown output, and links are valid.
 
 A ```python block is run. If its first line is "# FILE.py", it is also saved to this file. A ```text
 block directly after it shows its output.
@@ -130,7 +129,7 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
 
 
 def _study(module: str, words: list[str]) -> Result:
-    """Run the study `python -m MODULE words...` and return the result."""
+    """Run `python -m MODULE words...` and return the result."""
     done = subprocess.run(
         [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
     )
@@ -175,17 +174,14 @@ def test_blocks_run_and_print_what_is_shown(
 
 
 def test_every_stored_picture_is_drawn_by_its_document() -> None:
-    """Each stored picture is named in a code block of its document."""
+    """Each stored picture is named in a block of its document."""
     for picture in PICTURES.glob("*/*.png"):
         blocks = blocks_of(text_of(ROOT / "docs" / f"{picture.parent.name}.md"))
         assert any(picture.name in block.text for block in blocks), picture
 
 
 def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
-    """Run the blocks of a document in the current folder and return their faults.
-
-    Files that the blocks write remain in this folder.
-    """
+    """Run the blocks of a document and return their faults. Files remain in the current folder."""
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     return complaints(text_of(document), name=document.name, slow=slow)
@@ -281,7 +277,7 @@ def test_examples_run(
 
 
 def entries() -> list[Any]:
-    """Return the pairs ("package.name", object) of all public classes and functions."""
+    """Return ("package.name", object) for every public class and function."""
     names = [
         (package, name)
         for package in PACKAGES
@@ -349,7 +345,7 @@ hfa: --dihedral is 'abc'; give a finite number
 
 
 def test_a_sound_document_passes() -> None:
-    """The check of documents reports no fault in a correct document."""
+    """The check reports no fault in a correct document."""
     assert complaints(SOUND) == []
 
 
@@ -371,7 +367,7 @@ def test_a_sound_document_passes() -> None:
     ],
 )
 def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint: str) -> None:
-    """The check of documents reports each fault that is planted in a document."""
+    """The check reports each fault that is planted in a document."""
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))
@@ -385,9 +381,7 @@ def test_an_old_picture_is_noticed() -> None:
 
 
 def test_dots_stand_for_any_lines_alone() -> None:
-    """In a shown output, a line "..." matches any number of lines. All other lines must be
-    equal.
-    """
+    """A line "..." matches any number of lines. All other lines must be equal."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
         assert difference(expected, "a\nb\nc\n") == ""
     for expected in ("", "a", "...\nb", "b\n...", "a\n...\nb", "c\n...\na", "a\nb\n...c"):

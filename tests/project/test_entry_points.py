@@ -1,4 +1,4 @@
-"""Aircraft formats and commands that packages of other authors add by entry points.
+"""Packages of other authors add aircraft formats and commands by entry points.
 
 A broken package is reported in one line.
 """
@@ -243,7 +243,7 @@ def test_the_page_of_parts_shows_every_part() -> None:
 
 @pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
 def test_readers_have_arguments_of_their_protocol(group: str, kind: type) -> None:
-    """The file readers of installed packages have the arguments that their protocol requires.
+    """The readers of installed packages have the required arguments of their protocol.
 
     Entries of `hfa.critics` that are not file readers are not checked.
     """

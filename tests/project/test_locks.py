@@ -1,4 +1,4 @@
-"""The locked versions of dependencies, which can be installed with every supported Python."""
+"""The locked versions can be installed with every supported Python."""
 
 from __future__ import annotations
 
@@ -21,9 +21,7 @@ def pins(lock: str) -> list[Requirement]:
 
 
 def without(pythons: str) -> list[str]:
-    """Return the Python versions supported by the project that a Requires-Python specifier
-    excludes.
-    """
+    """Return the supported Python versions that a Requires-Python specifier excludes."""
     return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
 
 
@@ -32,9 +30,9 @@ LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.loc
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
-    """Each locked dependency supports every Python version that the project supports.
+    """Each locked distribution supports every Python version that the project supports.
 
-    Only dependencies installed here in the locked version are checked.
+    Only distributions installed here in the locked version are checked.
     """
     excluded = {}
     compared = 0
@@ -76,7 +74,7 @@ def test_each_lock_extends_the_one_before() -> None:
 
 
 def test_a_pin_that_needs_a_patch_is_seen() -> None:
-    """A locked dependency that requires a later patch release of Python is reported."""
+    """A pin that requires a later patch release of Python is reported."""
     assert without(">=3.11.5") == ["3.11.0"]
     assert without(">=3.9") == []
     assert without("<3.14") == ["3.14.0"]

@@ -1,4 +1,4 @@
-"""The notebooks in examples/. They run, and their stored outputs are current."""
+"""The notebooks in examples/ run, and their stored outputs are current."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ _PICTURE = r'src="data:image/png;base64,([^"]*)"'
 
 
 def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
-    """Return (source, stored outputs) of each code cell of a notebook, without lines that begin
-    with %.
-    """
+    """Return (source, stored outputs) of each code cell, without lines that begin with %."""
     cells = [
         cell
         for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
@@ -60,7 +58,7 @@ def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
 
 
 def stored(outputs: list[Output], kind: str) -> str:
-    """Return the stored output of a notebook's cell as text.
+    """Return the stored text of a cell.
 
     kind: "stream" for printed text, or a MIME type
     """
@@ -81,7 +79,7 @@ def words(text: str) -> str:
 
 
 def says_the_same(text: str, old: str) -> bool:
-    """Return whether two outputs of a cell have the same words and similar pictures."""
+    """Return whether two texts have the same words and similar pictures."""
     if words(text) != words(old):
         return False
     pictures = [base64.b64decode(each) for each in re.findall(_PICTURE, text)]
@@ -94,7 +92,7 @@ def is_drawn_as(picture_now: bytes, png: str) -> bool:
     The tolerance allows for another date and another rendering of letters. The result is False for
     an empty `png`.
 
-    png: base64 text of a picture
+    png: base64 text
     """
     if not png:
         return False
@@ -139,9 +137,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
-    """The cells of a notebook reproduce their stored output, which contains no path of a
-    machine.
-    """
+    """The cells of a notebook reproduce their stored output. No path of a machine is stored."""
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")
     assert not any(

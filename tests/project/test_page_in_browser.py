@@ -64,9 +64,9 @@ _TEXTS = (
 
 
 def settles(driver: Any, condition: str) -> bool:
-    """Wait until a JavaScript expression is true on the page, at most 10 s.
+    """Wait at most 10 s until a JavaScript expression is true.
 
-    Drawings follow a new width of the window with a delay.
+    Drawings follow a new width with a delay.
     """
     from selenium.webdriver.support.wait import WebDriverWait
 
@@ -181,7 +181,7 @@ def test_the_page_in_a_browser(
 
 
 def compare_with_the_command(driver: Any) -> None:
-    """Assert that the page shows the results of `hfa linearize` and `hfa trim` at an angle."""
+    """Assert that the page shows the results of `hfa linearize` and `hfa trim`."""
     words = ("--dihedral", AT, "--parameters", NAME, "--json")
     model, trim = (json.loads(hfa(name, *words).out) for name in ("linearize", "trim"))
     for letter in ("A", "B"):

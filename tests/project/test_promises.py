@@ -1,4 +1,4 @@
-"""The page of guarantees, which names existing tests."""
+"""The page of guarantees names existing tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TEST = re.compile(r"`((?:tests|extensions)/\S+\.py)::(test_\w+)`( \(slow\))?")
 
 
 def missing(promise: list[str]) -> str:
-    """Return the fault in a row of the page of guarantees, or "" if its tests exist.
+    """Return the fault in a row of the page, or "" if its tests exist.
 
     promise: the cells of the row: guarantee, tolerance and tests
     """

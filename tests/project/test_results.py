@@ -108,7 +108,7 @@ def test_results_show_reports_and_survive_a_pickle(name: str) -> None:
 
 
 def test_linear_models_are_equal_by_their_values() -> None:
-    """Linear models are compared entry by entry and cannot be hashed. nan equals nan."""
+    """Linear models are compared entry by entry, where nan equals nan, and cannot be hashed."""
     model = results()["LinearModel"]
     assert model == replace(model, A=model.A.copy())
     changed = model.A.copy()

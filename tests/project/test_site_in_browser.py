@@ -1,4 +1,4 @@
-"""The site of `make docs` in a browser. Nothing is cut off at common window widths."""
+"""The site of `make docs` in a browser: nothing is cut off at common window widths."""
 
 from __future__ import annotations
 
@@ -22,9 +22,7 @@ _CUT = """const boxes = 'article pre, article table, article .table, article .ta
 
 
 def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
-    """Return the texts of the boxes that are cut off on a page in a window of this width in
-    pixels.
-    """
+    """Return the texts of the boxes that are cut off on a page of this width in pixels."""
     seen_at(driver, width)
     driver.get(page.as_uri())  # type: ignore[attr-defined]
     cut: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]

@@ -186,7 +186,7 @@ def test_lqr_refuses_a_disturbance() -> None:
     linear = _linear()
     weights = (np.eye(6), np.eye(5))
     for more in ({"delta": 100.0}, {"E": np.eye(6)}):
-        with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
+        with pytest.raises(BadInputError, match="the arguments are linear, Q, R"):
             hfa.lqr(linear, *weights, **more)
 
 

@@ -87,7 +87,9 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
     if not model.inputs:
-        raise BadInputError("the model has no inputs; a Bode plot needs at least one")
+        raise BadInputError(
+            "the model has no inputs, so no Bode plot exists; choose at least one input"
+        )
     response = model.to_control().frequency_response(bode_frequencies(model))
     values = np.moveaxis(response.frdata, 2, 0)
     size = np.abs(values)

@@ -176,9 +176,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
                 return chosen(self, inputs, outputs)
-        raise BadInputError(
-            "an index needs names of outputs and inputs; write linear[outputs, inputs]"
-        )
+        raise BadInputError("the index is not a pair of names; write linear[outputs, inputs]")
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield A, B, C and D, so that A, B, C, D = linear and control.ss(*linear) work."""

@@ -62,9 +62,7 @@ def modes_of(
     A = np.asarray(A, dtype=float)
     n = len(states)
     if A.shape != (n, n):
-        raise BadInputError(
-            f"A has shape {A.shape}; the shape must be {(n, n)}, one row for each state"
-        )
+        raise BadInputError(f"A has shape {A.shape}; give shape {(n, n)}, one row for each state")
     if not np.isfinite(A).all():
         raise BadInputError("A has an entry that is not finite; give finite numbers")
     eigenvalues, _, right, left = spectrum(A)
@@ -89,7 +87,7 @@ def modes_of(
         values.append(value)
         participations.append(participation)
         family_names.append(max(candidates, key=share))
-    return tuple(map(_mode, _distinct(family_names), values, participations))
+    return tuple(map(_mode, _told_apart(family_names), values, participations))
 
 
 def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
@@ -111,7 +109,7 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
     return Spectrum(values, errors, right, left)
 
 
-def _distinct(names: list[str]) -> list[str]:
+def _told_apart(names: list[str]) -> list[str]:
     """Return names of modes in which equal names are distinguished by "fast" and "slow", or by
     numbers.
 

@@ -24,5 +24,5 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
         if name not in positions:
             refuse_unknown(f"unknown {what}", name, known)
         if name in chosen[:index]:
-            raise BadInputError(f"{what} {name} is named twice; name it once")
+            raise BadInputError(f"{what} {name} is named twice; remove one {name}")
     return [positions[name] for name in chosen]

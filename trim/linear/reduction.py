@@ -73,7 +73,9 @@ def reduced(
     columns = positions("input", inputs, model.inputs)
     following = positions("state", (*states, *residualize), model.states)[len(rows) :]
     if not rows:
-        raise BadInputError("no state is left in the model; leave at least one out of residualize")
+        raise BadInputError(
+            "residualize contains every state of the model; remove at least one state"
+        )
     outputs = list(range(len(model.outputs)))
     if model.outputs == model.states:
         outputs = rows

@@ -83,7 +83,7 @@ class TrimCondition:
             if not lowest < highest:
                 raise BadInputError(
                     f"the limits of {name} are {model.describe(name, lowest)} and "
-                    f"{model.describe(name, highest)}; the lower limit must be less than the upper"
+                    f"{model.describe(name, highest)}; give the lower limit first"
                 )
         self._check_imposed()
 
@@ -99,7 +99,7 @@ class TrimCondition:
                 if limits.least[index] <= number <= limits.most[index]:
                     continue
                 raise BadInputError(
-                    f"{name} is {self.model.describe(name, number)}; it must lie between"
+                    f"{name} is {self.model.describe(name, number)}; give a value between"
                     f" {limits.between(name)}"
                 )
 
@@ -188,8 +188,8 @@ class TrimCondition:
             by = self.model.schedule
             describe = self.model.describe
             raise BadInputError(
-                f"condition {self.name}: {name} is given for {by} from {describe(by, first)} "
-                f"to {describe(by, last)}; {describe(by, outside[0])} is outside this range"
+                f"condition {self.name}: {name} is given for {by} from {describe(by, first)} to "
+                f"{describe(by, last)}, not at {describe(by, outside[0])}"
             )
         return table.at(scheduled)
 
@@ -260,7 +260,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
     """Raise BadInputError if only one of a condition and a model is in SI units."""
     if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
-            "the condition is in other units than the model; create the condition with this model"
+            "the condition and the model have different units; create the condition with this model"
         )
 
 

@@ -210,7 +210,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
-                "the operating point is in other units than the model; trim this model"
+                "the operating point and the model have different units; trim this model"
             )
         if self.dynamics != model.name:
             raise BadInputError(

@@ -23,7 +23,7 @@ def draw_point(point: OperatingPoint) -> Axes:
     """
     if point.problem is None:
         raise BadInputError(
-            "this point is not the result of a trim, so it has no limits; trim the model"
+            "this operating point is not the result of a trim and has no limits; trim the model"
         )
     limited = []
     for margin in all_margins(point.problem.asked, point).values():

@@ -46,7 +46,9 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
     if isinstance(data, dict):
         data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise BadInputError(f"{path} is not an operating point of schema {SCHEMA}; save it again")
+        raise BadInputError(
+            f"{path} is not an operating point of schema {SCHEMA}; save the operating point again"
+        )
     names = {
         kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")
     }
@@ -61,7 +63,7 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
         if factor is None:
             known = dict.fromkeys((unit, si_unit(unit)))
             raise BadInputError(
-                f"{path}: {name} is in {shortened(stated[name])}; give it in {' or '.join(known)}"
+                f"{path}: {name} is in {shortened(stated[name])}; use {' or '.join(known)}"
             )
         values[name] = values[name] * factor
     states, inputs = (

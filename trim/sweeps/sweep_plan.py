@@ -108,7 +108,7 @@ class SweepPlan:
             if not limits.within(np.array(ends)[:, None]).all():
                 described = dict.fromkeys(model.describe(name, end) for end in ends)
                 raise BadInputError(
-                    f"{name} is {' to '.join(described)} in the sweep; it must lie between "
+                    f"{name} is {' to '.join(described)} in the sweep; give values between "
                     f"{limits.between(name)}"
                 )
 

@@ -82,7 +82,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     exact = np.asarray(exact, dtype=float)
     if value.shape != exact.shape:
         raise BadInputError(
-            f"the learned value has shape {value.shape} and the exact value {exact.shape}; compare "
+            f"the learned value has shape {value.shape} and the exact value {exact.shape}; give "
             "values of equal shape"
         )
     if not np.all(np.isfinite(value)):

@@ -38,8 +38,8 @@ def critic_given(
         parts = {"P": given.P, "K": given.K}
     elif callable(given):
         raise BadInputError(
-            "the critic is a function; give a gain K, a solution, a training run, a torch network, "
-            "a file, or a critic, such as from_network(game, CASADI_FUNCTION)"
+            "the critic is a function; give a gain K, a solution, a training run, a torch "
+            "network, a file, or a critic such as from_network(game, CASADI_FUNCTION)"
         )
     elif given is not None:
         parts = {"K": given}

@@ -35,7 +35,7 @@ class Expressions:
             key: _limited(document.variables[key], value) for key, value in given.items()
         }
         self._table = table
-        self._pending: list[str] = []
+        self._asked: list[str] = []
 
     def __getitem__(self, key: str) -> Any:
         """Return the value of the variable with this varID, in the file's units.
@@ -46,22 +46,22 @@ class Expressions:
         if key in self._values:
             return self._values[key]
         variable = self._document.variables.get(key)
-        asked = self._pending[-1] if self._pending else key
+        asked = self._asked[-1] if self._asked else key
         if variable is None:
             raise self._document.error(
                 f"variable {asked}", f"variable {key} is not defined; add a <variableDef>"
             )
-        if key in self._pending:
-            circle = ", ".join(self._pending[self._pending.index(key) :])
+        if key in self._asked:
+            circle = ", ".join(self._asked[self._asked.index(key) :])
             raise self._document.error(
                 f"variable {key}",
                 f"the variable depends on itself ({circle}); remove the circular definition",
             )
-        self._pending.append(key)
+        self._asked.append(key)
         try:
             self._values[key] = _limited(variable, self._value(variable))
         finally:
-            self._pending.pop()
+            self._asked.pop()
         return self._values[key]
 
     def _value(self, variable: Variable) -> Any:

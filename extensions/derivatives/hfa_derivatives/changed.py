@@ -83,7 +83,7 @@ def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
     """
     table = data.get(name, {})
     if not isinstance(table, dict):
-        raise BadInputError(f"{path}: {name} is {shown(table)}; make it a table [{name}]")
+        raise BadInputError(f"{path}: {name} is {shown(table)}; give a table [{name}]")
     return table
 
 

@@ -58,7 +58,7 @@ def test_lqr_of_matrices_is_that_of_the_game() -> None:
 
 def test_lqr_of_matrices_refuses_a_disturbance() -> None:
     """lqr refuses a fifth argument, which would define a game, and a missing B."""
-    with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
+    with pytest.raises(BadInputError, match="the arguments are linear, Q, R"):
         hfa.lqr(A, B, np.eye(2), np.eye(1), 100.0)
     with pytest.raises(BadInputError, match="B is missing"):
         hfa.lqr(A)

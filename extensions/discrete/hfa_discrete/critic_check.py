@@ -72,7 +72,7 @@ def check_discounted(
         return _reason(game, exact, critic, says, {}, box)
 
     problem = sampled(game, dt, discount)
-    verdict = _checked(problem, critic, limit, scope or Scope(), diagnose)
+    verdict = _judged(problem, critic, limit, scope or Scope(), diagnose)
     section = verdict.sections[0]
     return replace(
         verdict,
@@ -116,7 +116,7 @@ def check_discrete(
         question = 'of x\' = A x + B u; did you mean time = "continuous"?'
         return _reason(step, exact, critic, question, others, box)
 
-    return _checked(problem, critic, limit, scope or Scope(), diagnose, more)
+    return _judged(problem, critic, limit, scope or Scope(), diagnose, more)
 
 
 def _reason(*what: Any) -> str:
@@ -131,7 +131,7 @@ def _reason(*what: Any) -> str:
     return str(loaded(offered(PARTS)["verify.reason.steps"])(*what))
 
 
-def _checked(
+def _judged(
     problem: DiscreteGame,
     critic: Critic,
     limit: float,

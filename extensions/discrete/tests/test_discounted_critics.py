@@ -91,7 +91,7 @@ def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> No
     assert answer(*words, code=FAILED)["ok"] is False
     result = hfa(*words, *problem[:2])
     assert result.code == BAD_INPUT
-    assert "--discount and --dt need each other; give both" in result.err
+    assert "--discount and --dt require each other; give both" in result.err
 
 
 def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:

@@ -126,11 +126,11 @@ def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
         ("--weights K.json --seed 3", "nothing is random in this run"),
         (
             "--weights small.npz",
-            "small.npz: K is 2 x 2; for this plant it must be 5 x 6",
+            "small.npz: K is 2 x 2; give 5 x 6, inputs x states",
         ),
         (
             "--weights V.npz",
-            "V.npz: W has 25 weights, but basis 'quadratic' on 6 states has 21",
+            "V.npz: W has 25 weights, but basis 'quadratic' of 6 states has 21",
         ),
         ("--weights none.npz", "no such file"),
     ):

@@ -37,7 +37,7 @@ from hfa.main import BAD_INPUT
         ("export ", "the following arguments are required: --output"),
         (
             "export -o aircraft.zip",
-            "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m, or a folder",
+            "aircraft.zip: the suffix '.zip' is unknown; use .fmu, .m, or a folder",
         ),
         ("export -o out --set samples=30", "--set applies only to a learning law"),
         (

@@ -213,7 +213,7 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
         ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
         ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
         ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),
-        ("bands = 3.0", "bands is 3.0; make it a table [bands]"),
+        ("bands = 3.0", "bands is 3.0; give a table [bands]"),
         ("[sensors]\nbias_alpha = 2.0\n[bands]\nbias_alpha = [0.0, 1.0]", "bias_alpha is 2.0, out"),
     ],
 )
@@ -248,7 +248,7 @@ def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
     assert main(words) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert "--draws needs a single critic" in printed.err
+    assert "--draws requires a single critic" in printed.err
 
 
 def test_drawn_aircraft_are_flown(folder, capsys):

@@ -104,7 +104,7 @@ def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters,
 @needs_jsbsim
 def test_fuel_above_the_capacity_is_refused():
     """Fuel above the capacity of a tank is refused with this capacity."""
-    with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; it must be at most 185 lbf"):
+    with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; give at most 185 lbf"):
         read_model("jsbsim:c172p").with_parameters(tank0=1e6)
 
 
@@ -112,9 +112,9 @@ def test_fuel_above_the_capacity_is_refused():
 def test_engine_and_feather_parameters_are_bounded():
     """Values of engine and feather parameters outside their range are refused."""
     model = read_model("jsbsim:c172p")
-    with pytest.raises(BadInputError, match=r"engine0 is 2; it must be at most 1$"):
+    with pytest.raises(BadInputError, match=r"engine0 is 2; give at most 1$"):
         model.with_parameters(engine0=2.0)
-    with pytest.raises(BadInputError, match=r"feather0 is -1; it must be at least 0$"):
+    with pytest.raises(BadInputError, match=r"feather0 is -1; give at least 0$"):
         read_model("jsbsim:c182").with_parameters(feather0=-1.0)
 
 

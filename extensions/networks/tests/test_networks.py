@@ -257,7 +257,7 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
     ).ok
     with pytest.raises(
         BadInputError,
-        match="W has 6 weights and the plant has 6 states; the basis needs 22 weights",
+        match="W has 6 weights and the plant has 6 states; give a basis of 6 functions",
     ):
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
@@ -274,7 +274,7 @@ def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
         assert np.array_equal(stored_part, right)
     np.save("odd.npy", np.ones((4, 3)))
     assert (
-        "odd.npy: the shape (4, 3) is that of neither"
+        "odd.npy: the array of shape (4, 3) is neither"
         in hfa("verify", *AT_15, "--weights", "odd.npy").err
     )
 

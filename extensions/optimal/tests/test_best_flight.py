@@ -206,7 +206,7 @@ def test_an_input_that_does_not_move() -> None:
         ({"position": 0.0}, {}, "equals the final trim"),
         ({"position": float("nan")}, {}, "give a finite number"),
         ({"position": 5.0}, {"seconds": 1.0}, "1 s is too short"),
-        ({"position": 5.0}, {"seconds": -1.0}, "must be a positive number"),
+        ({"position": 5.0}, {"seconds": -1.0}, "give a positive number"),
         ({"position": 5.0}, {"inputs": ["power"]}, "there is no input 'power'"),
         ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
     ],

@@ -122,7 +122,7 @@ def test_optimize_finds_a_flight_between_trims(capsys: pytest.CaptureFixture[str
             ["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"],
             "give another initial condition",
         ),
-        (["--to", "angle=10", "--minimize", "fuel"], "use one of cost, time"),
+        (["--to", "angle=10", "--minimize", "fuel"], "choose from cost, time"),
         (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
     ],
 )

@@ -201,7 +201,7 @@ class _Trial:
             best_of_kinds.setdefault(each.kind, each)
         for each in list(best_of_kinds.values())[:_MOST_NAMED]:
             if each.flown.times(found[0].flown) < _AS_GOOD:
-                yield Mistake(each.kind, False, _mistake_text(each, card))
+                yield Mistake(each.kind, False, _said(each, card))
 
     @cached_property
     def _of_gains(self) -> list[Flown]:
@@ -360,7 +360,7 @@ class _Trial:
         return float(np.abs(np.log((size_here + _LEAST) / (size + _LEAST))).sum())
 
 
-def _mistake_text(found: _Found, of_card: Flown) -> str:
+def _said(found: _Found, of_card: Flown) -> str:
     """Return a sentence that recommends a change, with the ratio of the costs without and with it.
 
     of_card: results of the file as written

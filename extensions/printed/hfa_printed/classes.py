@@ -36,7 +36,7 @@ Class = Literal[
 CLASSES: tuple[str, ...] = get_args(Class)
 #: Ratio of the error of one wrong entry to errors that the other entries may hide, for a learned
 #: answer.
-_NOISE = 10.0
+_STANDS_OUT = 10.0
 #: An answer with a larger relative error is that of an unknown problem. The limit is a convention:
 #: of 88 sources, unexplained answers have errors below 0.03 % or above 80 %.
 _FAR = 0.5
@@ -142,25 +142,27 @@ def _by_digits(
     wrong = comparison.wrong_positions
     if len(wrong) != 1 or comparison.outside.all():
         return None
-    if file.learned and not _exceeds_noise(comparison):
+    if file.learned and not _stands_out(comparison):
         return None
     if file.plant_rounded and (not_searched(file) or rounding_used(file, P, comparison) <= 1.0):
         return None
     return "one entry of the answer", _wrong_entry(file, comparison, wrong[0])
 
 
-def _exceeds_noise(comparison: Comparison) -> bool:
+def _stands_out(comparison: Comparison) -> bool:
     """Return whether the wrong entries are too far off to be noise of a learned answer.
 
     An error is too far off if noise of the same absolute and the same relative size would exceed
-    `_NOISE` half units in every other entry.
+    `_STANDS_OUT` half units in every other entry.
     """
     outside = comparison.outside
     error = np.abs(comparison.printed - comparison.exact)[outside].min()
     relative = (np.abs(comparison.printed - comparison.exact) / _sizes(comparison))[outside].min()
     hidden = comparison.half_units[~outside]
     hidden_relative = (comparison.half_units / _sizes(comparison))[~outside]
-    return bool(error > _NOISE * hidden.max() and relative > _NOISE * hidden_relative.max())
+    return bool(
+        error > _STANDS_OUT * hidden.max() and relative > _STANDS_OUT * hidden_relative.max()
+    )
 
 
 def _sizes(comparison: Comparison) -> np.ndarray:

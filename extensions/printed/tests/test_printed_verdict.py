@@ -413,7 +413,7 @@ def test_time_that_fits_every_digit_is_proposed(verdict_of):
             "Q: the diagonal after diag has 401 numbers; give at most 400",
         ),
         ('Q = "1 0; 0 2"', "", "the plant has no Q"),
-        ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),
+        ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; give a positive number"),
     ],
 )
 def test_errors_name_block_and_row(tmp_path, old, new, message):

@@ -450,7 +450,7 @@ def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
-def test_retrained_networks_have_errors_of_equal_size(game: Game, name: str) -> None:
+def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
     """Training the stored networks again gives errors of equal size, to 50 %.
 
     A network with hidden layers of 64 is also checked.

@@ -31,7 +31,7 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
     assert "another root of the Riccati equation" in root.reason
 
 
-def test_value_of_eight_digits_needs_more_for_gain() -> None:
+def test_value_eight_digits_right_gain_said_need_more() -> None:
     """The reason states that a P with eight right digits is not accurate enough for its gain.
 
     The input moves both states equally, which costs almost nothing. K = B'P is therefore a small

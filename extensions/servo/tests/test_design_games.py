@@ -133,7 +133,7 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
             "[sensors]\nspeed = 0",
             {},
             2,
-            "the noise of sensor speed is 0.0; it must be a positive number",
+            "the noise of sensor speed is 0.0; give a positive number",
         ),
         (
             "[sensors]\nspeed = 'x'",

@@ -66,7 +66,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
         ),
         (
             "[actuators]\nthrottle = 3",
-            "actuators.throttle is 3; make it a table [actuators.throttle]",
+            "actuators.throttle is 3; give a table [actuators.throttle]",
         ),
         (
             "[actuators.throttle]\neffectiveness = 0.0",
@@ -342,10 +342,13 @@ def own(**changes: Any) -> Design:
         ),
         (
             lambda: own(disturbances={"updraft": 0.0}),
-            "the intensity of disturbance updraft is 0.0; it must be",
+            "the intensity of disturbance updraft is 0.0; give a positive number",
         ),
         (lambda: Actuator(order=3), "the order of an actuator is 3; it must be"),
-        (lambda: Actuator(damping=math.nan), "the damping of an actuator is nan; it must be"),
+        (
+            lambda: Actuator(damping=math.nan),
+            "the damping of an actuator is nan; give a positive number",
+        ),
     ],
 )
 def test_unusable_designs_are_refused(make: Callable[[], object], message: str) -> None:

@@ -116,7 +116,7 @@ def test_wrong_labels_are_refused_by_name() -> None:
         (lambda: hfa.verify(game, gain.rename(columns={"alpha": "alfa"})), "unknown label 'alfa'"),
         (lambda: hfa.verify(game, K=gain.drop(columns="alpha")), "K has no label 'alpha'"),
         (lambda: hfa.verify(game, gain.iloc[:, [0, 0, 1, 2, 3, 4]]), "no label 'speed'"),
-        (lambda: hfa.verify(game, gain.T), "give its transpose"),
+        (lambda: hfa.verify(game, gain.T), "such as the transpose of K"),
         (lambda: hfa.verify(game, pandas.DataFrame(gain.to_numpy(), [4, 3, 2, 1, 0])), "by name"),
         (lambda: hfa.verify(unnamed, gain), "unknown label"),
         (lambda: Game(np.eye(1), np.eye(1), Q=pandas.Series({"a": 1.0}), R=[1.0]), "no argument"),

@@ -178,7 +178,7 @@ def test_keywords_of_python_control_are_accepted() -> None:
         linear.step(T=3.0, input="throttle", output="speed").outputs, usual.outputs
     )
     assert linear.simulate(T=1.0, X0={"alpha": 0.1}).outputs[1, 0] == 0.1
-    with pytest.raises(BadInputError, match=r"step: .*'timme'; did you mean time\?; its arguments"):
+    with pytest.raises(BadInputError, match=r"step: .*'timme'; did you mean time\?; the arguments"):
         linear.step(timme=3.0)
     with pytest.raises(BadInputError, match="unexpected keyword argument 'T'"):
         linear.step(time=3.0, T=3.0)
@@ -298,7 +298,7 @@ def test_a_gain_closes_a_linear_loop() -> None:
     assert solution.certified is True
     for name, margins in linear.margins(solution.K).items():
         assert margins == pytest.approx(solution.margins()[name], rel=1e-4, nan_ok=True), name
-    with pytest.raises(BadInputError, match="give its transpose"):
+    with pytest.raises(BadInputError, match="such as the transpose of K"):
         linear.margins(solution.K.T)
     with pytest.raises(NoSolutionError):
         linear.margins(-solution.K)

@@ -83,7 +83,7 @@ def judge(
     judgements = []
     for number, name in enumerate(names):
         pairs = [(items[i]["point"], answers[i]) for i in (2 * number, 2 * number + 1)]
-        judgements.append(_compared(name, models[name], pairs))
+        judgements.append(_judged(name, models[name], pairs))
     return judgements
 
 
@@ -112,7 +112,7 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
     return {"state": state, "commands": commands, "settle": _SECONDS}
 
 
-def _compared(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
+def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
     """Return the result of comparing one construct with JSBSim.
 
     name: name of the construct

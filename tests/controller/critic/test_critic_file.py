@@ -58,9 +58,9 @@ def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) 
     ("content", "message"),
     [
         ({"A": np.eye(2)}, r"the file contains no W, P or K; .* \(found: A\)"),
-        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); W must be one row or one"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); give W as one row or one"),
         ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
-        ({"P": [1.0, 2.0]}, "P has 1 dimension"),
+        ({"P": [1.0, 2.0]}, "the number of dimensions of P is 1; give 2"),
     ],
 )
 def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None:
@@ -143,7 +143,7 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     assert basis is not None
     assert basis.name == "quadratic+linear"
     with pytest.raises(
-        BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"
+        BadInputError, match=r"W is 3 x 5; give 3 x 3 for 3 times, because basis 'quadratic'"
     ):
         critic_in(path, GAME, reading=Reading("quadratic"))
     single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
@@ -151,13 +151,13 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     assert found is not None
     assert np.array_equal(found.exponents, basis.exponents)
     with pytest.raises(
-        BadInputError, match="W has 5 weights, but basis 'quadratic' on 2 states has 3"
+        BadInputError, match="W has 5 weights, but basis 'quadratic' of 2 states has 3"
     ):
         critic_in(single, GAME, reading=Reading("quadratic"))
     listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
     assert listed.value is not None
     assert float(listed.value([3.0, 2.0])) == 9.0 + 32.0
-    with pytest.raises(BadInputError, match=r"w\.npz: the entry basis must be one name"):
+    with pytest.raises(BadInputError, match=r"w\.npz: the entry basis is not one name"):
         critic_in(stored("w.npz", W=np.ones(5), basis=["quadratic", "paper"]), GAME)
     np.savez("P.npz", P=np.eye(2), basis=["of", "another", "program"])
     assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
@@ -166,18 +166,18 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; times must increase"),
+        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; give increasing times"),
         (
             {"times": [-1.0, 0.0, 1.0], "W": W},
-            "time is -1 s at row 1; times must increase from 0 s or later",
+            "time is -1 s at row 1; give increasing times of at least 0 s",
         ),
         (
             {"times": TIMES, "W": W * np.array([[1.0], [np.inf], [1.0]])},
-            r"W\[1\]\[0\] is inf; every entry",
+            r"W\[1\]\[0\] is inf; give finite entries",
         ),
         (
             {"times": TIMES, "W": W * np.array([[1.0], [1.0], [1e60]])},
-            r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
+            r"W\[2\]\[0\] is 6e\+60; give entries of at most 1e\+50",
         ),
         (
             {"times": TIMES[:2], "W": W},

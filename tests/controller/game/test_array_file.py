@@ -187,7 +187,7 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
         ({"A": ""}, "A has no numbers"),
     ],
 )
-def test_files_without_a_matrix_are_refused(texts: dict[str, str], said: str) -> None:
+def test_what_is_no_matrix_is_said(texts: dict[str, str], said: str) -> None:
     """.csv files that do not contain a matrix are refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
         of(**texts)

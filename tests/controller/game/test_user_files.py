@@ -133,7 +133,7 @@ def test_structures_are_read_if_top_level_is_empty() -> None:
     [
         (load_game, {"A": A2, "Q": A2}, r"there is no B; .* \(found: A, Q\)"),
         (load_game, {}, r"there is no A; .*\(the file is empty\)"),
-        (load_game, PLANT | {"B": [[0.0, 1.0]]}, "B is 1 x 2; with this A and B it must be 2 x 2"),
+        (load_game, PLANT | {"B": [[0.0, 1.0]]}, "B is 1 x 2; give 2 x 2, to match A and B"),
         (
             load_game,
             {"A": A2, "B": B2},
@@ -179,7 +179,7 @@ VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
     ("name", "content", "said"),
     [
         ("plant.json", b"", "is not JSON"),
-        ("plant.json", b"[1, 2]", "cannot be read as .json .*must be an object"),
+        ("plant.json", b"[1, 2]", "cannot be read as .json .*is not an object"),
         ("plant.npz", b"PK\x03\x04broken", "cannot be read as .npz"),
         ("plant.mat", MATLAB_73.ljust(116) + VERSION_73, "save with the option -v7"),
     ],

@@ -27,22 +27,22 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"A": [[1.0, 2.0]]}, "A is 1 x 2; it must be square"),
+        ({"A": [[1.0, 2.0]]}, "A is 1 x 2; give a square matrix"),
         ({"A": [[1.0, 2.0], [3.0]]}, "A does not consist of rows of real numbers"),
         ({"A": np.ma.masked_equal(np.eye(2), 0.0)}, "A has masked entries"),
-        ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; every entry must be finite"),
+        ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; give finite entries"),
         (
             {"A": [[1e150, 0.0], [0.0, 1.0]]},
-            r"A\[0\]\[0\] is 1e\+150; entries must not exceed 1e\+100",
+            r"A\[0\]\[0\] is 1e\+150; give entries of at most 1e\+100",
         ),
         ({"A": np.zeros((0, 0))}, "a game needs at least one state and one input"),
-        ({"B": [[1.0]]}, "B is 1 x 1; with this A and B it must be 2 x 1"),
+        ({"B": [[1.0]]}, "B is 1 x 1; give 2 x 1, to match A and B"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
         ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),
         ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
-        ({"delta": 0.0}, "delta is 0.0; it must be a positive number"),
-        ({"delta": 1e-60}, "delta is 1e-60; it must be a positive number"),
+        ({"delta": 0.0}, "delta is 0.0; give a number from"),
+        ({"delta": 1e-60}, "delta is 1e-60; give a number from"),
         ({"delta": 1e300}, r"delta is 1e\+300; .* from 1e-50 to 1e\+50, or inf"),
     ],
 )
@@ -114,9 +114,9 @@ def test_published_game_has_the_settings_of_the_paper() -> None:
     assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
     assert np.array_equal(game.E, np.eye(6))
     assert game.delta == 200.0
-    with pytest.raises(BadInputError, match="Q is 6 x 6; with this A and B it must be 2 x 2"):
+    with pytest.raises(BadInputError, match="Q is 6 x 6; give 2 x 2, to match A and B"):
         published_game(np.eye(2), np.ones((2, 1)))
-    with pytest.raises(BadInputError, match="A has 0 dimension"):
+    with pytest.raises(BadInputError, match="the number of dimensions of A is 0; give 2"):
         published_game(np.array(3.0), model.B)
 
 

@@ -428,7 +428,7 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
     ("options", "message"),
     [
         ({"predefined_time": 0.0}, "predefined_time is 0.0"),
-        ({"tick": 11.0}, "tick is 11.0 s; it must not exceed predefined_time"),
+        ({"tick": 11.0}, "tick is 11.0 s; give at most the predefined_time"),
         ({"eta": 1.0}, "eta is 1.0"),
         ({"samples": 20}, "20 samples cannot determine 21 weights"),
         ({"samples": 30.5}, "samples is 30.5"),

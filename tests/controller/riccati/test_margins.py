@@ -117,7 +117,7 @@ def test_weak_gain_has_smaller_margins(game: Game) -> None:
     K = solve_game(game).K
     assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
     for margins in (loop_margins, disk_margin):
-        with pytest.raises(NoSolutionError, match="margins need a stable loop"):
+        with pytest.raises(NoSolutionError, match="no margins; give a stabilizing gain"):
             margins(game, -K)
 
 

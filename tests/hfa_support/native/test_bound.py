@@ -1,4 +1,4 @@
-"""Sweeps computed by several threads of one process, which equal those of one thread bit by bit."""
+"""Sweeps computed by several threads of one process equal those of a single thread bit by bit."""
 
 from __future__ import annotations
 

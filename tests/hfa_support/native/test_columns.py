@@ -1,4 +1,4 @@
-"""CasADi Functions evaluated for many rows. Results by columns equal those by rows bit by bit."""
+"""CasADi Functions of many rows: results by columns equal those of single rows bit by bit."""
 
 from __future__ import annotations
 

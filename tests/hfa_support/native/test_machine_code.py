@@ -1,4 +1,4 @@
-"""Compilation of functions to machine code, also without a working compiler."""
+"""Machine code: equal results, one compilation, and behavior without a working compiler."""
 
 from __future__ import annotations
 
@@ -108,9 +108,9 @@ def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
 @needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "flipped"])
 def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
-    """If a library in the cache is damaged, the function is compiled again.
+    """A damaged library in the cache is compiled again.
 
-    Loading a damaged library could end the process with a bus error.
+    The load of a damaged library could end the process with a bus error.
     """
     function = cube()
     generated.machine_code(function)

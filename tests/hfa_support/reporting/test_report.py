@@ -104,7 +104,7 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
         ("row 1", 2 / 3),
     ]
     assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
-    with pytest.raises(ValueError, match="unknown suffix"):
+    with pytest.raises(ValueError, match="the suffix"):
         made.save(tmp_path / "a.txt")
 
 
@@ -153,7 +153,7 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
 
 
 def test_checks_judge_and_give_reasons() -> None:
-    """A check passes at its inclusive limit and fails for nan. It has a reason only if it fails."""
+    """A check passes at an inclusive limit, fails for nan, and has a reason only if it fails."""
     assert at_most("x", 1.0, 1.0, "too large") == Check("x", 1.0, 1.0, True, "")
     assert at_most("x", 1.1, 1.0, "too large") == Check("x", 1.1, 1.0, False, "too large")
     assert at_least("x", 1.0, 1.0, "small").ok

@@ -299,5 +299,5 @@ def test_linear_models_have_poles_plots_and_arrays() -> None:
     assert axes[0].get_title() == "speed, ft/s"
     pyplot.close(axes[0].figure)
     for wrong in (0, "pitch_rate", (0, 0), slice(None)):
-        with pytest.raises(BadInputError, match="an index needs names"):
+        with pytest.raises(BadInputError, match="the index is not a pair of names"):
             linear[wrong]

@@ -215,26 +215,29 @@ def test_the_cheaper_of_two_minima_is_found(
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"speed": 0.0}, "speed is 0 ft/s; it must lie between 1 ft/s and 500 ft/s"),
-        ({"dihedral": 15.0}, "dihedral is 859.437 deg (15 rad); it must lie between -60 deg and"),
-        ({"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}}, "speed is 0 ft/s; it must be positive"),
+        ({"speed": 0.0}, "speed is 0 ft/s; give a value between 1 ft/s and 500 ft/s"),
+        ({"dihedral": 15.0}, "dihedral is 859.437 deg (15 rad); give a value between -60 deg and"),
+        (
+            {"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}},
+            "speed is 0 ft/s; give a positive speed",
+        ),
         (
             {"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}},
-            "the atmosphere covers 0 to 65000 ft",
+            "give an altitude from 0 to 65000 ft",
         ),
         (
             {"dihedral": np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}},
-            "dihedral is 90 deg; it must be above -90 and",
+            "dihedral is 90 deg; give an angle above -90 and",
         ),
         (
             {"dihedral": -np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}},
-            "dihedral is -90 deg; it must be above -90 a",
+            "dihedral is -90 deg; give an angle above -90 a",
         ),
         ({"dihedral": float("nan")}, "dihedral is nan; give a finite number"),
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
         (
             {"limits": {"alpha": (0.5, 0.1)}},
-            "the limits of alpha are 28.6479 deg and 5.72958 deg; the lower limit must be",
+            "the limits of alpha are 28.6479 deg and 5.72958 deg; give the lower limit first",
         ),
     ],
 )

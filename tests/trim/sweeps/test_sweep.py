@@ -95,7 +95,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
 @pytest.mark.parametrize(
     ("grid", "condition", "words"),
     [
-        ({"throttle": [0.0, 50.0]}, LIMITED, "throttle is 50; it must lie between 0 and 40"),
+        ({"throttle": [0.0, 50.0]}, LIMITED, "throttle is 50; give a value between 0 and 40"),
         (
             {"dihedral": [0.1, 0.5]},
             load_condition("simvfa-64"),
@@ -105,7 +105,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
         (
             {"dihedral": [5.0, 15.0]},
             LEVEL_FLIGHT,
-            "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg",
+            "dihedral is 286.479 deg; give a value between -60 deg and 60 deg",
         ),
         (
             {"speed": np.ma.masked_less([60.0, 68.0], 65.0)},
@@ -115,7 +115,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
         (
             {"panel_mass": [-1.0]},
             LEVEL_FLIGHT,
-            "panel_mass is -1 slug in the sweep; it must lie between 0 slug",
+            "panel_mass is -1 slug in the sweep; give values between 0 slug",
         ),
         ({}, LEVEL_FLIGHT, "no variable is swept"),
         ({"speed": []}, LEVEL_FLIGHT, "give a list of numbers"),
@@ -219,9 +219,9 @@ LISTS = [
         "dihedral,spd\n5,64\n",
         "the column of row 1 is unknown: 'spd'; did you mean speed? choose from speed, ",
     ),
-    ("dihedral,dihedral\n5,64\n", "a name is repeated or there are no values; give a row of names"),
-    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells for 2 names; correct the row"),
-    ("dihedral,speed\n", "a name is repeated or there are no values; give a row of names"),
+    ("dihedral,dihedral\n5,64\n", "row 1 contains a name twice, or no values follow"),
+    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2 names; correct the row"),
+    ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
 ]
 
 
@@ -258,7 +258,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
     stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
     assert json.loads(stored.out)["counts"]["trimmed"] == 2
-    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed needs either a column of ")
+    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed requires either a column of ")
     assert_refused(
         hfa("trim", "--dihedral", "5", *words[1:3]),
         2,
@@ -421,9 +421,7 @@ def test_an_extreme_parameter_is_refused(
 
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
     """Tables of points with a wrong shape or with masked entries are refused."""
-    with pytest.raises(
-        BadInputError, match=r"values have shape \(2,\); the shape must be \(N, 1\)"
-    ):
+    with pytest.raises(BadInputError, match=r"values have shape \(2,\); give shape \(N, 1\)"):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
         trim_points(aircraft, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]]))
@@ -476,7 +474,7 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
 def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
     """A plan of a sweep with too many points, or with a value beyond its limit, is refused."""
     with pytest.raises(
-        BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
+        BadInputError, match=r"dihedral is 80\.2\d* deg; give a value between -60 deg and 60 deg"
     ):
         SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, choice.aircraft(parameters=parameters))
     with pytest.raises(BadInputError, match="has 1,234,570,000 points, but at most 1,000,000,000"):

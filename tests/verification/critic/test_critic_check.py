@@ -239,7 +239,7 @@ def test_wrong_shapes_and_numbers_are_named(
                 make(game, wrong)
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
-    with pytest.raises(BadInputError, match=r"K is 6 x 5.*give its transpose"):
+    with pytest.raises(BadInputError, match=r"K is 6 x 5.*such as the transpose of K"):
         check_critic(game, np.zeros((6, 5)))
 
 
@@ -286,7 +286,7 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
     """An error limit or constant that is not a number is refused by name, as is nan."""
     weights = weights_of(value(game))
-    with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
+    with pytest.raises(BadInputError, match=r"constant is nan; give a finite number"):
         from_weights(game, weights, constant=math.nan)
     for constant in ("x", True, None):
         with pytest.raises(BadInputError, match=r"constant is .*; give a number"):
@@ -601,6 +601,6 @@ def test_the_last_row_of_a_history_is_checked(
     )
     assert not check_history(game, history).ok
     with pytest.raises(
-        BadInputError, match="W has 20 weights, but basis 'quadratic' on 6 states has 21"
+        BadInputError, match="W has 20 weights, but basis 'quadratic' of 6 states has 21"
     ):
         check_history(game, critics_over_time(game, TIMES, W=np.ones((len(TIMES), 20))))

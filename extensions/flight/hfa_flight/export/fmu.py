@@ -91,8 +91,7 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
     unused = "" if loop.outputs else "\n    (void)u;"
     call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
     return (
-        f"/* {comment_lines(_origin_text(origin))} */\n"
-        f'#include "{SETTINGS}"\n\n#include <math.h>\n\n'
+        f'/* {comment_lines(_said(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
         f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
         f"void fmu_loop(const double *y, const double *v, double *dy, double *u)\n{{\n{call}\n}}\n"
     )
@@ -114,7 +113,7 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
     )
 
 
-def _origin_text(origin: Provenance) -> str:
+def _said(origin: Provenance) -> str:
     return f"{origin.text()}\n{origin.command}"
 
 
@@ -129,7 +128,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         fmiVersion="2.0",
         modelName=IDENTIFIER,
         guid=guid,
-        description="; ".join(_origin_text(origin).splitlines()),
+        description="; ".join(_said(origin).splitlines()),
         version=origin.version,
         generationTool=f"hfa-toolchain {origin.version}",
         generationDateAndTime=origin.date,

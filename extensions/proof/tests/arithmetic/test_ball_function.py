@@ -138,7 +138,7 @@ ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
         *((lambda x: x**0.3, each) for each in (ABOUT_0, arb(0))),
     ],
 )
-def test_an_undecided_branch_is_refused(expression: Callable[[Any], Any], at: Any) -> None:
+def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], at: Any) -> None:
     """A function with an undecided branch at the argument raises Undecided.
 
     An argument of exactly 0 does not count as positive.

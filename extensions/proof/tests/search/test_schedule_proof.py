@@ -151,7 +151,7 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
     assert proof.proved
 
 
-def test_bounds_on_unstable_modes_within_errors() -> None:
+def test_how_many_modes_may_unstable_within_errors_said() -> None:
     """With parameter errors, the data contain bounds on the number of unstable modes.
 
     From 11.5 to 11.53125 deg, A of `published` has 0 to 2 unstable modes.

@@ -187,8 +187,8 @@ def _analysed(value: Any, name: str) -> Any:
         raise AttributeError(f"Game has no attribute {name!r}; write game.solve().{name}")
     if type(value) is Solution and name in ANALYSED:
         return getattr(solve(value.game), name)
-    is_delta_min = isinstance(value, Game) and name == "delta_min"
-    return _Number(minimum_delta(value).value) if is_delta_min else None
+    is_asked = isinstance(value, Game) and name == "delta_min"
+    return _Number(minimum_delta(value).value) if is_asked else None
 
 
 def _of_closed_loop(value: Any, name: str) -> None:
