@@ -257,8 +257,9 @@ def _tail_chord(p: Any) -> Quantity:
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Return the part Σ A_i (a - z_i), rad, of an angle of attack that has no effect on the lift
-    yet.
+    """Return the part of an angle of attack that has no effect on the lift yet, rad.
+
+    The part is Σ A_i (a - z_i).
 
     kind: "lag" for motion and controls, "gust" for gusts
     strip: one of `STRIPS`
@@ -345,8 +346,8 @@ def _lagged_alpha(
 ) -> tuple[Quantity, dict[str, Quantity]]:
     """Return the effective angle of attack of a strip, rad, and the rates of its lag states.
 
-    The effective angle is the angle due to motion, control and gust, minus the parts that do not
-    yet act on the lift.
+    The effective angle is the geometric angle, minus the parts of the angles due to motion, control
+    and gust that have no effect on the lift yet. The geometric angle does not include the control.
     """
     moved = p.local_motion * motion.turn * strip.behind
     alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash

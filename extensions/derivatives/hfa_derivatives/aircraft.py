@@ -58,8 +58,8 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     flat Earth and standard air. Its parameters are mass, inertias, gravity and derivatives.
 
     table: path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers in
-      the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or per
-      deg if `per` is "deg".
+        the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or
+        per deg if `per` is "deg".
 
     Raises BadInputError if `table` is neither a path nor a dictionary, or if an entry is missing,
     unknown or invalid.

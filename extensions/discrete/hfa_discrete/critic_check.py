@@ -54,12 +54,12 @@ def check_discounted(
 ) -> Verdict:
     """Return the verdict on a critic for a sampled and discounted continuous-time game.
 
-      x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
+      x⁺ = A x + B u + E w,  J = Σ αᵏ (x'Qx + u'Ru - δ² w'w) dt
 
     A, B and E are the matrices of one sample time with constant u and w. `check_discrete` describes
     the check.
 
-    discount: γ, the factor for one sample time
+    discount: α, the factor for one sample time
     dt: sample time, s. None: `game` is in discrete time, and J has no factor dt.
     limit: largest permitted relative error
     scope: extent of the checks of a network, by default `Scope()`
@@ -255,9 +255,9 @@ def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
 
     The excess from the worst initial state is 100 times the largest x'Dx / x'P*x. D solves
 
-      D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*),  F = A - B K + E L*.
+      D = α F'D F + (K - K*)'(R + α B'P*B)(K - K*),  F = A - B K + E L*.
 
-    Return inf if √γ F is unstable, or if P* is not positive definite and D is not 0.
+    Return inf if √α F is unstable, or if P* is not positive definite and D is not 0.
     """
     from scipy.linalg import eigh, solve_discrete_lyapunov
 

@@ -138,7 +138,7 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     Control, Theorem 3.7, for √α A, √α B, √α E.
 
     progress: called during the search for the smallest delta, or None. The search runs only if no
-      solution is certified.
+        solution is certified.
 
     Raises NoSolutionError if no solution is certified. The message names the mode that excludes a
     solution at any delta, or the failed test and the smallest delta.

@@ -228,8 +228,9 @@ class StepForm(NormalForm):
         return np.linalg.solve(self.root.T, self.policies(X).K @ self.T)
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
-        """Return L (k, n) of the worst disturbance w = L x in the user's coordinates, for the
-        solution X.
+        """Return the gain L (k, n) of the worst disturbance w = L x, for the solution X.
+
+        L is in the user's coordinates.
         """
         return self.policies(X).L @ self.T / self.delta
 

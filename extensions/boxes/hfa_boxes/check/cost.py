@@ -130,9 +130,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _centre(self) -> RowFunction:
-        """Function (z, v) -> gradient of g in v and its Jacobians in v and z, in double
-        precision.
-        """
+        """Function (z, v) -> gradient of g in v, and its Jacobians in v and z, as doubles."""
         g = self._margin
         y, z, v, e = self.symbols
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))

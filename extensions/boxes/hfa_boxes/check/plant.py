@@ -47,9 +47,7 @@ class Plant:
         return tuple(name for name in self.model.outputs if name in self.limits)
 
     def content(self) -> dict[str, Any]:
-        """Return the plant in the form that is stored in a certificate and that `read_plant`
-        accepts.
-        """
+        """Return the plant in the form of a certificate, which `read_plant` accepts."""
         return {
             **facts(self.model),
             "parameters": dict(self.parameters),

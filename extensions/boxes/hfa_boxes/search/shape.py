@@ -99,9 +99,7 @@ class Samples:
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) beyond a limit of a state or
-        output.
-        """
+        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
         signals = z + self._x
         if len(self._low) > z.shape[1]:
             outputs = values_at(self._program, signals)[:, z.shape[1] :]
@@ -256,9 +254,7 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return the same V in coordinates y in which samples of the set's boundary are in the
-        cube.
-        """
+        """Return the same V in coordinates in which samples of the boundary are in the cube."""
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:

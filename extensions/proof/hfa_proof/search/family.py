@@ -247,9 +247,7 @@ class TrimSearch:
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
-        """Return polynomials of the trims on a box, and radii with which the checker can prove
-        them.
-        """
+        """Return polynomials of the trims on a box, with radii that the checker can prove."""
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)
         C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))

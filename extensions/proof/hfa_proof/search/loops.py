@@ -64,8 +64,7 @@ class Loop:
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """Return the parts of the interval from `low` to `high` between breakpoints of the
-        controller.
+        """Return the parts of the interval [low, high] between breakpoints of the controller.
 
         Raises BadInputError if the breakpoints do not cover the interval, or unless low < high.
         """

@@ -169,11 +169,10 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Return a box with the proved number of unstable modes of the loop, or None without a
-        proof.
+        """Return a box with the proved number of unstable modes of the loop, or None.
 
-        A stable loop is proved with a decay rate, or with Lyapunov functions if the actuators are
-        uncertain.
+        The result is None if no number is proved. A stable loop is proved with a decay rate, or
+        with Lyapunov functions if the actuators are uncertain.
 
         Raises BadInputError if the matrix of the loop overflows.
         """
@@ -195,8 +194,9 @@ class ScheduleSearch:
         return self._counted(box, self.linear_model(box).A, 0.0)
 
     def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """Return a box with the proved number of eigenvalues with Re λ > -rate, or None without a
-        proof.
+        """Return a box with the proved number of eigenvalues with Re λ > -rate, or None.
+
+        The result is None if no number is proved.
 
         A: Taylor model of the matrix on the box
         rate: 1/s
@@ -226,10 +226,9 @@ class ScheduleSearch:
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
 
     def prove_motion(self, progress: Progress | None) -> None:
-        """Store the largest rate of the scheduling value at which stability is proved, and the
-        proof.
+        """Store the largest rate at which stability is proved, with the proof.
 
-        Nothing is stored if no rate is proved.
+        The rate is that of the scheduling value. Nothing is stored if no rate is proved.
         """
         search = MotionSearch(self)
         for rate in search.suggested_rates():
@@ -281,9 +280,7 @@ class ScheduleSearch:
         return Proof(self.statement(), witness)
 
     def data(self) -> Content:
-        """Return ranges of A and B on each box, and V for a moving scheduling value, for the
-        result.
-        """
+        """Return the ranges of A and B on each box, and V for a moving scheduling value."""
         boxes = []
         for proved in self.boxes["loop"]:
             linear = self.linear_model(proved.box)

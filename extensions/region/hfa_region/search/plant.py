@@ -121,9 +121,7 @@ class Plant:
         return np.array(values).ravel(), np.array(slopes)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
-        """Return symbols of z and of the input deviations, and expressions of all states and
-        inputs.
-        """
+        """Return symbols of z and of the input deviations, and all states and inputs in them."""
         loop = self.loop
         z = ca.SX.sym("z", len(loop.states))
         v = ca.SX.sym("v", len(loop.inputs))
@@ -168,8 +166,7 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) beyond a limit of a state or
-        output.
+        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output.
 
         Outputs are linearized at the trim.
         """
@@ -178,8 +175,7 @@ class Plant:
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of state deviations z (N, n) beyond a limit or `_FAR` nominal
-        values.
+        """Return the mask (N,) of deviations z (N, n) beyond a limit or `_FAR` nominal values.
 
         Deviations that are not finite are included.
         """
