@@ -13,7 +13,7 @@ from hfa_model.vectors import Quantity, State
 def rates_from_loads(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity], variant: Variant
 ) -> State[Quantity]:
-    """Return dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m).
+    """Return the rates dX/dt of the states X = [V, α, h, θ, q, η, η'] (paper Section 2.2).
 
     V'  = (T cos α - D)/m_tot - g sin γ,
     α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V,
@@ -23,8 +23,9 @@ def rates_from_loads(
           c2 = 2 I_zz - 2 I_yy + m s²/6,
     η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3,
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q².
-    m, s and I are the mass, span and inertias of a panel, and k_c and k_k are the damping and
-    stiffness of a hinge.
+
+    γ = θ - α is the climb angle, and m_tot = 3 m. m, s and I are the mass, span and inertias of a
+    panel, and k_c and k_k are the damping and stiffness of a hinge.
 
     x: states, with the speed V over ground
     loads: L, D, M, H and T, which contain all effects of wind

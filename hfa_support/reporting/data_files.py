@@ -122,9 +122,9 @@ def _csv(records: Table, about: str) -> str:
 
 
 def _inert(cell: Any) -> Any:
-    """Return the text of a CSV cell, which spreadsheets do not read as a formula.
+    """Return the content of a CSV cell in a form that spreadsheets do not read as a formula.
 
-    Text that looks like a formula begins with an apostrophe.
+    A text that looks like a formula gets an apostrophe before the first character.
     """
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     if isinstance(cell, str) and re.match(formula, cell):

@@ -219,7 +219,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
     printed as 0 and are 0 are omitted.
 
     title: header of the first column
-    entries: text before the names of some entries -> these entries
+    entries: groups of entries; the key of a group is printed before the names of its entries
     """
     rows = []
     for begin, group in entries.items():

@@ -32,11 +32,12 @@ def near_switches(
     switch.
 
     A point is near a switch if finite-difference steps of the states and inputs may reach the
-    switch. At most `_MOST` points are returned.
+    switch. At most `_MOST` points are returned. There are two special cases:
 
-    - a switch depends on states and inputs in second order only: all states and inputs are returned
-    - the equations call functions, whose operations are not visible: the first `_MOST` finite
-      points and all states and inputs are returned
+    - If a switch depends on states and inputs in second order only, all states and inputs are
+      returned.
+    - If the equations call functions, whose operations are not visible, the first `_MOST` finite
+      points and all states and inputs are returned.
 
     x: (N, n), states
     u: (N, m), inputs
@@ -86,13 +87,13 @@ def _calls_functions(layout: Layout) -> bool:
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """Return a function of rows of (x, u, p) that shows how near each row is to each switch, or
-    None.
+    """Return a function that shows how near points (x, u, p) are to each switch, or None.
 
     A switch is a zero of an expression s, at which an operation |.|, sign, min, max, comparison or
-    rounding in the equations switches. The results are |s| - 2 Σ m, not positive near the switch,
-    and the changes m = |∂s/∂(x, u)| steps. The function is None if the equations have no such
-    operation, or if they call functions.
+    rounding in the equations switches. The arguments and results of the function have one row for
+    each point. The results are |s| - 2 Σ m, which is not positive near the switch, and the changes
+    m = |∂s/∂(x, u)| steps. The function is None if the equations have no such operation, or if they
+    call functions.
 
     steps: finite-difference steps of the states and inputs
     """

@@ -149,10 +149,10 @@ def matrix_errors(
 ) -> tuple[Check, ...]:
     """Return three checks of the errors of a matrix P or K.
 
-    With the balanced units U, the checks compare
-    - the norm of the matrix in the units of the game,
-    - the norm of U P U or R^(1/2) K U,
-    - the worst entry of U P U or diag(R)^(1/2) K U.
+    With the balanced units U, the checks are those of
+    - the relative error of the matrix in the units of the game, in the Frobenius norm,
+    - the relative error of U P U or R^(1/2) K U, in the Frobenius norm,
+    - the largest relative error of an entry of U P U or diag(R)^(1/2) K U.
 
     name: "P" or "K"
     matrix: P, (n, n), or K, (m, n), of the critic
