@@ -92,8 +92,8 @@ generate()
 
 
 def setup(app: Any) -> None:
-    """Register the conversions of docstrings and pages with Sphinx, and remove dead links at the
-    end.
+    """Register the conversion of docstrings and of links, and the removal of dead links, with
+    Sphinx.
     """
     app.connect("autodoc-process-docstring", docstrings.read)
     app.connect("source-read", _without_links_to_the_repository)

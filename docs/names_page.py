@@ -34,7 +34,7 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """Return the public names in the stub of a package, those with most `users` first."""
+    """Return the public names in the stub of a package, sorted by decreasing number of `users`."""
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]
@@ -70,8 +70,8 @@ def value_of(package: str, name: str) -> object:
 def names_page(package: str) -> str:
     """Return the reference page of a package.
 
-    The page contains a table of the names with their first sentences, an entry for each name, and
-    an entry for each class in `results`.
+    The page contains a table of the public names with their first sentences, and an entry for each
+    name. It also contains an entry for each class without a public name that `results` lists.
     """
     names = names_of(package)
     rows = [_row(package, name) for name in names]

@@ -50,10 +50,10 @@ def parts_page() -> str:
 
 
 def functions() -> dict[str, Callable[..., Any]]:
-    """Return the functions of all installed parts by name, including the checks of nonlinear
-    critics.
+    """Return the functions of all installed parts by name.
 
-    If a part is a module, its functions listed in `MODULES` are named "part.function".
+    The checks of nonlinear critics are included. If a part is a module, its functions listed in
+    `MODULES` are named "part.function".
     """
     parts = {name: loaded(offer) for name, offer in offered(PARTS).items()}
     judges = {name: loaded(offered(CRITICS)[name]) for name in ("nonlinear", "nonlinear.steps")}

@@ -72,7 +72,7 @@ def row_by_row(
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Return a SHA-256 digest of a finished part, computed without its own digest and provenance.
+    """Return a SHA-256 digest of a finished part. Its stored digest and provenance are left out.
 
     Equal results have equal digests.
     """

@@ -16,7 +16,7 @@ _AT_TRIM = {name: value for name, value in _PAPER.trim.items() if name != "altit
 
 
 class _AtAltitude:
-    """States of the aircraft, extended by the altitude of the trim."""
+    """States of the aircraft, with the altitude of the paper's trim added."""
 
     altitude = _PAPER.trim["altitude"]
 

@@ -67,8 +67,9 @@ def flown(model: Model) -> Columns:
 
 
 def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
-    """Return the columns of a record with added sensor noise, whose autocorrelation at a lag is
-    pole^lag.
+    """Return the columns of a record with added sensor noise.
+
+    The autocorrelation of the noise at a lag of k samples is pole^k.
     """
     random = np.random.default_rng(seed)
     noisy = dict(columns)
@@ -105,7 +106,7 @@ def coverage(model: Model, columns: Columns, count: int, pole: float, first: int
 
 
 def faults() -> Iterator[tuple[str, str, Callable[[np.ndarray], np.ndarray]]]:
-    """Yield each fault: its description, the column, and the function that changes the column's
+    """Yield each fault: description, column, and a function from the correct to the faulty
     values.
     """
     for column in ("alpha", "pitch_rate", "pitch", "elevator"):

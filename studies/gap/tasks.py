@@ -73,7 +73,7 @@ def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Depl
 
 
 def cost_of(point: OperatingPoint) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the diagonals of Q and R by Bryson's rule, as weights by name of the state or
+    """Return the diagonals of Q and R by Bryson's rule, each as weights by name of the state or
     input.
     """
     Q = {name: width**-2 for name, width in _widths(point).items()}

@@ -130,10 +130,10 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
 
     The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated.
 
-    items: requests {"aircraft": NAME, "point": {...}}. "root" is the folder that contains the
-        folder
-      "aircraft", by default JSBSim's. "earth": "own" selects JSBSim's earth in place of a sphere
-      without rotation.
+    items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER, "earth": "own"}. FOLDER
+        contains
+      the folder "aircraft", and is by default JSBSim's. With "earth", JSBSim's earth replaces a
+      sphere without rotation. "root" and "earth" are optional.
     seconds: time limit of each child process, s
     """
     answers: list[Any] = []

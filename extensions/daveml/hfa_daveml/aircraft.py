@@ -303,14 +303,15 @@ class _Files:
 
 
 def _number(expression: Any) -> float:
-    """Return the value of an expression that contains no symbols."""
+    """Return the value of a CasADi expression that contains no symbols."""
     return float(ca.evalf(ca.SX(expression)))
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion with speed 300 ft/s, angle of attack `_ALPHA` and air density of sea level.
+    """Return the motion at which constant outputs, such as the mass, are evaluated.
 
-    All other quantities of the motion are 0.
+    The speed is 300 ft/s, the angle of attack is `_ALPHA`, and the air density is that of sea
+    level. All other quantities of the motion are 0.
     """
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}

@@ -107,12 +107,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def lower_bound(self) -> float | None:
-        """Proved lower bound of the cost, or None without a certificate."""
+        """Proved lower bound of the least cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
     @property
     def start(self) -> Mapping[str, float]:
-        """Initial deviation of each state from the trim, without states whose deviation is 0."""
+        """Initial deviations from the trim by name of the state, without deviations of 0."""
         values = self.found.proposal.start.tolist()
         pairs = zip(self.problem.states, values, strict=True)
         return {name: value for name, value in pairs if value}
@@ -142,7 +142,9 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def seconds(self) -> float:
-        """Horizon of the optimizer, s, after which the linear policy controls the aircraft."""
+        """Horizon of the optimizer, s. After the horizon, the linear policy controls the
+        aircraft.
+        """
         return self.found.seconds
 
     @property
@@ -172,8 +174,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def policies(self) -> Sequence[PolicyFlight]:
-        """Flights of policies from the same initial condition. The first policy is the saturated
-        linear one.
+        """Flights of policies from the same initial condition. The first is that of the saturated
+        linear policy.
         """
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
@@ -303,7 +305,7 @@ def bracket_of(
 
     bound: statement of a certificate, from which the lower bound is computed
     z: initial deviations from the trim, (k,)
-    start: state -> the same deviation
+    start: the same deviations by name of the state
     cost: cost of the best flight found, which is the upper bound, or None if none was found
     """
     lower = float(bound.bound(z[None])[0])

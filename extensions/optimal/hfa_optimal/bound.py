@@ -73,8 +73,8 @@ def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
 
 
 def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
-    """Return the user's value of each entry with which a certificate must agree, by path of the
-    entry.
+    """Return the values in the user's problem that a certificate must state, by path in the
+    certificate.
 
     option: option that selects the aircraft, for messages
     weights: Q and R if the user gave them, else {}
@@ -137,10 +137,10 @@ def lower_bound(
 def refuse_other(
     path: Path, given: Mapping[str, Given], statement: CostStatement, advice: str = ""
 ) -> None:
-    """Raise BadInputError if the statement of a certificate differs from the user's values.
+    """Raise BadInputError if the statement of a certificate differs from the user's problem.
 
     path: file of the certificate
-    given: path of an entry in the certificate -> the user's value
+    given: path of a value in the certificate -> value in the user's problem
     advice: end of the message
     """
     try:

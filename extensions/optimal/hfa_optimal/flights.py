@@ -219,9 +219,10 @@ class Flights:
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> Flown:
-        """Return a simulated flight with its cost, first departure and saturated inputs.
+        """Return a simulated flight with its cost, first departure from the envelope and saturated
+        inputs.
 
-        rows: simulated deviations from the trim
+        rows: deviations of the simulated states and inputs from the trim
         """
         problem = self.problem
         trim = np.array(problem.point.states)

@@ -59,7 +59,7 @@ class StartFlights(Result):
 
     @property
     def lower_bound(self) -> float | None:
-        """Proved lower bound of the cost, or None without a certificate."""
+        """Proved lower bound of the least cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
 
@@ -217,8 +217,8 @@ def _number(value: float | None) -> str:
 def usual_box(problem: FlightProblem) -> np.ndarray:
     """Return the half-widths of the default box of initial deviations, (k,), within the limits.
 
-    For the HFA, the half-widths are its typical deviations. For other aircraft they are those that
-    `hfa assess` uses.
+    For the HFA, the box contains its typical deviations. For other aircraft, the box is that of
+    `hfa assess`.
     """
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))

@@ -316,7 +316,9 @@ class OfProblem:
         return self.problem.model
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return the history of a state, an input or an output, absolute, (N,)."""
+        """Return the values of a state, an input or an output during the flight, (N,), not as
+        deviations.
+        """
         return series(self, name, self.model.p)
 
     @property

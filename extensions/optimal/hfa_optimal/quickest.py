@@ -82,7 +82,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def start(self) -> Mapping[str, float]:
-        """Initial deviation of each state from the trim, without states whose deviation is 0."""
+        """Initial deviations from the trim by name of the state, without deviations of 0."""
         pairs = zip(self.problem.states, self.proposal.start.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 

@@ -363,9 +363,9 @@ class BestFlights:
         A first proposal on a geometric mesh is solved again on a mesh that is adapted to this
         proposal.
 
-        adapted: pairs (first proposal, second proposal). A pair is appended for each new first
+        adapted: pairs (first proposal, second proposal), extended by a pair for each new first
             proposal.
-            For an equal first proposal, the stored second proposal is returned.
+            The stored second proposal is returned for a first proposal that equals a stored one.
         price: factor on R in the first proposal
         """
         lengths = self._mesh(seconds, INTERVALS)

@@ -675,9 +675,10 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
 
     is positive definite. The eigenvalues of this matrix are accurate even if X or Y is too large
     for double precision. If X or Y is singular and not 0, the matrix is never positive definite,
-    and the
-    result is None or False. Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for
-        the γ-iteration in H-infinity control, Linear Algebra and its Applications 425 (2007).
+    and the result is None or False.
+
+    Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
+        H-infinity control, Linear Algebra and its Applications 425 (2007).
     """
     assert control.subspace is not None
     assert filter_.subspace is not None

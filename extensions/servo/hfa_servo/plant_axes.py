@@ -48,33 +48,33 @@ class Axes(NamedTuple):
         return self._replace(scale=self.scale / units)
 
     def rows(self, M: np.ndarray) -> np.ndarray:
-        """Return T M. M has one row for each state."""
+        """Return T M for a matrix M with one row for each state x."""
         high, _ = product(exact(self.W.T), exact(M / self.units[:, None]))
         return np.asarray(high * self.scale[:, None])
 
     def columns(self, M: np.ndarray) -> np.ndarray:
-        """Return M T⁻¹. M has one column for each state."""
+        """Return M T⁻¹ for a matrix M with one column for each state x."""
         high, _ = product(exact(M * self.units), self.inverse)
         return np.asarray(high / self.scale)
 
     def square(self, M: np.ndarray) -> np.ndarray:
-        """Return T M T⁻¹."""
+        """Return T M T⁻¹ for a square matrix M in the coordinates x."""
         given = exact(M * self.units / self.units[:, None])
         high, _ = product(product(exact(self.W.T), given), self.inverse)
         return np.asarray(high * self.scale[:, None] / self.scale)
 
     def rows_back(self, M: np.ndarray) -> np.ndarray:
-        """Return T⁻¹ M."""
+        """Return T⁻¹ M for a matrix M with one row for each coordinate y."""
         high, _ = product(self.inverse, exact(M / self.scale[:, None]))
         return np.asarray(high * self.units[:, None])
 
     def columns_back(self, M: np.ndarray) -> np.ndarray:
-        """Return M T."""
+        """Return M T for a matrix M with one column for each coordinate y."""
         high, _ = product(exact(M * self.scale), exact(self.W.T))
         return np.asarray(high / self.units)
 
     def square_back(self, M: np.ndarray) -> np.ndarray:
-        """Return T⁻¹ M T."""
+        """Return T⁻¹ M T for a square matrix M in the coordinates y."""
         inner = exact(M * self.scale / self.scale[:, None])
         high, _ = product(product(self.inverse, inner), exact(self.W.T))
         return np.asarray(high * self.units[:, None] / self.units)

@@ -128,10 +128,11 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return self.deviations
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
-        """Return the compared policies: the exact game policy and the policies of --weights and
-            --policy.
+        """Return the policies to compare with the best flight.
 
-        The exact policy is omitted if δ is infinite.
+        - the exact game policy, unless δ is infinite
+        - the policy of the critic in --weights
+        - the policy of the deployment file --policy
         """
         from controller.critic.critic_file import Reading, critic_in
         from controller.riccati.gare import solve_game

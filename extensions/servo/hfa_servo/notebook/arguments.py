@@ -204,8 +204,9 @@ def _axes(value: object) -> int:
 
 
 def _is_gain(value: Any, linear: LinearModel | None = None) -> bool:
-    """Return whether a value can be a gain K: a matrix that is not square, of shape (m, n) if
-        known.
+    """Return whether a value can be a gain K, which is a matrix that is not square.
+
+    If the linear model is known, the shape must be (m, n).
 
     linear: linear model with m inputs and n states, or None if it is not known
     """
@@ -284,9 +285,9 @@ class _Reading:
             self.is_complete &= made is not None
 
     def _has_others(self, name: str) -> bool:
-        """Return whether more values remain than the later parameters of the function require.
+        """Return whether the call contains more values than the required later parameters need.
 
-        name: parameter of the function
+        name: parameter of the function, which is followed by the later parameters
         """
         names = list(self.parameters)
         needed = [
@@ -385,9 +386,7 @@ class _Reading:
         return linear_of(self._trim(value) if isinstance(value, Model) else value)
 
     def _trim(self, model: Model) -> OperatingPoint:
-        """Return the trim of a model with those states, inputs and parameters held that the
-        keywords give.
-        """
+        """Return the trim of a model at the values that the keywords specify."""
         point: OperatingPoint = public().find_operating_point(
             model, **self._held(model, "hold", "free", "condition")
         )

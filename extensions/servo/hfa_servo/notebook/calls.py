@@ -149,7 +149,7 @@ def _of_control(value: Any, name: str) -> Any:
 
 
 def _of_same_meaning(value: Any, name: str) -> Any:
-    """Return the attribute that has this name in other tools, or None."""
+    """Return the attribute of a result that other tools call by this name, or None."""
     same = ATTRIBUTES.get(name)
     return None if same is None else getattr(value, same, None)
 
