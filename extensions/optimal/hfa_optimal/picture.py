@@ -26,10 +26,12 @@ def drawn(
     seconds: float,
     title: str,
 ) -> Figure:
-    """Return a figure of several flights, with a panel for each state in z and each moving input.
+    """Draw a panel for each state in z and each moving input, and return the figure.
 
+    figure: the figure, without axes
     flights: pairs (flight, label), the best flight first
     seconds: end of the time axis, s
+    title: title of the legend
     """
     names = [*problem.states, *problem.inputs]
     panels = figure.subplots(-(-len(names) // 3), 3, sharex=True).ravel()

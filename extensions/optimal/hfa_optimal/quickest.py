@@ -328,7 +328,12 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
     """Return the quickest feasible proposal found from several guesses.
 
-    Each guess is a straight line to the trim. Its duration is a fraction of the horizon, s.
+    In each guess, states and inputs go linearly to the trim. The duration of a guess is a fraction
+    of the horizon.
+
+    z: initial deviations of the states, (k,)
+    v: initial deviations of the inputs in the guesses, (m,)
+    horizon: horizon of the linear loop, s
 
     Raises NoSolutionError if no proposal is feasible.
     """

@@ -173,6 +173,8 @@ def main_job(
     swept. At each requested angle, the game is solved, and a critic is learned and compared with
     the solution.
 
+    parameters: parameters of the aircraft
+    dynamics: name of the aircraft's dynamics
     asked: requested angles, rad, which are added to the sweep
     swept: angles of the sweep, rad
     outputs: names of the outputs of the linear models, or None for all

@@ -119,7 +119,8 @@ def _figure(
 
     traces: all initial traces
     moving: for each frame, the traces that replace the last initial traces
-    x, y: axes
+    x, y: Plotly's settings of the axes
+    legend: whether a legend is shown
     """
     layout = {
         "xaxis": x,
@@ -185,9 +186,8 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
     """Return the traces of a front view at a trim: panels, lift, weight, hinges, and values as
     text.
 
-    The traces are empty without a trim.
-
-    scale: length of an arrow divided by its force
+    point: the trim, or None for empty traces
+    scale: length of an arrow divided by its force, in the units of the model
     """
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
@@ -222,6 +222,8 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
 def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
     """Return the start and the end point of the arrow of each force, as arrays (2, 2).
 
+    starts: point at which each force acts, (2,)
+    forces: each force, (2,)
     scale: length of an arrow divided by its force
     """
     pairs = zip(starts, forces, strict=True)

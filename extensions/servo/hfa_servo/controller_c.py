@@ -214,7 +214,10 @@ def _example(
 ) -> str:
     """Return the C text of the example: a 100 Hz loop with aircraft, actuators and sensors.
 
-    command: output -> unit of the commands
+    point: trim at which the flight begins
+    outputs: measured outputs
+    command: output -> unit of its command, for all commands of the controller
+    origin: provenance, for a comment
     """
     model = point.model
     state, amount = displaced_state(model)

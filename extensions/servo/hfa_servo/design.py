@@ -230,7 +230,9 @@ class Design:
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
         """Raise BadInputError if a setting is missing for some input.
 
+        where: beginning of the message, "design NAME:"
         what: name of the setting, for the message
+        table: input -> setting
         """
         for name in self.inputs:
             if name not in table:
@@ -264,6 +266,7 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
     """Raise BadInputError if a name is not among the choices or occurs twice.
 
     unknown: beginning of the message, such as "design NAME: unknown sensor"
+    names: the names to check
     """
     for name in names:
         refuse_unknown(unknown, name, choices)

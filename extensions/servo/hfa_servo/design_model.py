@@ -184,6 +184,7 @@ def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> No
 
     A: (n, n)
     b: column of B for this input, (n,)
+    name: name of the input
     """
     actuator = design.actuators[name]
     position = design.states.index(f"{name}_position")
@@ -221,10 +222,12 @@ def _refuse_seen_disturbances(
 def watched_outputs(
     model: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
 ) -> tuple[np.ndarray, ...]:
-    """Return C, D, F of named outputs or parts of outputs (`Model.measurable`), and E.
+    """Return the rows of C, D and F of named outputs or parts of outputs (`Model.measurable`), and
+    E.
 
     The rows of a name that is not an output are 0.
 
+    point: operating point of the linear model
     winds: keywords of `linearize` for disturbances
     """
     parts = [model.part(name) for name in names]

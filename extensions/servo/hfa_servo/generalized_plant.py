@@ -424,7 +424,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
 
 
 def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> StateFeedback:
-    """Return the gain for a solution X, with the checks of its closed loop.
+    """Return the certified gain for a solution X of the control equation, with checks of its loop.
 
     X: (n, n), in the plant's `axes`
     """

@@ -67,7 +67,12 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 
 
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
-    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ, with inf for an unstable loop."""
+    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ is at most γ.
+
+    The norm is inf for an unstable loop. The plant is G = C (sI - A)⁻¹ B.
+
+    found: the controller K and its γ
+    """
     n, m = B.shape
     p = len(C)
     closed = np.block([[A, -B @ found.F], [found.H @ C, A - B @ found.F - found.H @ C]])

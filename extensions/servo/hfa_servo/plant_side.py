@@ -104,8 +104,9 @@ class Side(NamedTuple):
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
 
     def _sizes(self, delta: float) -> Sizes:
-        """Return for each matrix of the game the sums of absolute values of the terms of its
-        entries.
+        """Return magnitudes of the terms from which the matrices of the game at δ are computed.
+
+        The magnitude of an entry is the sum of the absolute values of its terms.
         """
         past, rest = self._split()
         into = np.abs(self.B) @ np.abs(past)

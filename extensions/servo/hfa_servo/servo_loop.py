@@ -119,8 +119,11 @@ def servo_margins(
 ) -> dict[str, LoopMargin]:
     """Return the margins at each input and sensor, by name, with all other loops closed.
 
-    The entry `TOGETHER` is for a gain, phase or delay common to all inputs. Raises NoSolutionError
-    if the closed loop is unstable.
+    The entry `TOGETHER` is for a gain, phase or delay common to all inputs.
+
+    inputs, sensors: names of the inputs and of the sensors of the loop, in order
+
+    Raises NoSolutionError if the closed loop is unstable.
     """
     closed = loop.closed
     matrices = (closed, loop.A, loop.Ak)

@@ -351,6 +351,8 @@ class _Reading:
         - a solution: its game
         - a file: the game in the file, with weights from the keywords Q, R and delta
         - a linear model: the game with these weights, or with the matrices that follow in the call
+
+        is_file: whether the value is a file
         """
         if isinstance(value, Solution):
             return value.game
@@ -416,11 +418,14 @@ class _Reading:
         return replace(game, **weights) if weights else game
 
     def _derived(self, link: Any, found: Mapping[str, Any]) -> Any:
-        """Return a missing model or operating point, derived from other arguments, or None.
+        """Return a missing argument that is derived from other arguments, or None.
 
-        A missing model is that of a given operating point. A missing operating point is the trim of
-        the given model at the values in the keywords. A missing game is made from matrices in the
-        keywords.
+        - a game: made from matrices in the keywords
+        - a model: the model of a given operating point
+        - an operating point: the trim of the given model at the values in the keywords
+
+        link: class of the missing argument
+        found: arguments determined so far, by name
         """
         if link is Game:
             matrices = [each for each in ("A", "B", *_OF_GAME) if each in self.words]
