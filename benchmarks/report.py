@@ -293,10 +293,9 @@ def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
 
 
 def limit_text(figure: Mapping[str, Any]) -> str:
-    """Return the project's time relative to the least possible time as text, or "–" if it is
-    unknown.
+    """Return the project's time relative to the least possible time as text.
 
-    The text also describes the work of the least time.
+    The text also describes the work of the least time. It is "–" if the least time is unknown.
 
     figure: result from `figure`
     """
@@ -341,8 +340,8 @@ def machine() -> dict[str, str]:
 def store(runs: Sequence[Results]) -> dict[str, Any]:
     """Write the results of the jobs to results.json, and return the content of the file.
 
-    Stored results of other jobs are kept if they were measured on the same machine
-    with the same versions.
+    Stored results of other jobs are kept if they were measured on the same machine with the same
+    versions.
 
     runs: results of the same jobs in each run; growing jobs have results in the first run only
     """

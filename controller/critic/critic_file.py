@@ -157,7 +157,7 @@ def read_critic(
     """Return the critic in a file of matrices, weights or a network, or the last critic of a
     history.
 
-    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
+    path: the file (.npz, .mat, .json, .csv, or a suffix that an installed package reads)
     game: the game with the states and inputs of the critic. None is allowed only for a file with a
         gain K and without `state_units`.
     basis: basis of the weights: a name, or a list of functions; by default the basis named in the

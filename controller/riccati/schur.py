@@ -14,7 +14,7 @@ def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """Return an orthonormal basis (2n, n) of the stable subspace of a matrix, and its separation.
+    """Return an orthonormal basis (2n, n) of the stable subspace of a matrix, and a separation.
 
     The basis is None if the dimension of the subspace is not n, or if the Schur form fails. The
     separation is that of the stable and unstable blocks of the Schur form.

@@ -116,11 +116,10 @@ class TrimProblem:
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
     def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return a solution with large angles reduced by full revolutions, and whether one remains
-        large.
+        """Return a solution with large angles reduced, and whether a large angle remains.
 
-        An angle is large if it exceeds 90 deg and has no limits. If the reduced angles are not a
-        solution, the solution is returned unchanged.
+        The angles are reduced by full revolutions. An angle is large if it exceeds 90 deg and has
+        no limits. If the reduced angles are not a solution, the solution is returned unchanged.
 
         z: solution in scaled unknowns, (k,)
         """

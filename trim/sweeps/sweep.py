@@ -266,7 +266,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         names: values that are drawn instead of the root locus: plot("alpha", "elevator")
 
-        Raises BadInputError if no point has a trim, for the root locus.
+        Raises BadInputError if the root locus is drawn and no point has a trim.
         """
         if names:
             drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
