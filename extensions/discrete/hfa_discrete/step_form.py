@@ -33,7 +33,7 @@ SHOWN = 1e-6
 
 
 class NoValueError(NoSolutionError):
-    """Raised if a game has no value, with the reason that a disturbance has a gain above δ."""
+    """Raised if a game has no value, because a disturbance has a gain above δ."""
 
 
 class Policies(NamedTuple):

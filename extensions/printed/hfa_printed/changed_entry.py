@@ -35,8 +35,8 @@ class ChangedEntry(Result):
 
     position: position of the entry
     typed: text of the entry in the file
-    lowest: lowest value of the entry for which every printed digit is right, to first order
-    highest: highest value of the entry for which every printed digit is right, to first order
+    lowest: lower end of an interval of values that make every printed digit right, to first order
+    highest: upper end of this interval
     value: text of a value in this interval that differs from `typed` by one misprint
     slip: the misprint
     """

@@ -215,7 +215,7 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
-    """Return k for a ratio of about 10^k, or 0 for another ratio."""
+    """Return k with 10^k nearest to a ratio, or 0 if the ratio is not positive and finite."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
     return round(math.log10(ratio))

@@ -70,7 +70,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> largest absolute deviation in the set."""
+        """State -> upper bound of the absolute deviation in the set."""
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property

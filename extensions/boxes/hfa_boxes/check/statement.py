@@ -90,7 +90,7 @@ class BoxStatement:
     policy: SHA-256 of the policy's instructions, or the coefficients
     equilibrium: moving state -> value, within `SAME_TRIM` nominal values of the proved equilibrium
     piece: V and its level, in coordinates y = M z, with z the deviations from the equilibrium
-    extents: moving state -> lowest and highest deviation in the set
+    extents: moving state -> lower and upper bound of the deviation in the set
     """
 
     loop: Loop

@@ -237,7 +237,7 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
 
     The claims, as far as they are stated, are:
     - the distances of the critic from the exact solution
-    - the gain of the critic's P or W
+    - the gain of the critic's P and W
     - the numbers of unstable modes of the loop and of the plant
     - the lower and upper bound of delta_min
 

@@ -9,8 +9,8 @@ Sums of squares prove V' < 0 for y != 0. At y = 0, V = 0 and every deviation is 
 inputs are free and V' = 0, or the part is empty.
 
 With disturbances, V' < 0 is proved where V = rho, with each disturbance at its lowest and at its
-highest value. V' is affine in the disturbances and therefore negative for all values between. No
-trajectory leaves S.
+highest value. V' is affine in the disturbances and therefore negative for all values between.
+Therefore no trajectory leaves S.
 
 The checker shares only the model and the arithmetic with the search.
 

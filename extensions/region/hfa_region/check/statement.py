@@ -68,7 +68,7 @@ class RegionStatement:
     loop: the model with its policy and saturated inputs
     terms: terms of V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V
-    extents: moving state -> lowest and highest deviation in the set
+    extents: moving state -> lower and upper bound of the deviation in the set
     """
 
     loop: SaturatedLoop
