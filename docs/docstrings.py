@@ -20,10 +20,11 @@ _ENTRY = re.compile(r"^(?!Source)(?P<names>[A-Za-z]\w*(\(.*\))?(, \w+)*): +(?P<t
 
 
 def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list[str]) -> None:
-    """Convert the lines of one docstring in place (Sphinx event `autodoc-process-docstring`).
+    """Convert a docstring to the markup of Sphinx (event `autodoc-process-docstring`).
 
     kind: "attribute", "class", "function" or "method"
     value: the documented object
+    lines: lines of the docstring, replaced in place
     """
     if kind == "attribute":
         lines[:] = escaped(lines)
@@ -87,7 +88,10 @@ def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
 
 
 def _parted(lines: list[str]) -> tuple[list[str], list[str]]:
-    """Return (text, examples), split before the first line that begins with `>>>`."""
+    """Return the lines of a docstring before its examples, and the lines of its examples.
+
+    The examples begin at the first line with `>>>`.
+    """
     begin = next((i for i, line in enumerate(lines) if line.startswith(">>>")), len(lines))
     return lines[:begin], lines[begin:]
 

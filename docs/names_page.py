@@ -119,7 +119,7 @@ def _row(package: str, name: str) -> str:
 
 
 def _text(package: str, name: str) -> list[str]:
-    """Return the lines of the docstring of a class or routine.
+    """Return the docstring of the class or routine that a package exports under a name, as lines.
 
     For another object, return the lines of the comment above its definition.
     """

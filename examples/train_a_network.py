@@ -46,8 +46,11 @@ def fit(
     """Return the float32 state dict of a network that maps y to V, dV/dz or u at z = box y.
 
     of: "V", "gradient" or "policy"
+    hidden: width of each hidden layer
+    activation: name of the activation of the hidden layers
     points: number of samples
     steps: largest number of iterations of L-BFGS
+    seed: seed of the samples and of the initial weights
     box: half-widths (n,) of the box
     """
     from scipy.optimize import minimize

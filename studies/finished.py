@@ -35,6 +35,8 @@ def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the JSON object in a file, or None if the file is not valid.
 
     A file is valid if its version and settings equal the current ones and its digest is correct.
+
+    decides: the current settings, JSON values
     """
     try:
         data = read_json(path)

@@ -58,6 +58,7 @@ AIRCRAFT = {
 def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any]:
     """Return the results for one aircraft: a proved lower bound, compared with flights.
 
+    name: name of the aircraft in `AIRCRAFT`
     starts: number of initial conditions of best flights
     flights: number of other flights, or None for the default of the aircraft
     """

@@ -83,6 +83,9 @@ def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
 def coverage(model: Model, columns: Columns, count: int, pole: float, first: int) -> None:
     """Identify the parameters from `count` records with one kind of noise, and print the coverage.
 
+    model: model with the true parameters
+    columns: columns of the record without noise
+    pole: pole of the noise, 0 for white noise
     first: seed of the first record
     """
     begun = model.with_parameters(**{n: _OFF * model.parameters[n].start for n in FREE})

@@ -45,7 +45,11 @@ HEADER = (
 def runs_of(
     tasks: Iterable[Task], algorithms: Sequence[str], seeds: int, folder: Path
 ) -> list[Run]:
-    """Return all training runs, ordered by seed."""
+    """Return the training runs of all aircraft, algorithms and seeds, ordered by seed.
+
+    seeds: number of seeds, which begin at 1
+    folder: folder of the study
+    """
     return [
         Run(task, algorithm, seed, folder / "policies")
         for seed in range(1, seeds + 1)

@@ -144,9 +144,11 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
-    """Return the spectral radius of the sampled loop, and the first unstable delay in s.
+    """Return the entries on the sampled loop of a policy at a trim, for the results.
 
-    The delay is None if the loop is unstable without delay or if no unstable delay was found.
+    - radius: spectral radius
+    - first_unstable_delay: s, or None if the loop is unstable without delay or no unstable delay
+      was found
     """
     deployment = deployment_of(point, run.policy)
     assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]

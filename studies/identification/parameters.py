@@ -275,7 +275,10 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
 
 
 def _agreeing(sums: Sequence[float]) -> int:
-    """Return the number of initial guesses from which the best sum of squares is reached."""
+    """Return the number of initial guesses from which the smallest sum of squares is reached.
+
+    sums: sum of squares reached from each guess
+    """
     return sum(value < min(sums) * (1 + 1e-6) + 1e-9 for value in sums)
 
 

@@ -87,6 +87,8 @@ def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float,
     The aircraft is trimmed again with gravity changed by JSBSim's downward acceleration at the
     trim. The errors are the differences between the two trims.
 
+    name: name of the aircraft
+    held: values imposed on the trim
     heading: deg
     """
     _, point = _trimmed(name, held, (), GRAVITY)

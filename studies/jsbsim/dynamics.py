@@ -151,7 +151,11 @@ def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
 
 
 def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return JSBSim's derivatives of speed, alpha, beta and angular velocity, (6,)."""
+    """Return JSBSim's derivatives of speed, alpha, beta and angular velocity, (6,).
+
+    state: state of the aircraft, by name
+    answer: JSBSim's response at this state
+    """
     speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
     along = np.array(
         [
@@ -193,11 +197,12 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim after an elevator pulse, and the name of its state.
+    """Return text on the state that differs most from JSBSim after an elevator pulse.
 
-    The difference at the end of the flight is divided by the change of the state, or by 10 % of the
-    state's nominal value if this is larger. The response is the difference of flights with and
-    without the pulse. This difference cancels the effect of JSBSim's round earth.
+    The text contains the difference and the name of the state. The response to the pulse is the
+    difference of flights with and without the pulse, which cancels the effect of JSBSim's round
+    earth. The difference from JSBSim at the end of the flight is divided by the response, or by 10
+    % of the state's nominal value if this is larger.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -225,6 +230,10 @@ def _flown(
 ) -> dict[str, float]:
     """Return the final value of each state in a flight simulated by the classical Runge-Kutta
     method.
+
+    state: initial state, by name
+    inputs: input -> value at the trim
+    pulse: input -> increment between 1 and 2 s
     """
     step = 0.005
     x = np.array([state[name] for name in model.states])

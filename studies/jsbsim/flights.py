@@ -79,6 +79,7 @@ def line(name: str, count: int, seed: int = 2) -> str:
     shortest step for a model whose engines follow their throttles without lag. All numbers are
     medians over random states. States at which JSBSim fails are left out.
 
+    name: name of the aircraft
     count: number of random states
     """
     model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
@@ -128,7 +129,7 @@ def _condition(name: str) -> dict[str, float]:
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
-    """Return requests for `answered`: random flights that begin near a trim.
+    """Return `count` requests for `answered`: random flights that begin near a trim.
 
     Each flight has three steps of the throttle and pulses of elevator, aileron and rudder.
     """
@@ -165,7 +166,8 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
 
     The states are compared once per second.
 
-    answer: JSBSim's response
+    flight: the request
+    answer: JSBSim's response to the request
     """
     ours = flown(model, flight, answer["start"])
     worst = 0.0

@@ -169,7 +169,10 @@ def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndar
 
 
 def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
-    """Return (time in s, change of the elevator command) for each step of the 3-2-1-1 input."""
+    """Return pairs (time in s, change of the elevator command) for the steps of the 3-2-1-1 input.
+
+    sign: sign of the first pulse
+    """
     times = 0.5 + case.pulse * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     values = sign * case.size * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
     return list(zip(times.tolist(), values.tolist(), strict=True))

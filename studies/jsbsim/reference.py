@@ -214,10 +214,13 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
 
 @lru_cache
 def _missing(aircraft: str, root: str | None) -> list[str]:
-    """Return the properties that JSBSim reports as missing when it initializes an aircraft.
+    """Return the names of the properties that JSBSim reports as missing when it initializes an
+    aircraft.
 
     JSBSim reports each missing property by an exception. A separate simulator is used, because the
     exceptions affect later results.
+
+    root: folder that contains the folder "aircraft", or None for JSBSim's
     """
     simulator = _simulator({"aircraft": aircraft, "root": root, "point": {}})
     return _run(simulator.run_ic, simulator)

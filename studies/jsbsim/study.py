@@ -81,7 +81,11 @@ def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
 
 
 def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
-    """Add the states, inputs and held properties of a trim to the trim's result, in place."""
+    """Add the states, commands and held properties of a trim to its entry in the results.
+
+    point: the entry, changed in place
+    solution: the trim
+    """
     point["state"] = solution.states._asdict()
     contents = {
         name: signal.start
@@ -116,11 +120,14 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Add the residual to the result of each trim: the largest acceleration in JSBSim, ft/s² or
-    rad/s².
+    """Add the residual of each trim to its entry in the results.
 
-    Properties that are inputs of the model are held, so that JSBSim's control system does not
-    change them.
+    The residual is the largest acceleration that JSBSim computes at the trim, ft/s² or rad/s².
+    Properties that are inputs of the model are held, so JSBSim's control system does not change
+    them.
+
+    name: name of the aircraft
+    points: entries of the trims, changed in place
     """
     measurable = [point for point in points if point["kind"] != "none"]
     answers = measured(name, measurable, 300.0) if measurable else []

@@ -139,7 +139,10 @@ def reproduce(
 
 
 def _has_pictures(place: Path, names: Sequence[str]) -> bool:
-    """Return whether the .png and .npz files of each figure are complete."""
+    """Return whether the .png and .npz files of each figure in a folder are complete.
+
+    names: names of the figures
+    """
     try:
         for name in names:
             imread(place / f"{name}.png")
@@ -211,11 +214,14 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the claims of several sections, the number of claims with each verdict, and failed
-    flights.
+    """Return the table of claims of several sections.
 
-    `lost_flights` lists the flights that left the envelope. `own_failures` lists the flights for
-    which `_failed` is true.
+    The table contains the claims, the number of claims with each verdict, and
+
+    - lost_flights: flights that left the envelope
+    - own_failures: flights for which `_failed` is true
+
+    results: results of the sections, as `write_section` returns them
     """
     claims = [claim for result in results for claim in result["claims"]]
     verdicts = [claim["verdict"] for claim in claims]

@@ -354,6 +354,9 @@ def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
     """Return the reason for a verdict: measured number, limit and stated cause.
 
     If the modified law does not satisfy the claim, the number of the exact optimum is added.
+
+    checks: law -> check of the claim
+    limit: limit of the claim
     """
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []

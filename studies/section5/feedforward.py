@@ -98,7 +98,12 @@ def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np
 
 
 def _decay(loop: np.ndarray) -> float:
-    """Return the decay rate -max Re λ(A - S P), 1/s. Raises BadInputError unless it is positive."""
+    """Return the decay rate -max Re λ of the closed loop, 1/s.
+
+    loop: A - S P
+
+    Raises BadInputError unless the decay rate is positive.
+    """
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise BadInputError(

@@ -184,15 +184,19 @@ class _Panels:
     ) -> PlotPanel:
         """Return a panel with one line for each flight.
 
+        label: label of the vertical axis
         values: function from a record to the values of a line, which may end before the flight does
+        more: further fields of the panel
         """
         drawn = [(self.label(record), record.times, values(record)) for record in records]
         lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
         return PlotPanel(title, label, lines, **{"marked": self.marks(records)} | more)
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the deviation of a state from its trim in several flights, with its
+        """Return a panel of one state in several flights, as deviation from the trim, with its
         command.
+
+        state: name of the state
         """
         row = LINEAR_STATES.index(state)
         label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"

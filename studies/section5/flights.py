@@ -386,6 +386,10 @@ def _published(
     """Return the policy that learns by Eq. (46) with recorded samples, as printed or modified.
 
     The second result is a function from the policy's memory in a flight to the learned critic.
+
+    name: name of the law
+    predefined_time: T_w, s
+    frozen: whether learning stops at T_w
     """
     configuration = setting.configuration
     critic = setting.configuration.critic
@@ -451,7 +455,10 @@ class _Training(NamedTuple):
 def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
     """Return the training run of a law for one of the two aircraft.
 
-    The run is cached. Flights that differ only in plant or noise share it.
+    The run is cached. Flights that differ only in plant or noise share the run.
+
+    law: "irl" or the name of a law of `learn`
+    predefined_time: T_w, s
     """
     configuration = setting.configuration
     critic = setting.configuration.critic

@@ -145,7 +145,9 @@ def learning_metrics(
 ) -> dict[str, Any]:
     """Return the metrics of learning, relative to the learning time T_w in s.
 
+    times: times of the flight, s, (N,)
     residual: Bellman residual at the simulated error, (N,)
+    lost_at: time when the flight leaves the envelope, s, or inf
 
     The end denotes the last 10 % of the learning time. The metrics are:
 

@@ -255,8 +255,13 @@ def run_case(
     only: Sequence[str] = (),
     resume: bool = False,
 ) -> dict[str, Any]:
-    """Simulate a case of `CASES`, write FOLDER/NAME.json and a figure, and return the result.
+    """Simulate a case of `CASES`, write FOLDER/NAME.json and FOLDER/NAME.png, and return the
+    result.
 
+    name: name of the case
+    controllers: further controllers by name
+    duration: s
+    only: names of the laws to simulate, () for all
     resume: whether to reuse a stored result of this version for the same aircraft, laws and
       duration
     """
@@ -300,7 +305,11 @@ def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
 
 
 def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return a row for each law: name, two rms errors, largest surface rate and outcome."""
+    """Return the table rows of a case, one for each law.
+
+    A row contains the name of the law, the rms errors of the dihedral angle (deg) and of the
+    vertical acceleration (ft/s²), the largest surface rate (deg/s) and the outcome.
+    """
     rows: list[tuple[str, ...]] = []
     for flight in result["flights"]:
         angle, acceleration = (flight["rms_error"][name] for name in REGULATED)
@@ -314,9 +323,10 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
-    """Return a figure of each output with its command and, below, the error, for every law.
+    """Return a figure of the flights of all laws in a case.
 
-    A cross marks the end of a flight that left the envelope.
+    For each commanded output, one panel shows the output with its command and another the error. A
+    cross marks the end of a flight that left the envelope.
     """
     longest = max(flights, key=lambda flight: len(flight.times))
     held = [flight for flight in flights if flight.lost_at is None] or [longest]

@@ -461,7 +461,10 @@ class AdaptiveDegree2(AdaptivePolicy):
         v = -ca.mtimes(K, model.now)
 
         def followed(size: int, x: ca.SX, gain: float) -> tuple[ca.SX, ca.SX]:
-            """Return x filtered by gain / (s + α0/α1), and its derivative."""
+            """Return x filtered by gain / (s + α0/α1), and the derivative of the filtered x.
+
+            size: number of entries of x
+            """
             part = memory.take(size)
             rate = gain * x - a0 / a1 * part.now
             memory.move(part, rate)
@@ -588,6 +591,7 @@ class AdaptiveDegree3(AdaptivePolicy):
     ) -> ca.SX:
         """Return the term F_ε of the equations in the docstring of the class.
 
+        psi_1: Ψ1 and its derivatives
         drift: ε and its derivative
         error: S1 e_y
         path: (B3, A)

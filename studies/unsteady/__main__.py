@@ -34,20 +34,24 @@ PLANTS["unsteady"] = UNSTEADY
 
 @cache
 def model_at(plant: str, degrees: float) -> LinearModel:
-    """Return the linear model of a plant at the paper's level flight, with this dihedral angle."""
+    """Return the linear model of the named dynamics at the paper's level flight.
+
+    degrees: dihedral angle
+    """
     return level_model(PLANTS[plant], np.radians(degrees))
 
 
 def margins(
     plant: str, degrees: float, servo: ScheduledController, order: int
 ) -> tuple[float, float]:
-    """Return the spectral abscissa of the closed loop, 1/s, and the smallest disk margin of an
-    input.
+    """Return the spectral abscissa of a servo loop, 1/s, and the smallest disk margin of an input.
 
     The loop has actuators of 2 rad/s. Each margin is computed with the other loops closed, and is
     nan if the loop is unstable. A disk margin a guarantees a gain margin of (2 + a) / (2 - a) and a
     phase margin of 2 atan(a / 2).
 
+    plant: name of the dynamics
+    degrees: dihedral angle
     order: order of the actuators
     """
     actuators = dict.fromkeys(servo.inputs, Actuator(order, 2.0))
@@ -63,6 +67,9 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
 
     The updraft is tolerated if every state and input stays within its limits. The resolution is 0.5
     ft/s. The largest updraft that is tested is 60 ft/s.
+
+    plant: name of the dynamics
+    degrees: dihedral angle
     """
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K

@@ -74,7 +74,9 @@ def study(
 
     Each new row is written to folder/rows when it is finished.
 
+    names: names of the rows
     resume: whether to reuse finished rows
+    workers: number of processes
     """
     (folder / "rows").mkdir(parents=True, exist_ok=True)
     of = references()

@@ -270,7 +270,10 @@ def planned(
 def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the data of a row of the table: counts, ranges [smallest, largest], and the runs.
 
-    decided_by_rounding is None if no run was repeated from a nearby start.
+    The count `decided_by_rounding` is None if no run was repeated from a nearby start.
+
+    name: name of the row
+    runs: results of the runs, as `made` returns them
     """
     finished = [one for one in runs if not one["overflow"]]
     return {
@@ -296,6 +299,8 @@ def by_rounding(one: dict[str, Any]) -> bool:
 
     This is the case if a run from a slightly changed W(0) ends with another P_error. Two values of
     P_error differ if their relative difference is above `SAME_END`.
+
+    one: result of the run, as `made` returns it
     """
     return any(
         abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]

@@ -59,9 +59,11 @@ class Judgement:
 def judge(
     names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
 ) -> list[Judgement]:
-    """Return the results of comparing constructs with JSBSim at two random states each.
+    """Return the results of comparing constructs with JSBSim, each at two random states.
 
+    names: names of the constructs
     folder: folder into which the files of the constructs are written
+    constructs: name -> slots, by default all constructs
     """
     models: dict[str, Model | str] = {}
     items = []
