@@ -5,7 +5,6 @@ Entries that a file of the paper's aircraft does not contain are those of the pa
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,9 +75,11 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     >>> import hfa
     >>> game = hfa.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
     """
+    from hfa_support.user_warning import warn
+
     stored = stored_game(path, defaults=paper_defaults, **changes)
     for note in stored.notes:
-        warnings.warn(note, stacklevel=2)
+        warn(note)
     return stored.game
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
@@ -133,7 +132,9 @@ def commands() -> dict[str, CommandEntry]:
         try:
             found.setdefault(name, command_named(name))
         except BadInputError as error:
-            warnings.warn(str(error), stacklevel=2)
+            from hfa_support.user_warning import warn
+
+            warn(str(error))
     return found
 
 

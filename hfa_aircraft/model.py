@@ -375,8 +375,10 @@ class Model(Reported):
             signal = self.parameters[name]
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
-                unit = "" if signal.unit == "1" else f" {signal.unit}"
-                raise BadInputError(f"{name} is {value:g}{unit}; give at {which} {limit:g}{unit}")
+                raise BadInputError(
+                    f"{name} is {self.describe(name, value)}; give at {which}"
+                    f" {self.describe(name, limit)}"
+                )
             changed[name] = signal._replace(start=float(value))
             if native is not None:
                 native_values[name] = float(value) / si_factor(native.unit(name))

@@ -116,7 +116,7 @@ class _Equations:
     """
 
     conversion: _Conversion
-    equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
+    equations: Callable[..., Any]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return state -> rate and output -> value, in SI units.

@@ -72,8 +72,8 @@ class Limits:
     def between(self, name: str) -> str:
         """Return the limits of one signal as text: "-60 deg and 60 deg"."""
         index = self.names.index(name)
-        lowest = self.model.describe(name, float(self.lowest[index]))
-        highest = self.model.describe(name, float(self.highest[index]))
+        lowest = self.model.describe(name, self.lowest[index])
+        highest = self.model.describe(name, self.highest[index])
         return f"{lowest} and {highest}"
 
     def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
@@ -81,9 +81,9 @@ class Limits:
         sentences = []
         for index in np.flatnonzero(~self.within(values)).tolist():
             name = self.names[index]
-            needed = self.model.describe(name, float(values[index]))
             sentences.append(
-                f"{name} would have to be {needed}, but must lie between {self.between(name)}"
+                f"{name} would have to be {self.model.describe(name, values[index])}, but must lie"
+                f" between {self.between(name)}"
             )
         return sentences
 

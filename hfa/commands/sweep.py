@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,6 +32,7 @@ from hfa.output import ProgressLine, print_report, show
 from hfa_support.entry_points import PARTS, about_part, offered, part
 from hfa_support.errors import BadInputError
 from hfa_support.files import regular_file
+from hfa_support.user_warning import warn
 from trim.point.condition import TrimCondition
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
@@ -137,7 +137,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and self.model.extras.names_schedule and not is_named:
-            warnings.warn(f"no --{by} is given: every point is at 0 deg", stacklevel=2)
+            warn(f"no --{by} is given: every point is at 0 deg")
         aircraft = self.flown_aircraft()
         return SweepPlan(axes, aircraft, condition, self.start_point, listing is not None)
 

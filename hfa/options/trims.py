@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -456,9 +455,11 @@ class TrimOptions(HfaOptions):
         condition = self.trim_condition
         by = self.model.schedule
         if self.at is not None and by in condition.free:
+            from hfa_support.user_warning import warn
+
             typed = f"--{called_at(self.model)} {self.model.describe(by, self.at)}"
             begins = typed if self.start is None else "--start"
-            warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
+            warn(f"{by} is free: the search begins at {begins}")
         try:
             return find_operating_point(aircraft, condition, self.start_point)
         except TrimError as failure:

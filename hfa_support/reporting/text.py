@@ -109,9 +109,8 @@ def entry_rows(
         for i, row in enumerate(row_names):
             for j, column in enumerate(names.states):
                 entries = [matrix[i, j] for matrix in matrices]
-                unit = ""
-                if names.state_units[j]:
-                    unit = unit_text.format(row_units[i], names.state_units[j])
+                column_unit = names.state_units[j]
+                unit = unit_text.format(row_units[i], column_unit) if column_unit else ""
                 rows.append((name, row, column, *entries, unit))
     return rows
 
@@ -155,8 +154,7 @@ def with_unit(value: float, unit: str) -> str:
     An angle in radians above a full turn may have been meant in degrees. It is therefore also
     printed in radians: "859.437 deg (15 rad)".
     """
-    text = shown_value(value, unit)
-    text = text if unit == "1" else f"{text} {shown_unit(unit)}"
+    text = f"{shown_value(value, unit)} {shown_unit(unit)}".removesuffix(" 1")
     is_large = unit == "rad" and abs(value) > 2.0 * math.pi
     return f"{text} ({value:g} rad)" if is_large else text
 

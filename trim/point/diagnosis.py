@@ -142,8 +142,8 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
         if not (low[i] or high[i]):
             continue
         word, limit = ("lowest", limits.lowest[i]) if low[i] else ("highest", limits.highest[i])
-        sentence = f"{name} at its {word} value, {describe(name, float(limit))}"
+        sentence = f"{name} at its {word} value, {describe(name, limit)}"
         if beyond[i]:
-            sentence += f", but {describe(name, float(needed[i]))} would be needed"
+            sentence += f", but {describe(name, needed[i])} would be needed"
         sentences.append(sentence)
     return sentences

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -37,6 +36,7 @@ from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown
 from hfa_support.files import MATRIX_FILES
+from hfa_support.user_warning import warn
 from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
@@ -198,7 +198,7 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
     """Return the linear model at a trim, and issue the notes on kinks as warnings."""
     linear = linearize(model, point)
     for note in linear.kinks:
-        warnings.warn(note, stacklevel=2)
+        warn(note)
     return linear
 
 

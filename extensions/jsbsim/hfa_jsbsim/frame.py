@@ -8,7 +8,6 @@ values.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_rigid.motion import STATES, flow_rates, rotation, wind_axes
 from hfa_support.errors import BadInputError, shortened
+from hfa_support.user_warning import warn
 
 #: Variables of motion in an array, and their sizes: attitude quaternion, position, velocity and
 #: angular velocity, all inertial; rotation angle of the earth; acceleration, also that of the
@@ -172,10 +172,9 @@ class Frames:
             if moved.max() < _STEADY:
                 break
         if moved.max() > _SETTLED:
-            warnings.warn(
+            warn(
                 f"engines or filters still move after {_LONGEST:g} s with the inputs of the trim;"
-                " they still move at the start of the flight",
-                stacklevel=2,
+                " they still move at the start of the flight"
             )
         parts = _split(z)
         parts["last_acceleration"][:] = parts["acceleration"]

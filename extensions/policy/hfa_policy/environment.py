@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +16,7 @@ from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
+from hfa_support.user_warning import warn
 
 if TYPE_CHECKING:
     import gymnasium
@@ -173,7 +173,7 @@ def _episodes(
         deployment = deployment.changed(policy={})  # its file may be what is trained here
     if turbulence is not None:
         for sentence in turbulence.air(trims[0], deployment.dt, 1, 0).left_out(model):
-            warnings.warn(sentence, stacklevel=4)
+            warn(sentence)
     return Episodes(deployment.on(model), trims, count, seconds, turbulence)
 
 

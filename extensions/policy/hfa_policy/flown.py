@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.mistakes_in_files import notes_on_card
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
+from hfa_support.user_warning import warn
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def flown_deployment(
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
     for note in notes_on_card(deployed, [point]):
-        warnings.warn(note, stacklevel=2)
+        warn(note)
     return policy_about(deployed, point, name)
 
 

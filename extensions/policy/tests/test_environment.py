@@ -322,14 +322,18 @@ def test_episodes_meet_the_turbulence_of_flights() -> None:
 
 
 def test_turbulence_without_lateral_states_gives_a_warning() -> None:
-    """Turbulence on a longitudinal aircraft gives a warning that names the missing states."""
-    with pytest.warns(UserWarning, match="turbulence without v, p, r: the equations have no"):
+    """Turbulence on a longitudinal aircraft gives a warning that names the missing states.
+
+    The warning is issued at the line of the call.
+    """
+    with pytest.warns(UserWarning, match="turbulence without v, p, r: the equations") as caught:
         environment(
             aircraft("ppo_gtm"),
             card("ppo_gtm"),
             trims("ppo_gtm")[:1],
             turbulence=Turbulence("light", 150.0, span=2.0),
         )
+    assert caught[0].filename == __file__
 
 
 def test_cost_weights_equal_those_of_a_game() -> None:

@@ -5,7 +5,6 @@ of the scheduling variable.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -30,6 +29,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check
+from hfa_support.user_warning import warn
 from trim.linear.linear_model import LinearModel
 from trim.point.level_model import level_model
 
@@ -142,7 +142,7 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
         model = first.point.model
         where = model.describe(model.schedule, first.point.values[model.schedule])
         count = f"{len(kinked)} of {len(linear_models)} places"
-        warnings.warn(f"{first.kinks[0]} ({count}, the first at {where})", stacklevel=3)
+        warn(f"{first.kinks[0]} ({count}, the first at {where})")
 
 
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from hfa_support.errors import BadInputError, on_one_line, shown
 from hfa_support.files import read_json, temporary_folder
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
+from hfa_support.user_warning import warn
 from hfa_support.version import VERSION
 
 #: Attributes of a store that do not belong to the job.
@@ -447,10 +447,7 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
             missing.append(number)
             damaged += 1
     if damaged:
-        warnings.warn(
-            f"{path}: {damaged} of {job.chunks} chunks were damaged and are computed again",
-            stacklevel=3,
-        )
+        warn(f"{path}: {damaged} of {job.chunks} chunks were damaged and are computed again")
     return missing
 
 

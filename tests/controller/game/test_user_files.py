@@ -56,13 +56,14 @@ def test_every_format_gives_the_same_game() -> None:
 def test_what_is_missing_comes_from_the_paper() -> None:
     """If a file of the paper's aircraft lacks Q, R and delta, the paper's values are used.
 
-    A warning states this.
+    A warning at the line of the call states this.
     """
     stored("plant.npz", **MODEL)
     with pytest.warns(
         UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "
-    ):
+    ) as caught:
         assert load_game("plant.npz") == published_game(**MODEL)
+    assert caught[0].filename == __file__
 
 
 def test_the_papers_game_in_meters() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from hfa_flight.options import FlightOptions
 from hfa_identify.draws.parameters import spread_of
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
+from hfa_support.user_warning import warn
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
@@ -101,10 +101,7 @@ def fly(request: FlyRequest) -> int:
     refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
     if request.at is None and request.model.extras.names_schedule:
-        warnings.warn(
-            f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}",
-            stacklevel=2,
-        )
+        warn(f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     result = fly(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -26,6 +24,7 @@ from hfa_networks.files.state_dict import Squash
 from hfa_networks.files.torch_module import module_network
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.user_warning import warn
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
@@ -116,10 +115,9 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
             f"{path}: an ONNX file already contains the activations; remove --set activation"
         )
     if suffix == ".zip":
-        warnings.warn(
+        warn(
             f"{path}: the network is judged without normalizer, clip and action map; "
-            "`hfa assess DEPLOYMENT.toml` judges the policy as it is deployed",
-            stacklevel=_user_level(),
+            "`hfa assess DEPLOYMENT.toml` judges the policy as it is deployed"
         )
     return from_network(
         game,
@@ -129,22 +127,6 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
         scale=reading.scale,
         features=reading.functions(len(game.A), game.names.states),
     )
-
-
-def _user_level() -> int:
-    """Return the stack level of the user's own code, for a warning of the calling function.
-
-    The user's own code is the nearest frame outside the packages of the project.
-    """
-    frame = inspect.currentframe()
-    level = 0
-    while frame is not None:
-        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if not package.startswith("hfa") and package not in ("controller", "trim", "verification"):
-            break
-        frame = frame.f_back
-        level += 1
-    return level
 
 
 def _of_states(
