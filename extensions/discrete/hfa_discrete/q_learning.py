@@ -168,6 +168,8 @@ class _QLearner:
 
     The dimension of (x, u, w) is s = n + m + k, and H has M = s(s+1)/2 weights.
 
+    problem: the discrete-time game
+    steps: the recorded steps
     cost: weights of the cost of a step over (x, u, w), (s, s)
     scales: root mean square of each column of (x, u, w), (s,)
     features: products of the scaled columns, (N, M)

@@ -254,7 +254,7 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
 def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
     """Yield hypotheses of mistakes in the rows of a matrix: order, signs, degrees and scales.
 
-    noun: noun for the quantity of a row: "input" or "slope"
+    noun: noun for the quantity of a row: "input", "slope" or "state"
     degree: factor of a row whose quantity is in degrees
     """
     size = len(view.judged)

@@ -70,7 +70,10 @@ class ProvedSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> upper bound of the absolute deviation in the set."""
+        """State -> upper bound of the absolute deviation in the set.
+
+        The set is smaller than the box of these bounds.
+        """
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property

@@ -20,7 +20,7 @@ from hfa_proof.checker.reading import Fields, require
 
 @dataclass(frozen=True, eq=False)
 class CostStatement:
-    """Claim: the cost of a flight is at least the largest lower bound that a piece gives.
+    """Claim that the cost of a flight is at least the largest lower bound that a piece gives.
 
     The claim covers every flight within the limits that ends at the equilibrium. The cost is
     ∫ z'Qz + v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.

@@ -342,7 +342,7 @@ class RegionSearch:
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
         """Return V scaled such that the samples find no obstacle in {V <= 1}.
 
-        The level is the largest one without an obstacle, but the set is not enlarged.
+        The set is the largest level set without an obstacle within the set of the given V.
 
         quick: whether to use fewer samples
         """

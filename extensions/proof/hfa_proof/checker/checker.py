@@ -105,7 +105,7 @@ def check_certificate(
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
     """Prove a statement and return the number of boxes in the proof.
 
-    witness: reader of the entry `witness`
+    entries: reader of the certificate's entry `witness`
 
     Raises Rejected if the statement is not proved.
     """

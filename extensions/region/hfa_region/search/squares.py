@@ -123,7 +123,9 @@ class Squares:
         return np.arange(start, self._count)
 
     def identity(self, target: Terms) -> Identity:
-        """Add the identity that a polynomial plus terms to be added is 0, and return the identity.
+        """Add the identity target + terms = 0 and return the identity, first without terms.
+
+        Terms are added to the returned identity by `add` and `subtract`.
 
         target: the polynomial
         """
