@@ -30,7 +30,10 @@ Content = dict[str, Any]
 
 
 def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Equations of a tank whose level rises unless the valve drains it, and whose heat decays."""
+    """Equations of a tank with the states level, heat and slope, and the outputs load and peak.
+
+    The level rises unless the valve drains the tank. The heat decays.
+    """
     rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
     off = (x.level - 0.0625) ** 2 + (x.heat - 0.0625) ** 2
     return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * off}

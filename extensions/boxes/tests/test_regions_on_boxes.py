@@ -155,7 +155,7 @@ def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixt
 
 
 def test_another_network_is_refused(proved: Any, tmp_path: Path) -> None:
-    """A certificate is refused for another network."""
+    """A certificate about one network is refused if the user gives another network."""
     _, words = proved
     other = imitation(tmp_path / "other.npz", K, np.array([1.0, 4.0]), hidden=(8,), seed=1)
     swapped = [str(other) if word.endswith("network.npz") else word for word in words]

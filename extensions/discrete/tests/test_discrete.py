@@ -303,7 +303,11 @@ def test_wrong_h_and_l_fail_with_reason():
 
 @pytest.mark.usefixtures("folder")
 def test_the_other_time_is_suggested():
-    """If a critic is exact for the same plant in the other time, this time is suggested."""
+    """If a critic is exact for the same plant in discrete time instead of continuous time, or vice
+    versa, the diagnosis suggests this time.
+
+    Options for the other time are refused.
+    """
     step = Game([[1.0, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[1.0]], np.inf)
     parts = {name: getattr(step, name) for name in ("A", "B", "Q", "R")}
     plant = stored("plant.json", **parts)

@@ -1,4 +1,6 @@
-"""Monte Carlo simulations in several threads of a process, whose bits equal those in sequence."""
+"""Monte Carlo simulations in several threads of a process, which give the same bits as in one
+thread.
+"""
 
 from __future__ import annotations
 

@@ -143,8 +143,8 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
 def test_scales_and_intensities_are_those_of_the_specification() -> None:
     """Scales and intensities of turbulence are those of the specification.
 
-    At low altitude, the formulas with 30 kn at 20 ft apply. At high altitude, Figure 7 applies.
-    Between, both are linear. Altitudes without turbulence are refused.
+    At low altitude, the formulas with 30 kn at 20 ft apply. At high altitude, Figure 7 applies. In
+    between, both are interpolated linearly. Altitudes without turbulence are refused.
     """
     low = scales_and_intensities("moderate", 500.0, "dryden")
     assert low.lengths == pytest.approx((944.657, 944.657, 500.0), rel=1e-4)

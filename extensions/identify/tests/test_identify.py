@@ -377,7 +377,7 @@ def test_an_input_bias_is_named_with_trim():
 def test_a_given_value_that_the_record_contradicts(name, factor, named):
     """A wrong value that the user gives for a parameter is reported.
 
-    It is also reported if a sensor error explains the record equally well.
+    The value is also reported if a sensor error explains the record equally well.
     """
     free = [each for each in FREE if each != name]
     given = {name: factor * true_value(name)}
@@ -536,7 +536,10 @@ def test_a_record_without_motion_is_named(coloured, moved):
 
 
 def test_noise_slower_than_the_manoeuvre_fails():
-    """Noise with a time constant of about a second is reported as beyond the correction."""
+    """Noise with a time constant of about a second is reported as too slow for the correction.
+
+    The correction widens the bands for colored noise.
+    """
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(2000)
     slow = lfilter([1.0], [1.0, -0.985], noise)[-len(columns["x"]) :]

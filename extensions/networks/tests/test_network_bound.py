@@ -155,9 +155,9 @@ def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
 
 
 def test_halves_cover_the_box() -> None:
-    """The two halves of each box cover it.
+    """The two halves of each box cover the box.
 
-    It is split along the coordinate with the larger slope.
+    The box is split along the coordinate with the larger slope.
     """
     centres = np.array([[0.0, 0.5], [0.25, 0.0]])
     half_widths = np.array([[1.0, 0.5], [0.25, 1.0]])

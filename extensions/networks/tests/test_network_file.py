@@ -198,7 +198,7 @@ def test_layer_norm_states_or_output_needs_no_gap() -> None:
 
 
 def test_batch_norms_are_refused() -> None:
-    """Batch normalization is not read as layer normalization, it is refused."""
+    """Batch normalization is refused, and not read as layer normalization."""
     tensors = with_norm("0", "1", "3") | {"1.running_mean": np.zeros(4)}
     assert "'1.running_mean' (4,) is not a weight" in refusal(
         torch_file("a.pt", tensors), activation="tanh"

@@ -128,8 +128,9 @@ def test_wrong_options_are_refused(
 
 
 def test_verify_simulates_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`hfa verify --flights` reports the median cost of the critic's flights relative to the best
-    flight. That of twice the gain exceeds the gain's.
+    """`hfa verify --flights` reports the median cost of the critic relative to the best flight.
+
+    The flights with twice the optimal gain cost more than those of the linear optimum.
     """
     model = hfa.load_model(GTM)
     game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))

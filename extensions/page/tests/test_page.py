@@ -227,8 +227,9 @@ def test_data_cannot_end_the_script() -> None:
 
 
 def test_hover_shows_the_modes(job: MainJob) -> None:
-    """The root locus lists all modes, and its hover texts contain the frequency and damping of a
-    mode at that angle.
+    """The root locus shows all modes. Its hover texts contain the frequency and damping of modes.
+
+    A second figure contains only the slow modes.
     """
     plot = locus_plot(job.sweep)
     assert plot is not None

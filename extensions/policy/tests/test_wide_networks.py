@@ -43,7 +43,7 @@ def test_an_activation_on_rows_is_that_of_graph(name):
 
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_the_network_on_rows_is_that_of_graph(name):
-    """The actors of the test policies have the same outputs on NumPy rows as as CasADi functions.
+    """The actors of the test policies give equal outputs on NumPy rows and as CasADi functions.
 
     The observations are not changed.
     """

@@ -138,7 +138,9 @@ def test_missing_subjects_are_named() -> None:
 
 
 def test_tolerated_differences_are_not_named() -> None:
-    """The error names the state whose trim differs by more than the tolerance, not the first."""
+    """The error names the state whose trim differs by more than the tolerance, not the first
+    state.
+    """
     stated = {"trim": {"alpha": 0.1, "speed": 50.0, "altitude": 3.0}}
     own = Given(
         {"alpha": 0.1 + 1e-9, "speed": 60.0}, "--at", within({"alpha": 1e-6, "speed": 1e-3})

@@ -162,8 +162,9 @@ def test_parameters_of_another_aircraft_are_refused(
 
 
 def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
-    """Input limits that differ from those of the model are refused, because they change the
-    saturation. Narrower state limits are accepted.
+    """Input limits that differ from those of the model are refused.
+
+    Other input limits would change the saturation. Narrower state limits are accepted.
     """
     content = json.loads(path.read_text())["statement"]
     for limits in ([-0.5, 0.5], [-0.7, 0.6], [None, 0.7], [-0.8, 0.8]):

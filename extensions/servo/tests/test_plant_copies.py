@@ -207,7 +207,9 @@ def test_sizes_are_those_of_the_parts_that_cancel() -> None:
 
 
 def test_the_closed_loop_gain_is_below_delta() -> None:
-    """The controller at 1.01 times the smallest delta keeps the closed-loop gain below it."""
+    """With the controller for 1.01 times the smallest delta, the closed-loop gain is below this
+    delta.
+    """
     plant = mixed_sensitivity(9)
     smallest = plant.minimum_delta().value
     assert gain_of(plant, solve_plant(plant, 1.01 * smallest)) < 1.01 * smallest

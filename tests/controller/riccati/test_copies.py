@@ -70,9 +70,7 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
 
 
 def test_copies_agree_whether_a_value_exists() -> None:
-    """For 128 copies of games near delta_min, the verdict on existence is that on the original
-    game.
-    """
+    """For 128 copies of games near delta_min, existence is decided as for the original games."""
     changed = changed_verdicts(random_games(8), 4)
     assert changed["copies"] == 128
     assert (changed["changed"], changed["open"]) == (0, 0)

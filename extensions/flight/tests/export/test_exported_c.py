@@ -133,9 +133,10 @@ def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
     "name", ["navion.py:NAVION", pytest.param("f16.py:F16", marks=pytest.mark.slow)]
 )
 def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
-    """The exported C code of other aircraft gives the model's rates at 50 random states.
+    """The exported C code of the Navion and of the F-16 gives the model's rates at 50 random
+    states.
 
-    The aircraft have or lack tables and parameters. The Navion's example loop runs.
+    The example loop of the Navion runs.
     """
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))

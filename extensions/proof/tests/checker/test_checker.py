@@ -1,7 +1,4 @@
-"""The checker of certificates, with certificates of the prover and changed ones.
-
-The former are accepted, and the latter are refused.
-"""
+"""The checker accepts certificates of the prover and refuses changed certificates."""
 
 from __future__ import annotations
 
