@@ -50,7 +50,7 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 def _start(quick: bool) -> list[Row]:
     """Return comparisons of `hfa trim` and `hfa --help`, in new processes, with `import control`.
 
-    The first round, which writes the bytecode of the modules, is not counted. The limits are the
+    The first round writes the bytecode of the modules and is not counted. The limits are the
     times of Python processes in which NumPy starts no threads, as in `hfa`.
 
     quick: whether each process is timed only once

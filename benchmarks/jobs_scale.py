@@ -154,7 +154,7 @@ def _networks(width: int, folder: Path) -> Callable[[], object]:
 def _sized(job: str, count: int) -> Size:
     """Return the measured time and memory of a growing job at one size.
 
-    A job of the smallest size is run before, so that all modules are loaded.
+    A job of the smallest size is run before. All modules are then loaded.
 
     job: name of the job
     count: size

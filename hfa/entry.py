@@ -1,4 +1,4 @@
-"""Entry point of the process `hfa`, which prints one line and ends on Ctrl-C, SIGTERM or SIGHUP."""
+"""Entry point of the process `hfa`, and its end on Ctrl-C, SIGTERM or SIGHUP."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def main() -> int:
 def _end(number: int, _: object) -> None:
     """Handle a signal: print one line, remove temporary files and end the process.
 
-    The process ends without an exception, because libraries that call Python suppress or replace
+    The process ends without an exception. Libraries that call Python may suppress or replace
     exceptions.
     """
     code = _ENDING[signal.Signals(number).name]

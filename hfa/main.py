@@ -177,7 +177,7 @@ def _refuse_small_address_space() -> None:
 def _request(command: Command, program: str, words: list[str]) -> Request:
     """Return the request of a command, with the values of the options in its command line.
 
-    The model is loaded first, because the other options are parsed with its names and units.
+    The model is loaded first. The other options are parsed with the names and units of the model.
 
     command: the command
     program: name of the program in messages, such as "hfa trim"

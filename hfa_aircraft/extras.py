@@ -43,7 +43,7 @@ class Extras:
     source: file and name from which the model was loaded, and a hash
     native: model that `hfa_aircraft.units.in_si` converted to this one, or None
     made_by: function that makes the model in another process, from `native`, or from `source` and
-        the parameters. If it is None, the model is pickled.
+        the parameters. Without such a function (None), the model is pickled.
     """
 
     called: str = ""

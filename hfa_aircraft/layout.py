@@ -68,7 +68,8 @@ class Layout(NamedTuple):
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
         """Raise BadInputError if a variable affects the equations only in steps.
 
-        All derivatives with respect to such a variable are 0. It must be declared as a parameter.
+        All derivatives with respect to such a variable are 0. Such a variable must be declared as a
+        parameter.
 
         jacobian: (m, k), with a column for each variable
         names: names of the k variables

@@ -162,8 +162,8 @@ def _read(offer: EntryPoint, text: str) -> Model:
 def _digest(model: Model, text: str) -> str:
     """Return the hash of a model that an installed package has read.
 
-    The result is the hash that the reader computed, if any. Otherwise it is a hash of the file and
-    the model. If the file does not exist, the text is hashed in place of the file.
+    The result is the hash that the reader computed, if any. Otherwise the result is a hash of the
+    file and the model. If the file does not exist, the text is hashed in place of the file.
 
     text: argument of --aircraft
     """

@@ -45,8 +45,8 @@ class Model(Reported):
 
     name: name of the model
     states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the vectors
-    equations: function (x, u, p, w) -> (rates by state, outputs by name). Its arguments have fields
-        by name. It accepts numbers and CasADi expressions.
+    equations: function (x, u, p, w) -> (rates by state, outputs by name). The arguments are numbers
+        or CasADi expressions, with fields by name.
     trim: state, input or output -> value that a trim imposes by default
     steady: states whose rates are zero in a trim, by default all
     linear: states of the linear model, by default all

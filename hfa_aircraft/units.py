@@ -1,6 +1,6 @@
 """Conversion of a model to SI units.
 
-The declaration and the equations are converted, so that all later computations are in SI.
+The declaration and the equations are converted. All later computations are then in SI units.
 """
 
 from __future__ import annotations

@@ -36,8 +36,8 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
     and spiral (phi). A mode is omitted if one of its states is not recognized by name and unit.
 
-    The phugoid also requires the states of the short period, because a model of something else may
-    have a speed and an angle. Roll and spiral also require the states of the Dutch roll.
+    The phugoid also requires the states of the short period. A model that is not an aircraft may
+    also have a speed and an angle. Roll and spiral also require the states of the Dutch roll.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():

@@ -3,16 +3,16 @@
 The axes are x forward, y to the right and z down, at the center of mass of the entire aircraft. The
 reference point of a panel is its center of mass, at mid-span on the quarter chord. The wings bend
 up. With dihedral η the center panel is (s/3) sin η below the common center of mass, and each outer
-panel is (s/6) sin η above the common center of mass. The right and left panels are mirror images,
-so that one "outer" panel represents both.
+panel is (s/6) sin η above the common center of mass. The right and left panels are mirror images.
+One "outer" panel therefore represents both.
 
 The air at a panel moves by (-h, ±o, -w) north, east and down, ft/s, with headwind h, outward wind o
 and updraft w. These winds add h forward, o inward and w downward to the velocity of the panel
 relative to the air, in body axes (h cos θ - w sin θ, ∓o, h sin θ + w cos θ).
 
-The aircraft moves north in its plane of symmetry. The winds at both outer panels are mirror images,
-because a difference between left and right would cause roll and yaw. There is no side wind at the
-center panel.
+The aircraft moves north in its plane of symmetry. The winds at both outer panels are mirror images.
+A difference between left and right would cause roll and yaw. There is no side wind at the center
+panel.
 """
 
 from __future__ import annotations
@@ -121,8 +121,8 @@ def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
 def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
     """Return the speed of the center of mass relative to the air at a panel, ft/s.
 
-    V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), which is V in still air, with the
-    climb angle γ = θ - α.
+    V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), with the climb angle γ = θ - α. In
+    still air V_a = V.
 
     x: states, with the speed V over ground
     wind: updraft w, headwind h and outward wind o at the panel
@@ -139,8 +139,8 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
 def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
     """Return the angle of attack of the center of mass in the air of the center panel, rad.
 
-    α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), which is α in still air,
-    with the pitch angle θ.
+    α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), with the pitch angle θ.
+    In still air α_a = α.
 
     x: states
     winds: updraft w and headwind h at the center panel; other winds have no effect

@@ -10,9 +10,9 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     """Return random samples of the identified parameters, p_i exp(z_i) with z ~ N(0, C_ij / (p_i
     p_j)).
 
-    All other parameters are unchanged. The samples are Gaussian in the logarithms, because the
-    printed matrices determine products and quotients of the parameters much more precisely than the
-    parameters.
+    All other parameters are unchanged. The samples are Gaussian in the logarithms of the
+    parameters. The printed matrices determine products and quotients of parameters much more
+    precisely than single parameters.
 
     parameters: p and its covariance C
     count: number of samples

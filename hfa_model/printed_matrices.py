@@ -24,8 +24,8 @@ class PublishedModel(ByValue, Reported):
     half_unit_A: (6, 6), half a unit of the last printed digit of each entry of A
     half_unit_B: (6, 5), half a unit of the last printed digit of each entry of B
 
-    An entry printed as 0 or 1 without decimals is assumed to have four, like its neighbors. For
-    example, B(alpha, throttle) is -2.6e-5 and is printed as 0.
+    An entry printed as 0 or 1 without decimals is assumed to have four decimals, like its
+    neighbors. For example, B(alpha, throttle) is -2.6e-5 and is printed as 0.
     """
 
     dihedral: float

@@ -69,7 +69,7 @@ def note_read(path: str | Path) -> None:
 
 
 def forget_read(path: Path) -> None:
-    """Remove a file from the inputs of the run, because the run continues this file (--resume)."""
+    """Remove a file from the inputs of the run. With --resume, the run continues this file."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.discard(identity)
@@ -178,9 +178,9 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 
 def _temporary_path(folder: Path) -> Path:
-    """Return an unused name in a folder, which `remove_unfinished` will remove.
+    """Return an unused path in a folder, and register it for removal by `remove_unfinished`.
 
-    The name is registered before the file exists, because a signal may end the process at any time.
+    The path is registered before the file exists. A signal may end the process at any time.
     """
     path = (folder / f".hfa-{os.urandom(8).hex()}").absolute()
     _UNFINISHED.add(path)
@@ -208,7 +208,7 @@ def remove_unfinished() -> None:
     """Remove the temporary files and folders of this process, and its new folders that are empty.
 
     The function must be called just before the process ends. The removal of a folder is repeated up
-    to `_REMOVALS` times, because a compiler may still write into the folder.
+    to `_REMOVALS` times. A compiler may still write into the folder.
     """
     for path in tuple(_UNFINISHED):
         with suppress(OSError):
@@ -269,7 +269,7 @@ def regular_file(path: str | Path) -> Path:
     """Return a path after checking that it is a regular file of limited size, and record it as
     input.
 
-    FIFOs and devices are refused because reading them may never end.
+    FIFOs and devices are refused. Reading a FIFO or device may never end.
 
     Raises OSError for FIFOs, devices, folders, missing files, and files larger than `LARGEST`
     bytes.

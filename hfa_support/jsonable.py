@@ -32,7 +32,7 @@ def jsonable(value: Any) -> Any:
 def finite_or_none(value: float | np.floating[Any]) -> float | None:
     """Return a finite number as a float.
 
-    inf and nan become None, because JSON does not support them.
+    inf and nan become None. JSON does not support these values.
     """
     return float(value) if math.isfinite(value) else None
 

@@ -65,7 +65,7 @@ def say_aside(text: str, end: str = "\n") -> None:
 
 
 def drop(stream: TextIO) -> None:
-    """Redirect a stream to the null device, so that its final flush cannot fail."""
+    """Redirect a stream to the null device. The final flush of the stream then cannot fail."""
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         descriptor = stream.fileno()
         os.close(descriptor)  # frees the descriptor for the null device

@@ -22,7 +22,7 @@ _CHILD = Path(__file__).with_name("_loadmat.py")
 def structures(path: Path) -> dict[str, Any]:
     """Return name -> array for the content of a .mat file. A structure is a nested mapping.
 
-    SciPy reads the file in a child process, because a damaged file may crash or hang SciPy.
+    A damaged file may crash or hang SciPy. The file is therefore read in a child process.
 
     Raises ValueError if the file cannot be read, or not within `_LONGEST` seconds.
     """

@@ -161,7 +161,8 @@ class TrainingRun(Result, Reported):
     def report(self, *, history: bool = False) -> Report:
         """Return a report with the outcome, the rank of the data, P and K.
 
-        The data of the report contain the last weights as `W`, which `hfa verify --weights` reads.
+        The data of the report contain the last weights as `W`. `hfa verify --weights` reads this
+        entry.
 
         history: whether the data also contain the weights and residuals at all times
         """

@@ -233,8 +233,8 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
     """Return the names and units of states and inputs in a plant file.
 
-    An entry with a wrong number of texts, or with repeated names, is ignored. A note about it is
-    appended to `notes`.
+    An entry with a wrong number of texts, or with repeated names, is ignored. A note on the ignored
+    entry is appended to `notes`.
 
     stored: entries of the file
     n: number of states
@@ -286,7 +286,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     """Return name -> text for the entries of a plant file that describe the origin of the plant.
 
-    JSON and .mat files store the texts in the structure `provenance`. .npz files store them in
+    JSON and .mat files store the texts in the structure `provenance`. .npz files store the texts in
     entries such as `provenance.version`.
     """
     block = stored.get("provenance", {})

@@ -395,8 +395,8 @@ class CertifiedLaw:
 
     Stage 1 solves the LQ problem (1/δ² = 0) by
         W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|,  k = π/(2 η θ T),
-    with the normalization n_j = sqrt(1 + σ_j'σ_j) at the start of the stage. σ̄W' is parallel to ē,
-    so that |ē| satisfies the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In each
+    with the normalization n_j = sqrt(1 + σ_j'σ_j) at the start of the stage. σ̄W' is parallel to ē.
+    |ē| therefore satisfies the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In each
     tick, Newton sub-steps W <- W - f N use the f with which |ē| attains the exact scalar value.
     While no f attains this value, f minimizes |ē|. For f in (0, 1] such a step preserves stability.
     With the full step P₁ = P - N and A_f = A - S(P - fN),
@@ -440,8 +440,7 @@ class CertifiedLaw:
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:
-        """Return the initial memory of the law, which consists of a point, a normalization and a
-        discount.
+        """Return the initial memory of the law: a point, a normalization and a discount.
 
         The point contains W(0). The normalization has shape (N_h,). The discount, 1/s, is 0 if W(0)
         stabilizes the plant with a decay rate of at least `RELATIVE_MARGIN` times the largest
@@ -609,8 +608,8 @@ def certified_law(
 ) -> CertifiedLaw:
     """Return the certified law for a game, with its recorded samples.
 
-    The drifts are replaced by their linear fit over all samples, which reduces the effect of noise.
-    The law then uses the samples that differ most (`recording.choose`).
+    The drifts are replaced by their linear fit over all samples. The fit reduces the effect of
+    noise. The law then uses the samples that differ most (`recording.choose`).
 
     game: the game
     chosen: settings of the law
@@ -644,8 +643,8 @@ def learn(
     """Return the training run of the certified law on a game, with the learned value z'Pz and gain
     K.
 
-    Use `run` for a learning law that you define yourself. The result is not verified. Use
-    `hfa.check_critic`, which uses A, to verify it.
+    Use `run` for a learning law that you define yourself. The result is not verified.
+    `hfa.check_critic` verifies it with the matrix A of the game.
 
     game: the game
     law: "certified"

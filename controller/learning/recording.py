@@ -27,8 +27,8 @@ _AHEAD = 1e-6
 class Stack(Reported):
     """N_h recorded samples of a plant.
 
-    F must not contain the reference forcing r(t) = A x_d - x_d', because the value z'Pz belongs to
-    F = A z alone.
+    F must not contain the reference forcing r(t) = A x_d - x_d'. The value z'Pz belongs to F = A z
+    alone.
 
     states: z_j, (N_h, n)
     drifts: F_j = z' - B u - E d, (N_h, n)
@@ -68,8 +68,8 @@ class Stack(Reported):
         fit.
 
         Â is the least-squares fit of the drifts, and the misfit is |F - Â z| / |F|. For exact
-        drifts the misfit is of the order of rounding. Otherwise it has the size of the noise or of
-        a reference forcing.
+        drifts the misfit is of the order of rounding. Otherwise the misfit has the size of the
+        noise or of a reference forcing.
         """
         fitted = self.states @ self.drift_fit().T
         size = float(np.linalg.norm(self.drifts))
@@ -79,8 +79,8 @@ class Stack(Reported):
     def channel_scales(self) -> np.ndarray:
         """Return the root mean square of each state, (n,), used as its scale.
 
-        Raises BadInputError if a state is zero in every sample, because its effect cannot be
-        learned.
+        Raises BadInputError if a state is zero in every sample. The effect of such a state cannot
+        be learned.
         """
         scales = np.sqrt(np.mean(self.states**2, axis=0))
         if np.any(scales == 0.0):

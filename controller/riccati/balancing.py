@@ -38,9 +38,9 @@ class Spectrum(NamedTuple):
         imaginary axis.
 
         The distance is the norm of the smallest change of M that puts an eigenvalue on the axis,
-        relative to the norm of M. It is accurate to `SHARP` or to rounding. Unlike |Re λ|, the
-        distance is reliable for an ill-conditioned eigenvalue. For a double eigenvalue on the axis,
-        the computed |Re λ| is about 1e-8 ‖M‖, but the computed distance is about 1e-16.
+        relative to the norm of M. The result is accurate to `SHARP` or to rounding. Unlike |Re λ|,
+        the distance is reliable for an ill-conditioned eigenvalue. For a double eigenvalue on the
+        axis, the computed |Re λ| is about 1e-8 ‖M‖, but the computed distance is about 1e-16.
         """
         return self.nearest_to_axis()[0]
 
@@ -76,7 +76,7 @@ class Spectrum(NamedTuple):
     def _likely_frequencies(self) -> np.ndarray:
         """Return frequencies near which σ_min(M - jω I) may be smallest, rad/s.
 
-        They are the magnitudes |Im λ| of the eigenvalues λ nearest to the imaginary axis. To first
+        The frequencies are |Im λ| of the eigenvalues λ nearest to the imaginary axis. To first
         order, the distance of λ is |Re λ| divided by the condition number of λ. If the matrix has
         at most `FEW` different |Im λ|, all are returned.
         """

@@ -40,7 +40,7 @@ def by_schur(form: NormalForm) -> np.ndarray:
 def unrefined(form: NormalForm) -> np.ndarray:
     """Return the solution X, (n, n), from the Schur form of the Hamiltonian, without refinement.
 
-    If Q = 0 and A is Hurwitz, X is exactly 0, because the Schur form would return rounding errors.
+    If Q = 0 and A is Hurwitz, the result is exactly 0, without the rounding errors of a Schur form.
 
     Raises NoSolutionError if the stable subspace [V1; V2] does not have dimension n, or V1 is
     singular.

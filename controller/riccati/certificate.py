@@ -2,7 +2,7 @@
 
 A root P of the Riccati equation with a residual of 1e-13 may be non-stabilizing, indefinite (delta
 below its minimum), or the solution of another game. Only all tests together are sufficient. The
-tests are made in normal form, so that the verdict does not depend on the user's units. Source:
+tests are made in normal form. The verdict therefore does not depend on the user's units. Source:
 Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou, Doyle and Glover, Chapter 13.
 """
 
@@ -121,8 +121,8 @@ def certified_solution(form: NormalForm) -> Certified:
     """Return the certified solution of one game.
 
     The eigenvectors of the Hamiltonian are tried first (`certified_stack`), then the Schur form
-    (`carefully_certified`). The solution is given in the coordinates of the returned form. They may
-    differ from those of the given form.
+    (`carefully_certified`). The solution is given in the coordinates of the returned form. These
+    coordinates may differ from those of the given form.
 
     Raises NoSolutionError as `carefully_certified` does.
     """
@@ -279,8 +279,8 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     H must have n eigenvalues on each side of the imaginary axis, and none near the axis.
 
     given: the original form, if `form` is its levelled form. If the other checks pass, a further
-        check shows that rounding of the given entries cannot move an eigenvalue to the axis,
-        because levelling enlarges this rounding.
+        check shows that rounding of the given entries cannot move an eigenvalue to the axis.
+        Levelling enlarges the effect of this rounding.
 
     Raises NoSolutionError if entries of H overflow.
     """

@@ -27,8 +27,9 @@ LOSS_TOLERANCE = 1e-10
 class FlightCost(Result):
     """Cost of u = -K z above the optimum, in percent of the optimal cost z'P*z.
 
-    Each policy's cost is computed under the worst disturbance for this policy. The excess is inf
-    if the cost has no bound, because the L2 gain is not below delta or the loop is unstable.
+    Each policy's cost is computed under the worst disturbance for this policy. The excess is inf if
+    the cost has no bound. This is the case if the L2 gain is not below delta, or if the loop is
+    unstable.
 
     worst: largest excess over all initial conditions, percent
     mean: mean excess over initial conditions with the same optimal cost, percent

@@ -115,8 +115,8 @@ def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
 
     until E is 0 up to rounding. The solution of the given game is p I + X. With p > 0, an unstable
     mode without a running cost has a final cost. c is slightly below the geometric mean of the
-    largest and the smallest |λ|, because an eigenvalue may be at the mean itself. Source: Chu, Fan
-    and Lin, Linear Algebra Appl. 396 (2005), 55-80.
+    largest and the smallest |λ|. An eigenvalue may be at the mean itself. Source: Chu, Fan and Lin,
+    Linear Algebra Appl. 396 (2005), 55-80.
 
     eigenvalues: λ of the Hamiltonians, (N, 2n), for the choice of c
     """

@@ -1,4 +1,4 @@
-"""Decision whether the value of a game exists, which rounding can leave undecided."""
+"""Decision whether the value of a game exists: yes, no, or undecided because of rounding."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
     """Return P, (n, n), by the Schur form if every test of P passes, otherwise None.
 
-    This P has no certificate, because the tests bound the residual of P and not its error. Within
+    This P has no certificate. The tests bound the residual of P, but not the error of P. Within
     about 1e-6 of the smallest delta of a stiff plant, the tests may pass although no solution
     exists.
     """
@@ -163,11 +163,12 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
     shown.
 
     At the frequency ω the least |Q^½ x|² + |u|² over all u, with x determined by u and w, is w*Φ w.
-    Here Φ = -[0 E'] (H - jω I)⁻¹ [E; 0], and H is the Hamiltonian at δ = inf. No δ up to the square
-    root of an eigenvalue of Φ has a value, because an eigenvalue of the Hamiltonian at this δ is on
-    the axis. The frequencies tried are 0, the frequencies of the Hamiltonian's eigenvalues at the
-    given δ, and the midpoints between these frequencies. Rounding in the terms of every entry of H
-    and E is subtracted (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2).
+    Here Φ = -[0 E'] (H - jω I)⁻¹ [E; 0], and H is the Hamiltonian at δ = inf. No game with δ up to
+    the square root of an eigenvalue of Φ has a value. If δ equals this square root, an eigenvalue
+    of the Hamiltonian is on the imaginary axis. The frequencies tried are 0, the frequencies of the
+    Hamiltonian's eigenvalues at the given δ, and the midpoints between these frequencies. Rounding
+    in the terms of every entry of H and E is subtracted (Higham, Accuracy and Stability of
+    Numerical Algorithms, Section 7.2).
 
     Source: Zhou, Doyle and Glover, Section 13.4.
     """

@@ -224,8 +224,8 @@ def _above(
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹), by BFGS.
 
-    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. The line search does not
-    need smoothness, because the two largest singular values are often equal at the minimum.
+    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. At the minimum the two
+    largest singular values are often equal. The line search therefore does not require smoothness.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`

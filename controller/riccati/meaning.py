@@ -42,7 +42,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
     K: (m, n)
     L: (k, n)
 
-    Raises NoSolutionError if F is not Hurwitz, because the cost is then not finite.
+    Raises NoSolutionError if F is not Hurwitz. The cost is then not finite.
     """
     from scipy.linalg import solve_continuous_lyapunov
 

@@ -217,7 +217,8 @@ class NormalForm:
     def sizes(self) -> Sizes:
         """Magnitudes of the terms of A, B, E and Q.
 
-        They are `made_of`, or the magnitudes of the entries if `made_of` is None.
+        The result is `made_of`. If `made_of` is None, the result contains the magnitudes of the
+        entries.
         """
         if self.made_of is not None:
             return self.made_of

@@ -59,7 +59,7 @@ class DeltaMin(NamedTuple):
     def uncertain(self) -> bool:
         """True if rounding leaves delta_min uncertain by more than the tolerance of the search.
 
-        This is also True if no delta was shown to have no solution.
+        The result is also True if no delta was shown to have no solution.
         """
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
@@ -109,10 +109,9 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     """Return bounds of the smallest δ for which a game has a value, by bisection of log δ on
     `existence`.
 
-    The set of δ with a value is an interval (delta_min, inf], because a larger δ makes the
-    disturbance more expensive. The search begins at twice the L2 gain of the LQR policy, an upper
-    bound of delta_min. If the LQR policy cannot be certified, the policy of the game is used
-    instead.
+    The set of δ with a value is an interval (delta_min, inf]. A larger δ makes the disturbance more
+    expensive. The search begins at twice the L2 gain of the LQR policy, an upper bound of
+    delta_min. If the LQR policy cannot be certified, the policy of the game is used instead.
 
     form: normal form of the game
     progress: called during the search
@@ -229,8 +228,8 @@ class Obstacle(NamedTuple):
     def faint(self, reach: str, show: str) -> str:
         """Return a clause on the mode that the inputs barely reach, or that barely has a cost.
 
-        The clause describes the mode with the smaller of `reach` and `shown`. It is "" if both are
-        above `BARELY`.
+        The clause describes the mode with the smaller of `reach` and `shown`. The clause is "" if
+        both are above `BARELY`.
 
         reach: subject and verb for the reach, such as "the inputs reach"
         show: subject and verb for the cost, such as "Q shows"
@@ -290,7 +289,7 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
     """Return the eigenvalues of A, each with a bound of its error due to rounding of A, to first
     order.
 
-    The bound is y'|D|x / |y'x| for a change D of the entries by rounding. It is at most
+    The bound is y'|D|x / |y'x| for a change D of the entries by rounding. The bound is at most
     `_NEAR_AXIS` times the norm of A, and has this value for a defective A. Source: Golub and Van
     Loan, Section 7.2.2.
 

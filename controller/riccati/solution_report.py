@@ -106,7 +106,7 @@ class AnalysedGame(Solution):
 def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Return the certified solution of a game with its smallest delta, cost and margins.
 
-    All checks are made in normal form, so that the verdict does not depend on the user's units.
+    All checks are made in normal form. The verdict therefore does not depend on the user's units.
 
     progress: called during the search for delta_min
 

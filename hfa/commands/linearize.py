@@ -128,9 +128,9 @@ def _with_winds(
 ) -> LinearModel:
     """Return the linear model of all states at a trim, with the aircraft's winds as disturbances.
 
-    The winds are left out if a wind acts on the kept states through an omitted state, because the
-    reduced model has no column for this effect. The winds of the paper's flexible aircraft are
-    always included.
+    The winds are left out if a wind acts on the kept states through an omitted state. The reduced
+    model has no column for this effect. The winds of the paper's flexible aircraft are always
+    included.
 
     aircraft: the model
     point: the trim

@@ -425,8 +425,7 @@ class TrimOptions(HfaOptions):
     def is_constant(self, name: str) -> bool:
         """Return whether --hold of a sweep gives only one value for a variable of the trim.
 
-        The result is False for a parameter of the model, because parameters are always axes of the
-        sweep.
+        The result is False for a parameter of the model. Parameters are always axes of the sweep.
         """
         values = self.hold[name]
         one_value = isinstance(values, tuple) and len(values) == 1

@@ -53,9 +53,8 @@ def compiled(
     optimize: optimization flag of the compiler
 
     The library is kept in `cache_folder()`. The symbol contains a hash of the C text, the compiler
-    and its flags, because one process cannot load two libraries with equal symbols. The owner and
-    the hash of a kept library are checked before it is loaded. A library that cannot be loaded is
-    deleted.
+    and its flags. One process cannot load two libraries with equal symbols. The owner and the hash
+    of a kept library are checked before it is loaded. A library that cannot be loaded is deleted.
     """
     compiler = c_compiler()
     if compiler is None:

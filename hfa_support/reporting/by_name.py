@@ -20,7 +20,7 @@ class ByName(tuple[Named, ...]):
         return self[self.keys().index(index)]
 
     def __call__(self) -> ByName[Named]:
-        """Return this tuple, so that both `modes` and `modes()` are valid."""
+        """Return this tuple: modes() is modes."""
         return self
 
     if not TYPE_CHECKING:

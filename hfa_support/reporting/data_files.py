@@ -135,6 +135,6 @@ def _inert(cell: Any) -> Any:
 def _digits(value: float | np.floating) -> str:
     """Return a number as text in full precision.
 
-    The text for nan is "NaN", because polars does not parse "nan" as a number.
+    The text for nan is "NaN". The library polars does not parse "nan" as a number.
     """
     return "NaN" if np.isnan(value) else repr(float(value))

@@ -51,8 +51,8 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
     """Write a figure to a stream.
 
-    For a PNG, the layout is computed before saving, because matplotlib would otherwise draw the
-    figure twice.
+    For a PNG, the layout is computed before saving. Otherwise matplotlib would draw the figure
+    twice.
 
     kind: "png", "svg" or "pdf"
     metadata: metadata of the file

@@ -1,4 +1,4 @@
-"""Reports of results, which are converted to text, Markdown, HTML and data files."""
+"""Reports of results, and their conversion to text, Markdown, HTML and data files."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Picture:
 
     @cached_property
     def png(self) -> bytes:
-        """Content of a PNG file of the figure, which is drawn at the first access."""
+        """Content of a PNG file of the figure. The figure is drawn at the first access."""
         from hfa_support.reporting.figure import png_bytes
 
         return png_bytes(self.draw())
@@ -172,7 +172,7 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return an entry of the result by its name, so that point.alpha is point["alpha"].
+            """Return an entry of the result by its name: point.alpha is point["alpha"].
 
             If there is no such entry, an attribute that an extension adds is returned
             (`attribute_of`).

@@ -151,8 +151,8 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 def with_unit(value: float, unit: str) -> str:
     """Return a value with its unit as text, "5 deg", in the unit that reports print.
 
-    An angle in radians above a full turn may have been meant in degrees. It is therefore also
-    printed in radians: "859.437 deg (15 rad)".
+    An angle in radians above a full turn may have been meant in degrees. Such an angle is therefore
+    also printed in radians: "859.437 deg (15 rad)".
     """
     text = f"{shown_value(value, unit)} {shown_unit(unit)}".removesuffix(" 1")
     is_large = unit == "rad" and abs(value) > 2.0 * math.pi

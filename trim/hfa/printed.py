@@ -351,8 +351,8 @@ def _largest(A: np.ndarray, B: np.ndarray) -> str:
 def bands_known(parameters: ParameterSet) -> bool:
     """Return whether error bands exist for these parameters.
 
-    The parameters must have a covariance and equal the identified values to 1e-7, because the
-    covariance of other values is unknown.
+    The parameters must have a covariance and equal the identified values to 1e-7. The covariance of
+    other values is unknown.
     """
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
     return same and parameters.covariance.size > 0

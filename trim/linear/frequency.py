@@ -143,8 +143,9 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
     """Return frequencies for the Bode plot of a linear model, rad per unit of time.
 
     The frequencies extend from a tenth of the smallest to ten times the largest magnitude of the
-    nonzero eigenvalues of A, or from 0.01 to 100 if all eigenvalues are 0. They are dense near the
-    magnitude of each eigenvalue, where the phase of lightly damped modes changes fast.
+    nonzero eigenvalues of A, or from 0.01 to 100 if all eigenvalues are 0. The frequencies are
+    dense near the magnitude of each eigenvalue. The phase of lightly damped modes changes fast
+    there.
     """
     frequencies = np.abs(np.linalg.eigvals(model.A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]

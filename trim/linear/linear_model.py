@@ -179,7 +179,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         raise BadInputError("the index is not a pair of names; write linear[outputs, inputs]")
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Yield A, B, C and D, so that A, B, C, D = linear and control.ss(*linear) work."""
+        """Yield A, B, C and D, for A, B, C, D = linear and control.ss(*linear)."""
         return map(np.asarray, (self.A, self.B, self.C, self.D))
 
     @property

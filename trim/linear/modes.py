@@ -185,7 +185,7 @@ def _time_to(mode: Mode) -> str:
 
 
 class Eigenvalues(NamedArray):
-    """Array of eigenvalues. A call returns the array, so that linear.eigenvalues() also works."""
+    """Array of eigenvalues. The array can also be called: linear.eigenvalues() returns it."""
 
     def __call__(self) -> Eigenvalues:
         """Return the array itself."""

@@ -45,7 +45,7 @@ def exact_sides(
     each.
 
     The derivatives are extrapolated by 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h) from exact derivatives J
-    at multiples of a step h from the point, because a kink may be up to one step from the point.
+    at multiples of a step h from the point. A kink may be up to one step from the point.
     The error is of the order of h³ J'''.
 
     z: (n + m,), state and input

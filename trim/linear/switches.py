@@ -36,8 +36,8 @@ def near_switches(
 
     - If a switch depends on states and inputs in second order only, all states and inputs are
       returned.
-    - If the equations call functions, whose operations are not visible, the first `_MOST` finite
-      points and all states and inputs are returned.
+    - If the equations call functions, the first `_MOST` finite points and all states and inputs are
+      returned. The operations in these functions are not visible.
 
     x: (N, n), states
     u: (N, m), inputs

@@ -31,7 +31,7 @@ _FILE = {
 def read_condition(
     name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
 ) -> TrimCondition:
-    """Return the condition in a file, which states changes of the default condition.
+    """Return the trim condition in a file of changes to the default condition.
 
     name: path of the user's file, or name of a file in the package
     usual: the default condition

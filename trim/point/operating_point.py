@@ -120,8 +120,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         yield from (*self.model.states, *self.model.inputs, *self.model.outputs)
 
     def keys(self) -> tuple[str, ...]:
-        """Return the names of the states, inputs and outputs, so that dict(point) contains all
-        values."""
+        """Return the names of the states, inputs and outputs, the keys of dict(point)."""
         return tuple(self)
 
     @property

@@ -65,8 +65,8 @@ def track_modes(
 
     The columns of modes that cross between two points can be interchanged if their shapes are
     nearly parallel or change much from point to point. A finer grid avoids such interchanges.
-    Eigenvalues that coincide at a point have no individual shapes. After this point they are paired
-    with the last point at which they were distinct.
+    Eigenvalues that coincide at a point have no individual shapes. After this point the modes are
+    paired with those at the last point at which the eigenvalues were distinct.
 
     A: (N, n, n)
     states: names of the rows of each matrix, states of the model
@@ -123,7 +123,7 @@ def _pair_over_meetings(
     """Correct the pairing of modes at a point if their eigenvalues coincide at the point before.
 
     The modes are paired with those at the last earlier point where they are distinct, by their
-    shapes and their eigenvalues. The mean of the coinciding eigenvalues is subtracted, because the
+    shapes and their eigenvalues. The mean of the coinciding eigenvalues is subtracted. The
     difference from the mean changes sign at a crossing.
 
     point: number of the point

@@ -281,7 +281,7 @@ def _starts(
 
     The cells divide the space of the variables and are fixed for a model. The result for a point
     therefore does not depend on the other points. Terms that change by more than `_STEEPEST` over a
-    cell are omitted, because they may lead to another solution.
+    cell are omitted. Such terms may lead to another solution.
 
     variables, values: as for `trim_points`
     """

@@ -15,8 +15,8 @@ from trim.point.system import Equations, RowsOf, TrimSystem
 class SharedSystem(TrimSystem):
     """Equations of a trim in which terms that depend only on the constants c are precomputed.
 
-    The precomputed terms follow the constants in c. They are omitted for the small systems that
-    `quick_steps` solves (`is_quick`).
+    The precomputed terms follow the constants in c. The precomputed terms are omitted for the small
+    systems that `quick_steps` solves (`is_quick`).
     """
 
     @cached_property

@@ -127,7 +127,7 @@ def trimmed_words(trimmed: int, count: int) -> str:
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
-    """Return a list with a note on points that were trimmed one by one, which is slow.
+    """Return a list with a note on points that were trimmed one by one, a slow method.
 
     The list is empty if there are fewer than `_MANY_SLOW` such points.
 
@@ -514,7 +514,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def at(self, **values: float) -> LinearModel:
         """Return the linear model at one value of each swept variable, as in sweep.at(speed=46.0).
 
-        The model is trimmed at these values, which need not be in the grid.
+        The model is trimmed at these values. The values need not be in the grid.
 
         Raises BadInputError if a value is missing, and NoSolutionError if there is no trim.
         """

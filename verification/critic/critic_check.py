@@ -173,8 +173,8 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     A - S P must be stable, P must not be indefinite, and the residual of the Riccati equation must
     be small.
 
-    - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted, because
-      rounding can make the value of a state without cost negative.
+    - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted. Rounding
+      can make the value of a state without cost negative.
     - If the limit is above `LIMIT`, the smallest eigenvalue of P may be lower than that of P* by
       the change that |P - P*| <= limit |P*| permits (Weyl).
 

@@ -61,7 +61,7 @@ class Box(NamedTuple):
 
 
 def balanced_box(game: Game) -> Box:
-    """Return the default box of states, whose half-widths are the balanced units of the game."""
+    """Return the default box of states, with the balanced units of the game as half-widths."""
     about = "balanced units of the game (a convention, because no typical deviations are given)"
     return Box(NormalForm.of(game).units, about)
 

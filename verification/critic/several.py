@@ -36,8 +36,8 @@ def verdicts_report(
 
     verdicts: file -> verdict
     origin: name of the plant
-    limit_cost: limit of the cost above the optimum, percent, which then decides each verdict, or
-        None
+    limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost decides
+        each verdict. With None, all checks must pass.
     """
     header = (
         "critic",

@@ -166,8 +166,8 @@ class Verdict(Checked, Result, Reported):
     def holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes.
 
-        limit_cost: limit of the cost above the optimum, percent, which alone decides. None if all
-            checks must pass.
+        limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost
+            decides. With None, all checks must pass.
         """
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
@@ -289,8 +289,7 @@ class Verdict(Checked, Result, Reported):
     ) -> Report:
         """Return a report of the verdict: first lines, checks, sections, and entries of P and K.
 
-        limit_cost: limit of the cost above the optimum, percent, which then decides the verdict, or
-            None
+        limit_cost: as for `holds`
         about: lines below the heading, instead of `weights`
         source: file of the critic, or "" if there is none
         """
