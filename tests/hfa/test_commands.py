@@ -67,7 +67,7 @@ def test_help_names_every_command() -> None:
         assert set(re.findall(r"--[a-z-]+", long)) <= set(re.findall(r"--[a-z-]+", short))
 
 
-def test_trim_json() -> None:
+def test_the_json_of_trim_contains_documented_names() -> None:
     """The JSON of `hfa trim` contains the documented names, units and residuals.
 
     Speed, altitude and alpha are those of the paper's level flight.
@@ -92,7 +92,7 @@ def test_trim_json() -> None:
     )
 
 
-def test_degrees_go_in_and_radians_come_out() -> None:
+def test_options_are_in_degrees_and_json_in_radians() -> None:
     """Angles of --hold and --limit are read in degrees, and JSON output is in radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
@@ -107,7 +107,7 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
-def test_a_saved_point_starts_the_next_trim(command: str) -> None:
+def test_a_trim_starts_from_a_saved_point(command: str) -> None:
     """A trim that starts from an operating point saved at 14 deg gives the same result as
     without --start.
     """
@@ -120,7 +120,7 @@ def test_a_saved_point_starts_the_next_trim(command: str) -> None:
     np.testing.assert_allclose(*inputs, rtol=1e-9, atol=1e-12)
 
 
-def test_linearize_json_keeps_the_contract() -> None:
+def test_the_json_of_linearize_contains_documented_keys() -> None:
     """The JSON of `hfa linearize` has the documented keys and shapes.
 
     A agrees with the printed matrix within 1.5e-4, and the modes are the eigenvalues of A. The
@@ -142,7 +142,7 @@ def test_linearize_json_keeps_the_contract() -> None:
     assert "printed" not in answer("linearize", "--dihedral", "15", "--hold", "speed=70")
 
 
-def test_sweep_text_and_json() -> None:
+def test_the_text_of_sweep_contains_every_mode() -> None:
     """`hfa sweep` prints a column for each mode.
 
     In JSON, the eigenvalues of each point belong to its A.
@@ -164,7 +164,7 @@ def test_sweep_text_and_json() -> None:
         )
 
 
-def test_sweep_keeps_failed_points_as_rows() -> None:
+def test_failed_sweep_points_are_rows_with_reasons() -> None:
     """A sweep point without a trim is a row of nulls with a reason.
 
     The first line states the number of trimmed points. If no point has a trim, the exit code is 1.
@@ -334,7 +334,7 @@ def test_text_names_parameters_of_aircraft(heavy: Path) -> None:
     )
 
 
-def test_json_has_the_whole_condition(heavy: Path) -> None:
+def test_the_json_contains_the_whole_condition(heavy: Path) -> None:
     """The provenance in JSON contains the trim condition, changed parameters and the command."""
     words = (
         "--dihedral",
@@ -362,7 +362,7 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
 
 @needs("hfa_stores", "hfa_flight")
 @pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
-def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
+def test_stores_contain_the_parameters_hash(command: str, heavy: Path, tmp_path: Path) -> None:
     """Zarr stores of sweeps and flights contain the hash of the aircraft's parameters."""
     path = tmp_path / "out.zarr"
     words = {

@@ -12,7 +12,7 @@ from cli import answer, assert_refused, hfa
 from scipy.io import loadmat
 
 
-def test_it_matters_which_variable_is_held() -> None:
+def test_the_held_variable_determines_the_short_period() -> None:
     """At 10 deg and 60 ft/s, the variable that the trim holds determines the short period.
 
     Alpha is held as in the paper, or alpha is free and the outer aileron is held at 0.
@@ -29,7 +29,7 @@ def test_it_matters_which_variable_is_held() -> None:
 
 
 @pytest.mark.parametrize("command", ["trim", "solve"])
-def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
+def test_every_command_uses_the_condition(command: str, tmp_path: Path) -> None:
     """Every command that trims uses the condition, and refuses a wrong condition.
 
     Wrong conditions are infeasible or misspelled.
@@ -57,7 +57,7 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
     assert "unknown trim variable 'speeed'" in wrong.err
 
 
-def test_a_held_alpha_in_the_way_is_named() -> None:
+def test_a_held_alpha_that_prevents_trim_is_named() -> None:
     """If a trim fails because alpha is held, the message suggests freeing alpha.
 
     With `--free alpha`, the trim is found.
@@ -101,7 +101,7 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
     np.testing.assert_allclose(data["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
 
 
-def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
+def test_held_variables_can_be_swept(tmp_path: Path) -> None:
     """A sweep over the throttle with free gamma gives known glide angles and stores its grid."""
     target = tmp_path / "glide.npz"
     data = answer(
@@ -145,7 +145,7 @@ def test_a_range_ends_at_or_before_its_stop() -> None:
         )
 
 
-def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
+def test_the_last_matlab_axis_numbers_the_points(tmp_path: Path) -> None:
     """In a .mat file, the last axis of A and B numbers the points of the sweep.
 
     The grid is stored in radians with its units.
@@ -162,7 +162,7 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_store_keeps_to_its_condition(tmp_path: Path) -> None:
+def test_a_resumed_sweep_requires_the_same_condition(tmp_path: Path) -> None:
     """A store contains its trim condition. A resumed sweep must have the same condition."""
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)

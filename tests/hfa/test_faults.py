@@ -16,7 +16,7 @@ __all__ = ["small_disk"]
 
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
-def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -> None:
+def test_a_refusal_without_streams_has_exit_code_2(tmp_path: Path, lost: str) -> None:
     """If standard error is closed or full, bad input still gives exit code 2."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
@@ -53,7 +53,7 @@ PICTURE = "linearize --dihedral 15 --picture a.png"
         ),
     ],
 )
-def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
+def test_a_missing_home_folder_keeps_the_result(tmp_path: Path, home: str) -> None:
     """A sweep with a picture succeeds if the home folder is missing or not writable."""
     works_without_a_home(tmp_path, "sweep --dihedral 14:16:1 --picture a.png", home)
 
@@ -73,7 +73,7 @@ def test_a_full_disk_leaves_no_result(small_disk: Path, words: str, left: int) -
     has_no_room(small_disk, words, left)
 
 
-def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
+def test_too_little_address_space_is_refused(tmp_path: Path) -> None:
     """A limit of 200 MB on the address space is refused in one line.
 
     Without this check, OpenBLAS would wait for memory while it is loaded.
@@ -86,7 +86,7 @@ def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
     )
 
 
-def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_little_memory_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """An allocation that fails gives one line and exit code 2."""
     # A real sweep of this size would fill the memory of the test machine.
     monkeypatch.setattr("trim.sweeps.points._settled_together", lambda *_, **__: np.empty(10**15))

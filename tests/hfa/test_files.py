@@ -76,7 +76,7 @@ def plain(value: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+def test_npz_files_contain_every_number_and_name(tmp_path: Path, name: str) -> None:
     """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object."""
     path, data = written(tmp_path, name, "npz")
     assert data["schema"].startswith("hfa.")
@@ -100,7 +100,7 @@ def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["full", "trim"])  # test_conditions.py tests stacked matrices
-def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+def test_mat_files_contain_every_number_and_name(tmp_path: Path, name: str) -> None:
     """A .mat file contains all keys, numbers and nonempty texts of the JSON data."""
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
@@ -118,7 +118,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("name", ["plane", "failing"])
-def test_sweep_csv(tmp_path: Path, name: str) -> None:
+def test_csv_rows_of_a_sweep_equal_json(tmp_path: Path, name: str) -> None:
     """Each row of a sweep's .csv equals the JSON data: values, status, reason, states, A and B."""
     path, data = written(tmp_path, name, "csv")
     rows = rows_of(path)
@@ -160,7 +160,7 @@ def test_two_runs_write_the_same_bytes(
     assert second.read_bytes() == first.read_bytes()
 
 
-def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
+def test_a_failed_check_writes_its_result(tmp_path: Path) -> None:
     """A command that fails a check (exit code 1) still writes its result, with ok = false."""
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED

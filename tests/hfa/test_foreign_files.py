@@ -48,7 +48,7 @@ def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) ->
     assert (result.code, json.loads(result.out)["ok"]) == (0, True)
 
 
-def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Path) -> None:
+def test_python_control_systems_in_json_are_read(known: dict[str, Any], tmp_path: Path) -> None:
     """A python-control StateSpace written as JSON is read as a plant.
 
     A positive sample time dt is refused.
@@ -68,7 +68,7 @@ def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Pat
     assert_refused(hfa("solve", "--model", str(plant)), 2, "dt = 0.1", "set dt = 0")
 
 
-def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
+def test_csv_files_with_headers_are_read(known: dict[str, Any], tmp_path: Path) -> None:
     """`hfa solve` and `hfa verify` read A, B and K from three CSV files with headers."""
     for name, columns in (("A", known["states"]), ("B", known["inputs"]), ("K", known["states"])):
         np.savetxt(
@@ -85,7 +85,7 @@ def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "command", [*TABLES, *(pytest.param(table, marks=pytest.mark.slow) for table in SLOW_TABLES)]
 )
-def test_tables_are_read_as_they_are(
+def test_csv_tables_are_read_by_pandas_and_polars(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """pandas and polars read every number of a .csv table of `hfa` within 1e-15.

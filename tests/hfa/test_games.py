@@ -90,7 +90,7 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
         "two free states",
     ],
 )
-def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
+def test_commands_accept_plants_with_missing_entries(changes: dict[str, Any]) -> None:
     """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states."""
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
@@ -101,7 +101,7 @@ def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None
 # Learn.
 
 
-def test_learn_keeps_the_history_for_files() -> None:
+def test_learn_writes_the_history_to_files_only() -> None:
     """`hfa learn` prints the final weights and writes their history only to the file."""
     printed = answer("learn", *AT_15, *QUICK, "-o", "run.json")
     assert (
@@ -121,7 +121,7 @@ def test_learn_keeps_the_history_for_files() -> None:
 
 
 @pytest.mark.parametrize(("command", "suffix"), [("learn", "npz"), ("solve", "mat")])
-def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> None:
+def test_verify_passes_critics_of_learn_and_solve(command: str, suffix: str) -> None:
     """`hfa verify` passes critics written by `learn` and `solve`.
 
     The names of the plant and its provenance are kept.

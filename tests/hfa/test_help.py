@@ -36,7 +36,7 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
+def test_help_for_users_aircraft_omits_the_hfa(name: str) -> None:
     """The help of a command for the user's aircraft does not mention the HFA or the paper."""
     if "--aircraft" not in hfa(*name.split(), "--help").out:
         return

@@ -31,7 +31,7 @@ FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 @pytest.mark.parametrize(
     "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
 )
-def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
+def test_a_hostile_input_gives_a_result_or_error(way: str) -> None:
     """Every hostile variant of one kind of input gives a result, or an error of one line."""
     faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
     assert {
@@ -84,7 +84,7 @@ def _hang(_: object) -> int:
         (_hang, "no end after 0.05 s"),
     ],
 )
-def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
+def test_planted_faults_are_detected(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
     """The test harness detects a command that crashes, hangs, leaves a wrong file or is silent."""
     # Planted faults of a command.
     monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
@@ -102,7 +102,7 @@ def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str
         (Result(2, "", f"hfa: {'x' * 2000}\n"), "too long"),
     ],
 )
-def test_wrong_words_are_seen(result: Result, said: str) -> None:
+def test_wrong_messages_are_detected(result: Result, said: str) -> None:
     """The test harness detects a message that is too long, unprintable or on several lines."""
     assert said in (said_wrongly(result) or "")
     assert said_wrongly(Result(2, "", "hfa: a\n")) is None

@@ -51,7 +51,7 @@ def test_no_output_is_an_input(words: str, kept: str) -> None:
     assert Path(kept).read_bytes() == before
 
 
-def test_an_output_beside_the_inputs_is_written() -> None:
+def test_outputs_are_written_beside_the_inputs() -> None:
     """An output is written into the folder of the input files."""
     plant_of_parts()
     assert hfa("solve", "--model", "A.csv", *OF_PARTS.split(), "-o", "result.csv").code == DONE

@@ -83,7 +83,7 @@ def test_tables_fit_a_terminal_of_80_columns(
     assert {*plain.split()} == {*shown.split()}  # no number and no name is broken
 
 
-def test_a_minutes_work_is_announced_once(
+def test_a_run_of_a_minute_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A run expected to take more than a minute is announced once.
@@ -103,7 +103,7 @@ def test_a_minutes_work_is_announced_once(
     assert capsys.readouterr().err == ""
 
 
-def test_time_before_the_first_part_is_no_pace(
+def test_the_remaining_time_ignores_preparation(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The estimate of the remaining time ignores preparation.

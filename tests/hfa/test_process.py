@@ -40,7 +40,7 @@ def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
         ("sweep --dihedral 60 -q", FAILED, "1"),
     ],
 )
-def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
+def test_a_closed_pipe_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
     """If the reader of the pipe has stopped, exit code and standard error are unchanged."""
     reader, writer = os.pipe()
     os.close(reader)
@@ -56,7 +56,7 @@ def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuff
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
-def test_a_full_disk_is_one_line() -> None:
+def test_a_full_standard_output_is_refused() -> None:
     """If standard output is a full disk, the command prints one line and returns exit code 2."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
@@ -69,7 +69,7 @@ def test_a_full_disk_is_one_line() -> None:
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
 
 
-def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
+def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
     """On a pseudo-terminal, the progress line is erased at the end."""
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
@@ -101,7 +101,7 @@ for commands in {lists}:
 """
 
 
-def test_what_commands_do_not_import() -> None:
+def test_light_commands_import_no_heavy_packages() -> None:
     """Light commands do not import the listed heavy packages."""
     program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
     done = subprocess.run(

@@ -44,7 +44,7 @@ sys.exit(entry.main())
     ("name", "code", "said"),
     [("SIGINT", INTERRUPTED, "hfa: interrupted\n"), ("SIGTERM", TERMINATED, "hfa: terminated\n")],
 )
-def test_a_signal_ends_the_run_wherever_it_comes(
+def test_a_signal_ends_the_run_at_any_time(
     module: str, where: str, name: str, code: int, said: str
 ) -> None:
     """A signal ends the run with its exit code and one line, even while modules are imported."""

@@ -161,7 +161,7 @@ REFUSED_BY_EXTENSIONS = (
         *(pytest.param(*case, marks=needs(package)) for package, *case in REFUSED_BY_EXTENSIONS),
     ],
 )
-def test_bad_requests(command: str, words: str, named: str) -> None:
+def test_bad_requests_are_refused_in_one_line(command: str, words: str, named: str) -> None:
     """Each bad request gives exit code 2 and one short, printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
@@ -187,7 +187,7 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
         *((f"{command} --frobnicate", f"hfa {command} --help") for command in commands()),
     ],
 )
-def test_unknown_commands_and_options(words: str, named: str) -> None:
+def test_unknown_commands_and_options_are_refused(words: str, named: str) -> None:
     """An unknown command or option is refused, and the message suggests the nearest name."""
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
 
@@ -203,7 +203,7 @@ def test_unknown_commands_and_options(words: str, named: str) -> None:
         ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "stabilizable"),
     ],
 )
-def test_bad_plants(changes: dict[str, Any], code: int, named: str) -> None:
+def test_bad_plants_are_refused_in_one_line(changes: dict[str, Any], code: int, named: str) -> None:
     """Each faulty plant file is refused in one line that names the fault."""
     assert_refused(
         hfa("solve", "--model", small("given.json", **changes), "-o", "result.json"), code, named

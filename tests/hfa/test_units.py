@@ -40,14 +40,14 @@ def physics(data: dict[str, Any]) -> dict[str, float]:
     }
 
 
-def test_the_laws_of_physics_hold_in_si() -> None:
+def test_trims_in_si_satisfy_physical_laws() -> None:
     """A trim in SI units satisfies the physical laws within 1e-4."""
     for name, value in physics(answer(*TRIM, "--units", "si")).items():
         assert value == pytest.approx(1.0, abs=1e-4), name
 
 
 @pytest.mark.parametrize("unit", ENGLISH)
-def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
+def test_a_wrong_conversion_factor_is_detected(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
     """An error of 0.1 % planted in a conversion factor violates a physical law."""
     name, factor = units._SI[unit]
     monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
@@ -57,7 +57,7 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
     assert wrong
 
 
-def test_matrices_are_similar() -> None:
+def test_matrices_in_si_are_similar() -> None:
     """In SI units A becomes T A T⁻¹, where T converts the states. B to F are converted likewise."""
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
     before = answer(*words)
@@ -91,7 +91,7 @@ def test_matrices_are_similar() -> None:
     assert [mode["name"] for mode in after["modes"]] == [mode["name"] for mode in before["modes"]]
 
 
-def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
+def test_plants_and_points_in_si_are_read(tmp_path: Path) -> None:
     """Plants and operating points written in SI units are converted when they are read.
 
     An operating point with a speed in km/h is refused.
@@ -114,7 +114,7 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
     )
 
 
-def test_the_trim_that_was_printed_can_be_typed() -> None:
+def test_printed_si_values_define_the_same_trim() -> None:
     """Values printed with --units si define the same trim when they are typed with --units si.
 
     The same values converted to feet define this trim in English units.
@@ -147,7 +147,7 @@ AT = ("--dihedral", "12")
 
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])
-def test_a_critic_in_other_units_is_the_same(suffix: str, tmp_path: Path) -> None:
+def test_a_critic_in_other_units_passes(suffix: str, tmp_path: Path) -> None:
     """P and K written in SI units are correct for plants in English units, and vice versa."""
     files = {}
     for system in ("english", "si"):

@@ -18,7 +18,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 # Verify.
 
 
-def test_verify_keeps_the_contract() -> None:
+def test_the_json_of_verify_contains_documented_keys() -> None:
     """The JSON of `hfa verify` has the documented keys, and the learned critic passes."""
     data = answer("verify", *AT_15)
     assert data["ok"] is True
@@ -33,14 +33,14 @@ def test_verify_keeps_the_contract() -> None:
     assert data["diagnosis"] == ""
 
 
-def test_verify_names_the_critic_that_it_judges() -> None:
+def test_verify_names_the_origin_of_the_critic() -> None:
     """The report names the learning law and seed of the critic."""
     shown = hfa("verify", *AT_15).out.split("\n\n")[1]
     assert shown.startswith("Critic of the law 'certified', seed 0, on the aircraft at dihedral 15")
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
-def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
+def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) -> None:
     """A file with the exact P, K or W passes. The error of P is null if only K is given."""
     exact = solve_game(game)
     row, column = np.triu_indices(6)
@@ -53,7 +53,7 @@ def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suf
     assert not {"data_rank", "settling_time"} & set(checks_of(data))
 
 
-def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
+def test_verify_shows_progress_on_a_terminal(game: Game) -> None:
     """`hfa verify` shows its progress on a terminal and erases it at the end."""
     file = stored("critic.npz", K=solve_game(game).K)
     message = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
@@ -82,7 +82,7 @@ def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
     assert "the value is quadratic" in wrong["diagnosis"]
 
 
-def test_the_limit_of_errors_is_the_users(game: Game) -> None:
+def test_the_user_sets_the_error_limit(game: Game) -> None:
     """An error of 1e-5 in P fails by default and passes with --limit-error 2e-5."""
     file = stored("P.json", P=(1.0 + 1e-5) * solve_game(game).P)
     assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(
@@ -106,7 +106,7 @@ def test_verify_draws_a_run() -> None:
 
 
 @needs("hfa_discrete")
-def test_a_critic_over_time_keeps_its_time() -> None:
+def test_a_critic_history_must_settle_in_time() -> None:
     """A critic over time passes only if it settles within its predefined time.
 
     The setting is refused for a critic without time and together with --discount.
@@ -153,7 +153,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
 # The cost of a critic.
 
 
-def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
+def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
     """The cost of a critic is reported. With --limit-cost, the cost decides the exit code."""
     file = stored("P.json", P=1.004 * solve_game(game).P)
     words = ("verify", *AT_15, "--weights", file)

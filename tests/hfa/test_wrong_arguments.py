@@ -183,7 +183,7 @@ def test_every_wrong_argument_of_every_function_is_named() -> None:
     assert count > 3000
 
 
-def test_a_function_that_does_not_check_is_seen() -> None:
+def test_a_function_without_checks_is_detected() -> None:
     """The test harness reports a function that does not check its arguments."""
 
     def unchecked(point: Any) -> Any:

@@ -41,7 +41,7 @@ def pendulum(torque: Any) -> Model:
         (lambda angle: angle - ca.tan(angle), "tan"),
     ],
 )
-def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
+def test_a_sine_of_degrees_causes_a_warning(torque: Any, function: str) -> None:
     """A trigonometric function of an angle in degrees causes a warning that names the function.
 
     The trim has the same warning.
@@ -55,6 +55,6 @@ def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
     assert note in hfa.find_operating_point(model, free="angle_dot").warnings
 
 
-def test_an_angle_that_was_converted_is_right() -> None:
+def test_converted_angles_cause_no_warning() -> None:
     """Equations that convert degrees to radians cause no warning."""
     assert notes_on_degrees(pendulum(lambda angle: ca.sin(angle * ca.pi / 180))) == []

@@ -69,7 +69,7 @@ def test_equations_that_end_the_program_are_refused(
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO on this system")
-def test_a_fifo_is_no_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fifo_is_refused_as_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A FIFO is refused as an aircraft file without waiting for its content."""
     monkeypatch.chdir(tmp_path)
     for name in ("pipe.py", "pipe.xml"):

@@ -23,7 +23,7 @@ PLANT = Model(
 """
 
 
-def test_a_changed_neighbour_is_another_model(
+def test_a_changed_neighboring_module_changes_the_hash(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A change of a module that is imported indirectly from the same folder changes the hash."""
@@ -40,7 +40,7 @@ def test_a_changed_neighbour_is_another_model(
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_installed_modules_do_not_count(tmp_path: Path) -> None:
+def test_installed_modules_do_not_affect_the_hash(tmp_path: Path) -> None:
     """The hash does not cover installed modules."""
     alone = tmp_path / "alone.py"
     alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
@@ -49,7 +49,7 @@ def test_installed_modules_do_not_count(tmp_path: Path) -> None:
     assert model.extras.source[1] == fingerprint(model, expected)
 
 
-def test_a_neighbouring_table_is_in_the_fingerprint(tmp_path: Path) -> None:
+def test_the_hash_covers_a_neighboring_table(tmp_path: Path) -> None:
     """The hash covers numbers that the equations or the limits read from a .csv file.
 
     Models with the same hash share their equations.
@@ -73,7 +73,7 @@ def test_a_neighbouring_table_is_in_the_fingerprint(tmp_path: Path) -> None:
     assert rates == [-1.0, -1.0, -1.5, -1.0]
 
 
-def test_a_changed_outer_module_is_another_model(
+def test_a_changed_outer_module_changes_the_hash(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A change of a module imported from the enclosing package changes the hash."""

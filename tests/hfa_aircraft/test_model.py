@@ -75,7 +75,7 @@ def test_rates_and_outputs_are_single_numbers(
         cart(equations=equations).functions()
 
 
-def test_a_model_is_short_at_the_prompt() -> None:
+def test_the_repr_of_a_model_is_short() -> None:
     """The repr of a model contains its numbers of states, inputs and outputs."""
     assert repr(cart()) == "<Model cart: 2 states, 1 inputs, 1 outputs>"
 
@@ -112,7 +112,7 @@ def test_states_keep_the_class_of_their_declaration() -> None:
 
 
 @pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])
-def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
+def test_a_users_symbol_in_equations_is_named(where: str) -> None:
     """Equations with a CasADi symbol of the user are refused with the name of the symbol."""
     stray = ca.SX.sym("stray")
     rate = stray if where == "a rate" else 0.0
@@ -130,7 +130,7 @@ def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
         )
 
 
-def test_undividable_numbers_use_the_compiled_equations() -> None:
+def test_division_by_zero_returns_infinity() -> None:
     """Equations evaluated with numbers return inf for 1 / 0, as compiled equations do."""
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})

@@ -32,7 +32,7 @@ def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
-def test_the_same_trim_linear_model_and_game(model: Model) -> None:
+def test_si_models_give_the_same_results(model: Model) -> None:
     """Trim, A, P and smallest delta of a model in SI units agree with those in English units."""
     converted = in_si(model)
     point = find_operating_point(model, usual_condition(model).at(ANGLE))
@@ -53,7 +53,7 @@ def test_the_same_trim_linear_model_and_game(model: Model) -> None:
     assert minimum_delta(game_in_si).value == pytest.approx(smallest, rel=1e-6)
 
 
-def test_a_trim_report_in_si_has_newtons() -> None:
+def test_a_trim_report_in_si_contains_newtons() -> None:
     """The loads and the performance in a trim report are converted to SI units."""
     model = MODELS[0]
     converted = in_si(model)
@@ -97,7 +97,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     )
 
 
-def test_names_that_sound_like_data_are_signals() -> None:
+def test_signals_named_like_data_are_converted() -> None:
     """Signals are converted to SI even if they are named like other data, such as "noise"."""
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(
@@ -114,7 +114,7 @@ def test_names_that_sound_like_data_are_signals() -> None:
     assert converted.rates_at([0.0] * 5, [newton])["effort"] == pytest.approx(0.3048)
 
 
-def test_a_model_without_english_units_is_itself() -> None:
+def test_a_model_without_english_units_is_unchanged() -> None:
     """`in_si` returns a model without English units unchanged."""
     model = Model(
         "x", {"x": Signal("m")}, {"u": Signal("m/s")}, lambda x, u, p, w: ({"x": u.u}, {})

@@ -47,7 +47,7 @@ def _jet(units: dict[str, str]) -> Model:
     return Model("jet", states, inputs, _rates, trim=held, steady=steady, schedule="V")
 
 
-def test_linearize_and_sweep_give_one_name() -> None:
+def test_linearize_and_sweep_give_equal_mode_names() -> None:
     """A mode has the same name in a sweep and in the linear model at each point."""
     model = _jet(_UNITS)
     speeds = [400.0, 500.0, 600.0]

@@ -34,7 +34,7 @@ EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = (
         (36_200.0, HIGHEST_ALTITUDE, 3.5e-6),
     ],
 )
-def test_it_is_that_of_an_independent_package(
+def test_the_atmosphere_agrees_with_ambiance(
     lowest: float, highest: float, tolerance: float
 ) -> None:
     """Density, temperature and speed of sound agree with the package `ambiance`."""
@@ -62,7 +62,7 @@ def test_it_is_that_of_an_independent_package(
         (15_000, 0.19476, 5e-6, 216.650, 295.07),
     ],
 )
-def test_what_the_printed_tables_have(
+def test_the_atmosphere_agrees_with_printed_tables(
     metres: int, thick: float, half_unit: float, kelvin: float, sound: float
 ) -> None:
     """Density, temperature and speed of sound agree with the printed tables to their last digit."""
@@ -72,7 +72,7 @@ def test_what_the_printed_tables_have(
     assert abs(speed_of_sound(altitude) * METRE_PER_FOOT - sound) <= 5e-3
 
 
-def test_derivative_is_hydrostatic() -> None:
+def test_the_density_derivative_is_hydrostatic() -> None:
     """The derivative of the density is dρ/dH = -ρ (g/R - λ) / T, with dH/dh = (r / (r + h))²."""
     h = ca.SX.sym("h")
     slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])
@@ -92,7 +92,7 @@ def test_derivative_is_hydrostatic() -> None:
 @pytest.mark.parametrize(
     "altitude", [65_001, np.float64(-1.0), np.array([0.0, 7e4]), ca.DM([1e5]), float("nan")]
 )
-def test_what_the_layers_do_not_cover_is_refused(
+def test_altitudes_outside_the_layers_are_refused(
     quantity: Callable[[Any], Any], altitude: Any
 ) -> None:
     """An altitude outside 0 to 65,000 ft raises BadInputError."""

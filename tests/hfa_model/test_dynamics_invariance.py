@@ -89,7 +89,7 @@ SI_WITH_MINUTES = (0.3048, 14.593902937206364, 1 / 60)
 
 @pytest.mark.parametrize("new", [SI, SI_WITH_MINUTES])
 @pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
-def test_a_change_of_units_leaves_the_physics_alone(
+def test_units_do_not_change_the_physics(
     parameters: Parameters, variant: Variant, new: tuple[float, float, float]
 ) -> None:
     """The state derivatives are unchanged if mass, length and time have other units."""
@@ -97,7 +97,7 @@ def test_a_change_of_units_leaves_the_physics_alone(
 
 
 @pytest.mark.parametrize("name", Parameters._fields)
-def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
+def test_a_wrong_unit_is_detected(parameters: Parameters, name: str) -> None:
     """A parameter whose declared unit has a factor of time too many fails the change of units."""
     unit = re.sub(r"(/|$)", r" s\1", getattr(FIELDS, name).unit, count=1)
     wrong = FIELDS._replace(**{name: Field(unit, "")})
@@ -149,7 +149,7 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
-def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
+def test_two_scalings_leave_a_and_b_unchanged(aircraft: Model, change: Any) -> None:
     """Two scalings of the parameters leave A and B unchanged. If the induced drag is not scaled, A
     changes.
 

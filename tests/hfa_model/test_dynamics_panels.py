@@ -124,9 +124,7 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
 @pytest.mark.parametrize(
     "dihedral", [0.0, 0.2, -0.7, np.pi / 2], ids=lambda angle: f"{np.degrees(angle):.0f}deg"
 )
-def test_with_locked_hinges_newton_is_the_rigid_aircraft(
-    parameters: Parameters, dihedral: float
-) -> None:
+def test_locked_hinges_give_the_rigid_aircraft(parameters: Parameters, dihedral: float) -> None:
     """With locked hinges, V', α' and q' of "newton" equal the rates of a rigid body.
 
     The rates of "published" differ from the rates of the rigid body.

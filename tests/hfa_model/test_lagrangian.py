@@ -113,7 +113,7 @@ def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flo
         ),  # error: not in body axes
     ],
 )
-def test_a_wrong_wind_is_seen(
+def test_a_wrong_wind_is_detected(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
 ) -> None:
     """Equations with a wrong wind differ from the Euler-Lagrange equations."""
@@ -136,7 +136,7 @@ def test_a_wrong_wind_is_seen(
         ("section_projection", lambda self, eta: 1.0, "pitch_rate"),
     ],
 )
-def test_one_wrong_term_is_seen_in_its_equation(
+def test_a_wrong_term_changes_only_its_equation(
     parameters: Parameters, method: str, wrong: Any, rate: str
 ) -> None:
     """A wrong term in one equation changes only the rate of this equation."""
@@ -204,12 +204,12 @@ def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
     assert energy_growth(Newton(), parameters, seconds=20.0) <= 1e-10
 
 
-def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
+def test_published_does_not_conserve_energy(parameters: Parameters) -> None:
     """With "published", the energy more than doubles within 2 s without air and damping."""
     assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
 
 
-def test_lagrangian_energy_is_internal_plus_mass_center(parameters: Parameters) -> None:
+def test_lagrangian_energy_satisfies_koenigs_theorem(parameters: Parameters) -> None:
     """By König's theorem, T + U is the internal energy plus ½ (3 m) V² + 3 m g h."""
     symbol = ca.SX.sym("x", len(STATES))
     energy = ca.Function(

@@ -33,7 +33,7 @@ def outputs(
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])
-def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
+def test_steady_level_flight_balances_the_loads(aircraft: Model, degrees: float) -> None:
     """In steady level flight the loads satisfy L + T sin α = W, T cos α = D, M = 0 and H = k η.
 
     Lift and drag are positive, and the outputs agree with the loads.

@@ -99,7 +99,7 @@ def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
             hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))
 
 
-def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
+def test_both_named_parameter_sets_load(parameter_set: ParameterSet) -> None:
     """Both named sets load, and the identified parameters differ by less than three standard
     errors.
 

@@ -120,13 +120,15 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
     return max(differences)
 
 
-def test_newton_is_gibsons_report_after_four_repairs(parameters: Parameters) -> None:
+def test_newton_equals_the_report_with_four_corrections(parameters: Parameters) -> None:
     """The rates of "newton" equal the equations of the report with four corrections."""
     assert worst(hfa.aircraft("newton", parameters), REPAIRS) < 1e-12
 
 
 @pytest.mark.parametrize("repairs", [*combinations(REPAIRS, 3), ()], ids=str)
-def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple[str, ...]) -> None:
+def test_each_of_the_four_corrections_is_needed(
+    parameters: Parameters, repairs: tuple[str, ...]
+) -> None:
     """Without one of the four corrections, the report's equations differ from "newton"."""
     assert worst(hfa.aircraft("newton", parameters), repairs) > 1e-2
 

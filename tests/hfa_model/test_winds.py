@@ -78,7 +78,7 @@ def test_steady_wind_changes_published_and_not_newton(
     assert over_ground.max() > 1e-2
 
 
-def test_names_add_up() -> None:
+def test_winds_of_aircraft_and_panel_are_added() -> None:
     """Winds named for the aircraft and for a panel are added."""
     winds = winds_named(NAMES, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])
     assert winds == Winds(Wind(3.0, 24.0, 0.0), Wind(5.0, 40.0, 64.0))

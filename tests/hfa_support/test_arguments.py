@@ -103,13 +103,13 @@ WRONG = [
 
 
 @pytest.mark.parametrize("arguments", RIGHT)
-def test_what_an_annotation_names_is_taken(arguments: dict[str, Any]) -> None:
+def test_a_value_of_the_annotated_type_is_accepted(arguments: dict[str, Any]) -> None:
     """A value that matches the annotation is accepted."""
     assert public(**{"thing": Thing(), **arguments}) == "done"
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
-def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: str) -> None:
+def test_a_value_of_another_type_is_refused(arguments: dict[str, Any], message: str) -> None:
     """A value of another type is refused in one line that names the argument."""
     with pytest.raises(BadInputError) as refused:
         public(**{"thing": Thing(), **arguments})
@@ -117,7 +117,7 @@ def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: st
     assert "\n" not in str(refused.value)
 
 
-def test_an_argument_by_its_place_is_checked_too() -> None:
+def test_positional_arguments_are_checked() -> None:
     """Positional arguments are checked as keyword arguments are."""
     with pytest.raises(BadInputError, match="number is 'x'"):
         public(Thing(), "x")
@@ -134,7 +134,7 @@ def test_missing_and_unknown_arguments_are_named() -> None:
         public(Thing(), other=1)
 
 
-def test_the_function_keeps_its_name_and_its_text() -> None:
+def test_a_checked_function_keeps_its_name() -> None:
     """A checked function keeps its name and has the original as `__wrapped__`."""
     assert public.__name__ == "public"
     assert public.__wrapped__.__defaults__[0] == 0.0
@@ -147,7 +147,7 @@ class Declared:
     number: float = 1.0
 
 
-def test_of_a_class_the_constructor_is_checked() -> None:
+def test_the_constructor_of_a_class_is_checked() -> None:
     """Wrong arguments for the constructor of a checked class are refused under the class's name."""
     assert Declared(Thing(), 2).number == 2
     with pytest.raises(BadInputError, match="Declared: thing is 3; give a Thing, made by Thing"):
@@ -160,7 +160,7 @@ def test_of_a_class_the_constructor_is_checked() -> None:
         Declared()
 
 
-def test_a_failure_inside_stays_as_it_is() -> None:
+def test_a_typeerror_inside_a_function_is_unchanged() -> None:
     """A TypeError inside a function is not reported as a wrong argument."""
 
     @checks_arguments

@@ -42,7 +42,7 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
         "linearize --dihedral 15 --picture a.png",
     ],
 )
-def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
+def test_no_result_replaces_a_fifo(folder: Path, words: str) -> None:
     """A command refuses a FIFO as output file and leaves it in place."""
     fifo = folder / words.split()[-1]
     os.mkfifo(fifo)
@@ -51,7 +51,7 @@ def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
     assert fifo.is_fifo()
 
 
-def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
+def test_a_large_file_is_refused_before_reading(tmp_path: Path) -> None:
     """A file of more than 256 MiB is refused before it is read."""
     with (tmp_path / "large.json").open("wb") as file:
         file.truncate(LARGEST + 1)
@@ -59,7 +59,7 @@ def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
         read_json(tmp_path / "large.json")
 
 
-def test_an_archive_beyond_memory_is_refused(
+def test_an_archive_above_the_size_limit_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An archive is refused if its unpacked size exceeds the limit."""
@@ -77,9 +77,7 @@ def test_an_archive_beyond_memory_is_refused(
 @pytest.mark.parametrize(
     ("content", "said"), [(b"[" * 100_000, ""), (b"9" * 5000, "digits"), (b"\xff\xfe\xff", "")]
 )
-def test_text_that_no_parser_survives_is_one_line(
-    tmp_path: Path, content: bytes, said: str
-) -> None:
+def test_unparsable_text_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
     """JSON and TOML files that are nested too deeply or not UTF-8 are refused."""
     path = tmp_path / "a.json"
     path.write_bytes(content)

@@ -32,7 +32,9 @@ def stored(path: Path) -> list[float]:
         return list(data["x"])
 
 
-def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_write_keeps_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """If writing a file is interrupted, the old content remains and no temporary file is left."""
     path = tmp_path / "kept.npz"
     save(path, np.arange(4.0))
@@ -50,7 +52,7 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
     assert [entry.name for entry in tmp_path.iterdir()] == ["kept.npz"]
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     """Writing into a missing folder is refused with a remedy."""
     with pytest.raises(BadInputError, match="choose a writable folder"):
         save(tmp_path / "no" / "state.npz", np.zeros(1))
@@ -90,7 +92,7 @@ def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
     assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}
 
 
-def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
+def test_a_signal_between_two_renamings_is_delayed(tmp_path: Path) -> None:
     """A signal between the renaming of two files is handled only after both are renamed."""
     seen: list[list[str]] = []
     sent: list[str] = []
@@ -115,7 +117,7 @@ def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
     assert seen == [["a.json", "b.json"]]
 
 
-def test_a_file_is_registered_before_it_exists(
+def test_a_temporary_file_is_removed_after_a_signal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A temporary file is removed even if a signal arrives immediately after its creation."""

@@ -9,7 +9,7 @@ import numpy as np
 from hfa_support.jsonable import json_text, jsonable
 
 
-def test_a_row_is_a_line() -> None:
+def test_each_row_is_one_line() -> None:
     """Each row of a matrix and each entry of a list of objects is written on one line."""
     value = {
         "schema": "x",
@@ -32,7 +32,7 @@ def test_numbers_of_every_width_are_numbers() -> None:
     assert {type(number) for number, _ in converted[:5]} == {float, int}
 
 
-def test_what_is_not_finite_is_null() -> None:
+def test_numbers_that_are_not_finite_become_none() -> None:
     """A number that is not finite becomes None, even inside nested values."""
     assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {
         "a": [None, 3, True, None, "x"]

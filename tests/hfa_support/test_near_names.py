@@ -18,7 +18,7 @@ from hfa_support.other_words import MEANINGS
         ("--angle", ("--at", "--dihedral"), "--dihedral"),
     ],
 )
-def test_names_alike_are_all_offered(name, known, meant):
+def test_similar_names_are_suggested(name, known, meant):
     """Known names similar to an unknown name are suggested.
 
     A name that differs only in case is suggested alone.
@@ -26,13 +26,13 @@ def test_names_alike_are_all_offered(name, known, meant):
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
 
 
-def test_words_of_other_tools_are_other_names():
+def test_synonyms_are_lower_case_and_not_their_meaning():
     """Each synonym is in lower case and is not listed as its own meaning."""
     for word, meanings in MEANINGS.items():
         assert word == word.lower()
         assert word not in meanings
 
 
-def test_names_without_likeness_are_listed_alone():
+def test_dissimilar_names_are_listed_without_suggestion():
     """If no known name is similar, the message lists the known names and suggests none."""
     assert choice_of("xyz", ("alpha", "beta")) == "choose from alpha, beta"

@@ -30,7 +30,7 @@ def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> No
     assert parameter_hash(nudged) != parameter_hash(values)
 
 
-def test_the_date_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_environment_can_set_the_date(monkeypatch: pytest.MonkeyPatch) -> None:
     """SOURCE_DATE_EPOCH replaces the current date."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert Provenance("hfa trim").date == "1970-01-01T00:00:00Z"

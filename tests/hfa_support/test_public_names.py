@@ -16,7 +16,7 @@ STUBS = [
 ]
 
 
-def test_an_unknown_name_is_answered_with_the_nearest() -> None:
+def test_an_unknown_name_suggests_the_nearest() -> None:
     """The AttributeError for an unknown public name suggests the nearest name."""
     with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
         hfa.linearise  # noqa: B018

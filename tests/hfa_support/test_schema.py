@@ -20,7 +20,7 @@ DECLARED = {
 }
 
 
-def test_what_is_declared_is_read_as_floats() -> None:
+def test_declared_numbers_are_read_as_floats() -> None:
     """Data that match the declaration are returned with numbers as floats."""
     value = {
         "name": "x",
@@ -55,7 +55,7 @@ def test_what_is_declared_is_read_as_floats() -> None:
         ({"zzz\x1b": 1}, "f.toml: unknown entry zzz\\x1b; choose from name, kind, sizes"),
     ],
 )
-def test_what_is_not_declared_is_named(change: dict[str, Any], said: str) -> None:
+def test_undeclared_data_are_refused_by_name(change: dict[str, Any], said: str) -> None:
     """Data that do not match the declaration are refused in one line that names the entry."""
     with pytest.raises(BadInputError) as refusal:
         checked("f.toml", {"name": "x"} | change, DECLARED)

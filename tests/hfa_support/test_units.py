@@ -29,7 +29,7 @@ FORCE = 0.45359237 * 9.80665
         ("1/((ft/s) (ft/s))", "1/((m/s) (m/s))", FOOT**-2),
     ],
 )
-def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
+def test_units_have_their_conversion_factors(unit: str, si: str, factor: float) -> None:
     """Each unit has the stated SI unit and conversion factor, in both directions."""
     assert si_unit(unit) == si
     assert si_factor(unit) == pytest.approx(factor, rel=1e-15)

@@ -51,12 +51,12 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
     return float((np.abs(ours - theirs) / np.abs(ours).max(axis=0)).max())
 
 
-def test_peers_have_the_dynamics_of_the_aircraft() -> None:
+def test_the_peers_dynamics_equal_the_aircrafts() -> None:
     """The peer's state derivatives equal those of the aircraft within 1e-12."""
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE)) < 1e-12
 
 
-def test_other_dynamics_would_be_noticed() -> None:
+def test_other_dynamics_are_detected() -> None:
     """A change of the peer's inertia by 0.1 % or altitude by 10 ft is detected."""
     heavier = PARAMETERS._replace(inertia_roll=1.001 * PARAMETERS.inertia_roll)
     assert largest_difference_of_rates(six_state_rates(heavier, ALTITUDE)) > 1e-5
@@ -88,7 +88,7 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
 
 @NEEDS_COMPILER
 @pytest.mark.parametrize(("name", "factor"), [("B", 1.0), ("eta", 1.001), ("B", 1.001)])
-def test_c_by_hand_flies_our_flight(
+def test_handwritten_c_gives_the_same_flight(
     case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
 ) -> None:
     """Handwritten C gives the same flight within 1e-6, and a planted error is detected."""
@@ -119,7 +119,7 @@ def test_a_figure_is_marked_by_its_target(ratio: float, target: float, verdict: 
     assert line.endswith(f"| {verdict} | – |")
 
 
-def test_a_job_is_shown_over_its_limit() -> None:
+def test_a_row_gives_time_over_its_limit() -> None:
     """The table row of a benchmark gives the time as a multiple of its lower limit.
 
     Near this limit, a missed target has the verdict "limit" instead of "NO".
@@ -195,7 +195,7 @@ def test_the_document_shows_the_stored_figures() -> None:
     assert not_shown(text, report.stored()) == []
 
 
-def test_documents_of_other_figures_would_be_noticed() -> None:
+def test_documents_with_other_figures_are_detected() -> None:
     """Changed stored results are all reported as missing in the documents."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     data = report.stored()

@@ -46,7 +46,7 @@ def own(path: Path) -> bool:
 
 
 @pytest.mark.parametrize("command", LOADED)
-def test_a_command_loads_no_more_than_its_ceiling(command: str, folder: Path) -> None:
+def test_a_command_loads_at_most_its_ceiling(command: str, folder: Path) -> None:
     """A command of the core imports no extension and at most its ceiling of tokens."""
     np.savez("K.npz", K=exact_gain(15.0))
     words = [sys.executable, "-c", _LIST, *command.split()]

@@ -69,7 +69,7 @@ def circles(trees: dict[str, ast.Module], *, lazy: bool) -> list[set[str]]:
     return [group for group in groups if len(group) > 1]
 
 
-def test_circles_only_become_fewer() -> None:
+def test_no_modules_import_each_other() -> None:
     """No modules import each other when they are loaded.
 
     With imports inside functions, there are at most `CIRCLES` groups.
@@ -80,7 +80,7 @@ def test_circles_only_become_fewer() -> None:
     assert len(circles(trees, lazy=True)) <= CIRCLES
 
 
-def test_a_planted_circle_is_seen() -> None:
+def test_a_planted_circular_import_is_detected() -> None:
     """A planted circular import with one import inside a function is found.
 
     Imports under TYPE_CHECKING are not counted.

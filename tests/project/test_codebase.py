@@ -24,7 +24,7 @@ def stored() -> list[str]:
     return [name for name in listed.stdout.decode().split("\0") if name and (ROOT / name).is_file()]
 
 
-def test_nothing_mentions_where_it_was_written() -> None:
+def test_no_file_contains_a_machines_path() -> None:
     """No tracked file contains a path of the machine on which it was written."""
     texts = {name: (ROOT / name).read_bytes().decode("utf-8", "replace") for name in stored()}
     assert {"README.md", ".ci/run"} <= texts.keys()
@@ -40,7 +40,7 @@ DATA = {
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_all_modules_and_data(tmp_path: Path) -> None:
+def test_the_wheel_contains_all_modules_and_data(tmp_path: Path) -> None:
     """A wheel built from the sources contains exactly the modules and data of the packages."""
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"

@@ -83,7 +83,7 @@ def test_only_imports_for_types_are_ignored() -> None:
 
 
 @pytest.mark.slow
-def test_planted_breaches_are_seen(tmp_path: Path) -> None:
+def test_planted_forbidden_imports_are_detected(tmp_path: Path) -> None:
     """The linter reports each forbidden import that is planted in a copy of the project."""
     pytest.importorskip("importlinter")
     for folder in (*FOLDERS.values(), ROOT / "studies"):

@@ -48,7 +48,7 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
     assert " passed" in done.stdout
 
 
-def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
+def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     """Without extensions, the core trims, and names of extensions are refused in one line.
 
     These names are commands, options, dynamics, aircraft formats and public functions. The help

@@ -160,7 +160,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("path", "slow"), CASES)
-def test_blocks_run_and_print_what_is_shown(
+def test_blocks_print_the_shown_output(
     path: Path, slow: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each block of a document prints the shown output and draws the stored pictures."""
@@ -173,7 +173,7 @@ def test_blocks_run_and_print_what_is_shown(
             assert looks_like(picture, tmp_path / picture.name), "run `make pictures`"
 
 
-def test_every_stored_picture_is_drawn_by_its_document() -> None:
+def test_every_stored_picture_is_named_in_its_document() -> None:
     """Each stored picture is named in a block of its document."""
     for picture in PICTURES.glob("*/*.png"):
         blocks = blocks_of(text_of(ROOT / "docs" / f"{picture.parent.name}.md"))
@@ -262,7 +262,7 @@ SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.ste
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_examples_run(
+def test_example_scripts_print_the_shown_output(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     """Each example script prints the output shown in its docstring and writes no file."""
@@ -287,7 +287,7 @@ def entries() -> list[Any]:
     return [(name, value) for name, value in values if hasattr(value, "__qualname__")]
 
 
-def test_examples_of_public_names_print_what_they_show() -> None:
+def test_docstring_examples_print_the_shown_results() -> None:
     """The examples in docstrings of public names print the shown results.
 
     Every name of `hfa` has an example, except the two exception classes.
@@ -344,7 +344,7 @@ hfa: --dihedral is 'abc'; give a finite number
 """
 
 
-def test_a_sound_document_passes() -> None:
+def test_a_correct_document_passes() -> None:
     """The check reports no fault in a correct document."""
     assert complaints(SOUND) == []
 
@@ -366,21 +366,21 @@ def test_a_sound_document_passes() -> None:
         ("python\na = 2", "python slow\na = 2", "no python block before"),
     ],
 )
-def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint: str) -> None:
+def test_faults_in_a_document_are_reported(right: str, wrong: str, complaint: str) -> None:
     """The check reports each fault that is planted in a document."""
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))
 
 
-def test_an_old_picture_is_noticed() -> None:
+def test_an_outdated_picture_is_detected() -> None:
     """The comparison of pictures accepts a picture as equal to itself and rejects another one."""
     modes = PICTURES / "tutorial" / "modes.png"
     assert looks_like(modes, modes)
     assert not looks_like(modes, PICTURES / "root_locus.png")
 
 
-def test_dots_stand_for_any_lines_alone() -> None:
+def test_dots_match_any_number_of_lines() -> None:
     """A line "..." matches any number of lines. All other lines must be equal."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
         assert difference(expected, "a\nb\nc\n") == ""

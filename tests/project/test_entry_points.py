@@ -138,7 +138,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
     )
 
 
-def test_commands_of_the_page_run(results: list[Result]) -> None:
+def test_commands_of_the_page_print_shown_output(results: list[Result]) -> None:
     """Each command in docs/extending.md returns the shown exit code and prints the shown output."""
     assert len(OF_THE_PAGE) >= 5
     for command, done in zip(OF_THE_PAGE, results, strict=False):
@@ -146,7 +146,7 @@ def test_commands_of_the_page_run(results: list[Result]) -> None:
         assert not difference(command[3], done.out + done.err)
 
 
-def test_an_aircraft_of_a_package_is_nobody_elses(results: list[Result]) -> None:
+def test_provenance_names_the_file_without_a_source(results: list[Result]) -> None:
     """If a reader leaves `source` empty, the provenance still names the file and its hash."""
     given, changed = (
         re.search(r"plant (\w+).pm \(SHA-256 (\w+)\)$", each.out) for each in results[-2:]
@@ -182,7 +182,7 @@ def metadata(site: Path, name: str, entries: str) -> None:
     (folder / "entry_points.txt").write_text(entries)
 
 
-def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
+def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
     """A package that cannot be loaded is reported, and all other commands are available."""
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
     refused, overview = run_in_turn(tmp_path, tmp_path, "hfa repair", "hfa --help")
@@ -193,7 +193,7 @@ def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
     assert "broken-one" in overview.err
 
 
-def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
+def test_a_command_declared_twice_is_refused(tmp_path: Path) -> None:
     """A command that two packages declare is refused with both names. Other commands run."""
     metadata(tmp_path, "other-flights", "[hfa.commands]\nfly = other_flights:FLY\n")
     refused, trimmed = run_in_turn(
@@ -225,7 +225,7 @@ def test_commands_load_without_packages_of_extras() -> None:
     assert done.stderr == ""
 
 
-def test_the_page_of_parts_shows_every_part() -> None:
+def test_the_page_on_parts_contains_every_part() -> None:
     """The page on parts contains every installed part with its signature.
 
     A part is a function with annotations, a module listed on the page, or a tuple of results.

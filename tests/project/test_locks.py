@@ -29,7 +29,7 @@ LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.loc
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
+def test_locked_packages_support_every_supported_python(lock: str) -> None:
     """Each locked distribution supports every Python version that the project supports.
 
     Only distributions installed here in the locked version are checked.
@@ -53,7 +53,7 @@ def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
     assert excluded == {}
 
 
-def test_each_lock_extends_the_one_before() -> None:
+def test_each_lock_extends_the_previous_one() -> None:
     """Each lock file contains the pins of the previous one and all packages of its extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
@@ -73,7 +73,7 @@ def test_each_lock_extends_the_one_before() -> None:
             assert wanted.specifier.contains(exact.version), (lock, line)
 
 
-def test_a_pin_that_needs_a_patch_is_seen() -> None:
+def test_a_pin_that_needs_a_patch_is_reported() -> None:
     """A pin that requires a later patch release of Python is reported."""
     assert without(">=3.11.5") == ["3.11.0"]
     assert without(">=3.9") == []

@@ -136,7 +136,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
-def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
+def test_cells_reproduce_their_stored_output(path: Path) -> None:
     """The cells of a notebook reproduce their stored output. No path of a machine is stored."""
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")
@@ -146,7 +146,7 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
     )
 
 
-def test_an_outdated_output_is_noticed() -> None:
+def test_an_outdated_output_is_reported() -> None:
     """The check reports an outdated text or value of a cell, but no rounding difference."""
     outputs = [{"output_type": "stream", "text": ["2\n"]}]
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
@@ -159,7 +159,7 @@ def test_an_outdated_output_is_noticed() -> None:
     assert complaints([("7", value)]) == ["cell 1 says 7, text/plain is another"]
 
 
-def test_an_outdated_picture_is_noticed() -> None:
+def test_an_outdated_picture_is_reported() -> None:
     """The check reports an outdated or missing picture of a cell."""
     figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_facecolor({!r})\nfigure"
     drawn = base64.b64encode(png_of(ran(figure.format("white"), {})[1])).decode("ascii")

@@ -93,7 +93,7 @@ def move_to(driver: Any, angle: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_in_a_browser(
+def test_the_page_shows_numbers_in_a_browser(
     tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The page shows the commands' numbers at the selected angle and fits every window width."""

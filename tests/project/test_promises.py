@@ -39,7 +39,7 @@ def missing(promise: list[str]) -> str:
 
 
 @pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise[0].strip()[:40])
-def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
+def test_each_guarantee_names_existing_tests(promise: list[str]) -> None:
     """Each guarantee on the page has a tolerance and names existing tests."""
     assert missing(promise) == ""
     assert len(PROMISES) > 20
@@ -54,7 +54,7 @@ def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
         (1, " "),
     ],
 )
-def test_an_empty_promise_is_noticed(change: tuple[int, str]) -> None:
+def test_an_empty_guarantee_is_reported(change: tuple[int, str]) -> None:
     """A guarantee without a tolerance or an existing test is reported."""
     promise = list(PROMISES[0])
     promise[change[0]] = change[1]

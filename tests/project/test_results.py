@@ -89,7 +89,7 @@ def results() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_results_show_reports_and_survive_a_pickle(name: str) -> None:
+def test_results_display_reports_and_can_be_pickled(name: str) -> None:
     """A result displays its report, also as HTML, and is unchanged by pickling."""
     result = results()[name]
     shown = repr(result)
@@ -123,7 +123,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
         hash(model)
 
 
-def test_a_failed_trim_can_be_sent_too() -> None:
+def test_a_trimerror_can_be_pickled() -> None:
     """A pickled TrimError keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
         hfa.find_operating_point(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))

@@ -30,7 +30,7 @@ def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
 
 
 @pytest.mark.slow
-def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
+def test_no_box_of_the_site_is_cut_off(tmp_path: Path) -> None:
     """No code box or table of the site is cut off."""
     pytest.importorskip("sphinx", reason="needs sphinx: pip install '.[dev]'")
     with browser() as driver:
@@ -49,7 +49,7 @@ def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_box_that_is_cut_is_seen(tmp_path: Path) -> None:
+def test_a_box_that_is_cut_off_is_reported(tmp_path: Path) -> None:
     """The check of the site reports a box that is narrower than its content, and no other box."""
     page = tmp_path / "page.html"
     box = '<article style="width: 900px"><pre style="overflow: auto">{}</pre></article>'

@@ -15,7 +15,7 @@ from studies.finished import finished, row_by_row, stamped
 DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 
 
-def test_part_is_read_where_nothing_decides_it_differs(
+def test_an_outdated_or_damaged_part_is_rejected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A stored part is rejected if the settings or the version differ or the file is damaged."""

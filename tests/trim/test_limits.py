@@ -40,7 +40,7 @@ def test_trim_and_sweep_agree_at_a_limit(
         assert find_operating_point(published_aircraft, condition).status == "trimmed"
 
 
-def test_within_allows_rounding_and_no_more(published_aircraft: Model) -> None:
+def test_within_allows_a_difference_by_rounding_only(published_aircraft: Model) -> None:
     """A value beyond a limit by rounding is within the limit. A value farther beyond is not, nor is
     nan.
     """

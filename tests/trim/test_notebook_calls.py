@@ -23,7 +23,7 @@ def _linear() -> LinearModel:
     return linearize(MODEL, find_operating_point(MODEL))
 
 
-def test_names_are_held_values_and_sweep_columns() -> None:
+def test_names_are_keywords_of_trims_and_sweeps() -> None:
     """Names of variables are keyword arguments: held values of a trim, and columns of a sweep."""
     point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
@@ -36,7 +36,7 @@ def test_names_are_held_values_and_sweep_columns() -> None:
         sweep(MODEL, sped=[70.0])
 
 
-def test_names_index_matrices_and_are_attributes() -> None:
+def test_names_index_matrices_and_become_attributes() -> None:
     """Rows and columns of A and B can be indexed by name. Trims and sweeps have names as
     attributes."""
     linear = _linear()
@@ -66,7 +66,7 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
         swept.at(speed=67.0)
 
 
-def test_inputs_reach_modes_or_not() -> None:
+def test_modes_unaffected_by_inputs_are_not_controllable() -> None:
     """A model is not controllable if a mode is not affected by the inputs, in any coordinates.
 
     A model is not observable if a mode does not affect the outputs. `zeros` returns the eigenvalue
@@ -234,7 +234,7 @@ def test_results_become_tables_of_pandas() -> None:
     pyplot.close("all")
 
 
-def test_a_point_draws_its_limits() -> None:
+def test_a_plot_of_point_shows_its_limits() -> None:
     """`point.plot` draws a row for the throttle, labeled with its name."""
     axes = find_operating_point(MODEL).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]
@@ -242,7 +242,7 @@ def test_a_point_draws_its_limits() -> None:
     pyplot.close("all")
 
 
-def test_a_model_is_a_table_in_a_notebook() -> None:
+def test_the_html_of_a_model_is_a_table() -> None:
     """The HTML representation of a model contains names, units, limits and the trim."""
     text = MODEL._repr_html_()
     assert "throttle" in MODEL.report().text()

@@ -41,7 +41,7 @@ MODES = {
 
 
 @pytest.mark.parametrize(("xcg", "hold", "rates", "printed"), TRIMS)
-def test_trims_of_the_book(
+def test_trims_of_the_f16_equal_the_books(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
     """Trims of the F-16 equal those printed by Stevens and Lewis, in straight flight and in
@@ -64,7 +64,7 @@ SLOW_FLIGHTS = [
 
 
 @pytest.mark.parametrize(("speed", "alpha", "throttle", "elevator"), SLOW_FLIGHTS)
-def test_slow_flights_of_the_book(
+def test_slow_trims_equal_the_books(
     speed: float, alpha: float, throttle: float, elevator: float
 ) -> None:
     """Trims of the F-16 at low speeds equal those printed by Stevens and Lewis."""
@@ -152,7 +152,7 @@ def test_imbalances_that_do_not_matter_are_not_named() -> None:
     assert "roll" not in str(refusal.value)
 
 
-def test_modes_of_the_book() -> None:
+def test_modes_of_the_f16_equal_the_books() -> None:
     """Modes of the F-16 equal those printed by Stevens and Lewis."""
     model = F16.with_parameters(xcg=0.3)
     computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
@@ -162,7 +162,7 @@ def test_modes_of_the_book() -> None:
         ), name
 
 
-def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modes_of_the_navion_agree_with_nelson(monkeypatch: pytest.MonkeyPatch) -> None:
     """Modes of the Navion agree with Nelson, examples 4.3 and 5.2, except for the spiral.
 
     With the coefficients of the examples (no C_Lq, N_beta 4.49 instead of 4.55) all modes agree.
@@ -188,7 +188,7 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
     assert max(off().values()) <= 0.005
 
 
-def test_trim_and_modes_of_the_gtm() -> None:
+def test_the_gtm_has_the_published_trim() -> None:
     """The GTM has the published trim within 1 %, and the load factor 1 in level flight."""
     point = trimmed(GTM)
     computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
@@ -199,7 +199,7 @@ def test_trim_and_modes_of_the_gtm() -> None:
     assert [mode.name for mode in linearize(GTM, point).modes] == ["short period", "phugoid"]
 
 
-def test_rates_of_the_book() -> None:
+def test_rates_of_the_f16_agree_with_the_book() -> None:
     """The rates of the F-16 agree with Table 3.5-2 of Stevens and Lewis."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [
@@ -218,7 +218,7 @@ def test_rates_of_the_book() -> None:
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
 
 
-def test_the_back_side_is_another_trim() -> None:
+def test_a_second_trim_of_equal_throttle_is_named() -> None:
     """If two speeds have the same throttle, the report of one trim names the other trim.
 
     The report also names an initial point from which the other trim is found.
@@ -263,7 +263,7 @@ def test_swept_turns_equal_single_trims() -> None:
         )
 
 
-def test_states_without_balance_are_left_and_named() -> None:
+def test_states_that_affect_nothing_can_be_freed() -> None:
     """Freeing north, east and heading, which affect no equation, does not change the trim.
 
     The JSON output names the three states as idle, and reports the rate of north.
@@ -281,7 +281,7 @@ def test_states_without_balance_are_left_and_named() -> None:
     assert data["variables"]["north"]["role"] == "left"
 
 
-def test_other_starts_cross_a_flat_region() -> None:
+def test_further_initial_guesses_cross_a_flat_region() -> None:
     """Further initial guesses find a trim beyond a region in which the throttle has no effect.
 
     The throttle has no effect below one half.
@@ -384,7 +384,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         ),
     ],
 )
-def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
+def test_wrong_equations_are_refused_in_one_line(equations: object, words: str) -> None:
     """Equations that fail at a trim are refused by one line."""
     with pytest.raises(BadInputError) as caught:
         trimmed(simple(equations))
@@ -407,7 +407,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("text", "words"), FAULTS.items())
-def test_a_wrong_file_is_named_in_one_line(text: str, words: str, tmp_path: Path) -> None:
+def test_a_wrong_model_file_is_refused(text: str, words: str, tmp_path: Path) -> None:
     """A mistake in a model file is refused by one line that names the file."""
     path = tmp_path / "own.py"
     path.write_text(text)
@@ -445,7 +445,7 @@ def test_a_file_may_use_dataclasses_and_tables(tmp_path: Path) -> None:
 OWN = ("--aircraft", "examples/f16.py:F16")
 
 
-def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
+def test_commands_accept_a_users_model(tmp_path: Path) -> None:
     """The commands trim, linearize, sweep and solve accept the F-16 and the names of its variables.
 
     The commands refuse options that apply only to the flexible aircraft.

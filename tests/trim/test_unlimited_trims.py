@@ -58,7 +58,7 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float)
     assert "No limits are declared for bank, thrust, lift" in repr(point)
 
 
-def test_a_sweep_stays_where_its_points_do() -> None:
+def test_bank_angles_of_a_sweep_are_exact() -> None:
     """The bank angles in a sweep of turns equal arctan(V turn / g)."""
     turns = np.array([0.1, 0.5, 1.5])
     swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})

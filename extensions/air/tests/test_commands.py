@@ -12,7 +12,7 @@ from hfa_model import LINEAR_STATES
 UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 
 
-def test_trims_models_and_games_have_the_lag_states() -> None:
+def test_trims_models_and_games_contain_the_lag_states() -> None:
     """Trims, linear models and games with unsteady dynamics contain the lag states."""
     trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
     assert list(trimmed["states"])[7:] == list(LAG_STATES)

@@ -141,7 +141,7 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
     return float(most[0]), float(most[1])
 
 
-def test_energies_give_same_rates_and_power_of_loads() -> None:
+def test_rates_and_power_equal_those_from_energies() -> None:
     """The rates equal those of the Euler-Lagrange equations, and dE/dt equals the power of the
     loads.
 
@@ -154,7 +154,7 @@ def test_energies_give_same_rates_and_power_of_loads() -> None:
 
 
 @pytest.mark.parametrize(("name", "factor"), [("mass", 1 + 1e-7), ("half_chord", 1 + 1e-4)])
-def test_energies_detect_a_planted_error(
+def test_comparison_with_energies_detects_a_planted_error(
     name: str, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The comparison with a derivation from energies detects plates with another mass or chord
@@ -222,7 +222,7 @@ def sears(k: np.ndarray) -> np.ndarray:
     return of_the_middle * np.exp(-1j * k)
 
 
-def test_theodorsen() -> None:
+def test_lags_approximate_theodorsens_function() -> None:
     """Jones's two lags approximate Theodorsen's C(k) within 0.015 and 2.4 % from k = 0.05 to 2.
 
     A planted error in the shares is detected.
@@ -256,7 +256,7 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
     [(theodorsen, 0.5, WAGNER, 0.0066), (sears, 0.0, KUESSNER, 0.078)],
     ids=["wagner", "kuessner"],
 )
-def test_steps_in_motion_and_gust(
+def test_step_responses_approximate_theodorsen_and_sears(
     of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float
 ) -> None:
     """The step responses of the lags approximate those of Theodorsen and Sears.
@@ -275,7 +275,7 @@ def test_steps_in_motion_and_gust(
 
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
-def test_the_steady_limit(degrees: float) -> None:
+def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
     """The inputs of a trim equal those with quasi-steady loads, finite span and downwash.
 
     The two lag states of each strip are equal. lag_tip_1 and gust_outer_1 are 0. Without finite
@@ -299,7 +299,7 @@ def test_the_steady_limit(degrees: float) -> None:
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
 
 
-def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
+def test_apparent_mass_equals_the_textbook_value(parameters: Parameters) -> None:
     """A wing without dihedral has the apparent mass of Theodorsen's plate about its quarter chord.
 
     Mass, coupling and inertia are m, m b/2 and 3/8 m b². A tail is referred to the quarter chord of
@@ -338,7 +338,7 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
 
 
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
-def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -> None:
+def test_downwash_equals_that_of_an_elliptic_line(across: float, share: float) -> None:
     """A lifting line with elliptic lift has `share` times the downwash 2 C_L / (π Λ) at the tail.
 
     The downwash in the plane of the wake follows from Biot and Savart's law, with Γ = sqrt(1 - y²),

@@ -97,7 +97,7 @@ def test_the_true_certificate_is_accepted() -> None:
     assert 0 < checked(tank()) < 1000
 
 
-def test_other_policies_have_other_digests() -> None:
+def test_different_policies_have_different_digests() -> None:
     """Policies that differ in a coefficient's last digit or in the state have different digests."""
     z = ca.SX.sym("z", 2)
     commands = [0.25 * z[0], np.nextafter(0.25, 1.0) * z[0], 0.25 * z[1]]
@@ -105,7 +105,7 @@ def test_other_policies_have_other_digests() -> None:
     assert len({digest_of(policy) for policy in policies}) == 3
 
 
-def test_the_hole_ends_where_the_jacobian_decides() -> None:
+def test_the_hole_has_the_expected_half_width() -> None:
     """The hole around the equilibrium, where the Jacobian proves the decrease of V, ends at 0.25.
 
     The command contains the sixth power of the level, and the level increases above 0.4. A box
@@ -121,7 +121,7 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
     assert np.all(found.edges(box) >= 0)
 
 
-def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
+def test_rotated_coordinates_do_not_shrink_the_hole() -> None:
     """In coordinates turned by 45 deg, the hole around the equilibrium still has the half-width
     0.25.
 
@@ -135,7 +135,7 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
     assert found.hole == 2
 
 
-def test_deviations_hold_those_of_the_exact_inverse() -> None:
+def test_deviations_contain_those_of_the_exact_inverse() -> None:
     """The models of z contain M⁻¹ y for M = diag(3, 7), whose inverse is not exact."""
     statement, witness = read_content(tank(), TANK, None)
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
@@ -149,7 +149,7 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
-def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
+def test_the_error_of_the_equilibrium_is_included(radius: float) -> None:
     """V decreases on the box from 0.25 to 0.5 of the level only for an exactly known equilibrium.
 
     For an equilibrium known within 0.3, the decrease is not proved.
@@ -174,7 +174,7 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
-def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
+def test_limits_are_proved_about_all_enclosed_equilibria(ends: tuple[float, float]) -> None:
     """Limits 0.9105 from the trim are proved to hold for an exactly known equilibrium.
 
     For an equilibrium known within 0.001, they are refused.

@@ -52,7 +52,7 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
-def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
+def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
     """A bound below the least cost by 1e-13 is proved, and a bound above by 1e-13 is refused.
 
     The cart is in equilibrium at every position. The unknown of its equilibrium equations is
@@ -244,7 +244,7 @@ WAGON = Model(
 )
 
 
-def test_no_inputs_lose_more_than_the_bound() -> None:
+def test_the_loss_bounds_the_excess_of_guessed_inputs() -> None:
     """At five guesses of the best inputs, `_loss` bounds the excess of g over its minimum.
 
     g = 2 k y (a + b + 0.9 a b) + y² + a² + b² is the cost inequality for the inputs a and b.
@@ -321,7 +321,7 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 
 @pytest.mark.parametrize("limits", [(-1.0, -0.1), (0.1, 1.0)])
-def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -> None:
+def test_an_equilibrium_outside_a_limit_is_refused(limits: tuple[float, float]) -> None:
     """An equilibrium outside the state limits is refused."""
     still = {"position": 0.0, "speed": 0.0}
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": limits})
@@ -330,7 +330,7 @@ def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -
         check_cost(statement, CostWitness(("speed",), (1000,)))
 
 
-def test_boxes_across_a_limit_are_in_the_envelope() -> None:
+def test_boxes_that_cross_a_limit_are_checked() -> None:
     """A bound is refused if it fails only in boxes that a state limit crosses.
 
     The slope of W, 1.8 y + 80 y³, exceeds the slope 2 y of the least cost only between 0.05 and the
@@ -343,7 +343,7 @@ def test_boxes_across_a_limit_are_in_the_envelope() -> None:
         check_cost(statement, CostWitness(("speed",), (1000,)))
 
 
-def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
+def test_the_inequality_is_checked_on_both_sides() -> None:
     """A bound is refused if its inequality g >= 0 fails on one side of the equilibrium only.
 
     g = y (u + 2 y²) + y² + u² is convex for y > 0 and negative at y = -0.4, u = 0.2.
@@ -358,7 +358,7 @@ def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
         check_cost(statement, CostWitness(("speed",), (1000,)))
 
 
-def test_a_bound_with_slope_at_trim_is_refused() -> None:
+def test_a_bound_with_gradient_at_trim_is_refused() -> None:
     """A bound W with a nonzero gradient at the trim is refused."""
     content = cart_bound(0.5).content()
     CostStatement.read(copy.deepcopy(content), CART)
@@ -367,7 +367,7 @@ def test_a_bound_with_slope_at_trim_is_refused() -> None:
         CostStatement.read(content, CART)
 
 
-def test_the_loss_covers_guesses_that_vary_over_box() -> None:
+def test_the_loss_covers_varying_guesses() -> None:
     """`_loss` bounds the suboptimality of an input guess that varies from -0.3 to -0.1 over a box.
 
     At the center of the box, the cost of the input -0.1 is compared with the cost of the optimal
@@ -388,7 +388,7 @@ def test_the_loss_covers_guesses_that_vary_over_box() -> None:
     assert g(-0.1) - loss <= g(-0.3) + 1e-9
 
 
-def test_an_input_without_slope_may_be_used() -> None:
+def test_bounds_of_inputs_contain_one_of_zero_slope() -> None:
     """The bounds of the best inputs contain an input in which the inequality g has no slope at 0.
 
     For x' = pull + 0.9 pull push, the best push is 0.14.
@@ -447,7 +447,7 @@ def _on_a_line(
     return CostInequality(plant, equilibrium, piece, ONE, ONE)
 
 
-def test_inputs_reach_their_limits_from_all_equilibria() -> None:
+def test_input_deviations_cover_all_enclosed_equilibria() -> None:
     """With input limits of ±0.1, the deviations from the equilibrium input reach ±0.101.
 
     The equilibrium is known within 1e-3.
@@ -458,14 +458,14 @@ def test_inputs_reach_their_limits_from_all_equilibria() -> None:
 
 
 @pytest.mark.parametrize("ends", [(-1e-4, 0.1), (-0.1, 1e-4)])
-def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]) -> None:
+def test_equilibria_not_within_input_limits_are_refused(ends: tuple[float, float]) -> None:
     """An equilibrium that is not proved to be within the limits is refused."""
     with pytest.raises(NoSolutionError, match="speed is not proved to be within its limits"):
         _ = _on_a_line(CART, 0.75, 1e-3, ends).ends
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
-def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
+def test_the_error_of_the_equilibrium_is_included(radius: float) -> None:
     """The inequality g >= 0 is proved on a box for an exact equilibrium, but not for one within
     0.3.
 
@@ -475,7 +475,7 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     assert _on_a_line(CART, 0.75, radius).edges(box).tolist() == [0 if radius > 0.0 else -1]
 
 
-def test_the_envelope_is_met_from_all_equilibria() -> None:
+def test_the_envelope_covers_all_enclosed_equilibria() -> None:
     """A box outside the envelope for an exact equilibrium is inside for some equilibrium within
     0.2.
 
@@ -505,7 +505,7 @@ def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> Cos
     return CostInequality(plant, equilibrium, Piece(np.eye(2), W, c), Q, R)
 
 
-def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
+def test_the_loss_covers_guesses_of_both_signs() -> None:
     """`_loss` bounds the suboptimality of an input guess that varies from -0.2 to 0.2 over a box.
 
     The box has two states. The inequality is linear in the input with the slope 0.75, and the
@@ -518,7 +518,7 @@ def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
     assert loss >= 0.75 * 1.2 - 1e-9
 
 
-def test_the_envelope_is_met_in_turned_coordinates() -> None:
+def test_the_envelope_is_decided_in_rotated_coordinates() -> None:
     """A large box meets the envelope |z_1| <= 0.1 in turned coordinates, and a small box does not.
 
     The box 0.25 <= y_1 <= 0.75, |y_2| <= 0.25 contains points with z_1 = (y_1 - y_2) / 2 = 0.
@@ -600,7 +600,7 @@ def _still(inequality: CostInequality, boxes: Boxes) -> Any:
     return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
 
 
-def test_shapes_of_boxes_of_earlier_versions_are_read(proved: CostBound) -> None:
+def test_certificates_of_an_earlier_version_are_read(proved: CostBound) -> None:
     """Certificates in the format of an earlier version are read."""
     content = content_of(proved)
     content["witness"]["longer"] = [[0, 2]] * len(proved.boxes)

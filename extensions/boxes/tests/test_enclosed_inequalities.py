@@ -169,7 +169,7 @@ def test_the_curvature_is_below_all_second_derivatives(radius: float) -> None:
             assert np.all(second >= np.sum(curvature * d**2, axis=1) - 1e-12)
 
 
-def test_the_inequality_holds_in_the_hole() -> None:
+def test_the_inequality_is_satisfied_in_the_hole() -> None:
     """The inequality is satisfied at random points and inputs inside the hole."""
     share = 0.25
     places = _places(0.0, 9)
@@ -220,7 +220,7 @@ def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
 
 
 @pytest.mark.parametrize("share", [-1e-9, 1e-9])
-def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
+def test_boxes_outside_the_set_exceed_its_level(share: float) -> None:
     """A very small box is outside the set {W <= c} exactly if W exceeds c in the box."""
     place = np.array([0.5, 0.25])
     piece = PIECE._replace(c=float(PIECE.W.at(place[None])[0]) * (1.0 - share))
@@ -229,7 +229,7 @@ def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
     assert OnPiece.is_outside(inequality, small).tolist() == [share > 0.0]
 
 
-def test_a_vaguer_equilibrium_has_a_smaller_hole() -> None:
+def test_a_less_accurate_equilibrium_shrinks_the_hole() -> None:
     """The hole around the equilibrium is smaller if the equilibrium has a larger error.
 
     The policy saturates at a certain distance from the trim.

@@ -56,7 +56,7 @@ def test_taylor_models_enclose_every_operation(half_width: float) -> None:
         assert np.all((low <= values) & (values <= high))
 
 
-def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
+def test_functions_of_squares_contain_the_ends_of_boxes() -> None:
     """The enclosure of exp(y²) contains the value at the end of a box about y = 0.
 
     The linear part of y² is 0 at the center of the box.
@@ -68,7 +68,7 @@ def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
 
 
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
-def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
+def test_sharpened_bounds_are_valid_for_every_operation(half_width: float) -> None:
     """Sharpened lower bounds are valid for every operation and at least as high as `lowest`.
 
     The third input has an error of 1 % of its half-width.
@@ -126,7 +126,7 @@ def _rounded(y: ca.SX) -> dict[str, ca.SX]:
 
 
 @pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
-def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
+def test_sharpened_bounds_include_rounding(name: str) -> None:
     """Sharpened bounds include rounding, also if it is the only error."""
     y = ca.SX.sym("y", 2)
     program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
@@ -158,7 +158,7 @@ def test_an_edge_across_a_kink_lowers_bounds() -> None:
     assert kinks[1] < 1e-9
 
 
-def test_squared_squares_hold_the_ends_of_boxes() -> None:
+def test_squared_squares_contain_the_ends_of_boxes() -> None:
     """The enclosure of (y²)² contains its values at the ends of boxes.
 
     The linear part of y² is 0 at the center of the first box.
@@ -202,7 +202,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]
 
 
 @pytest.mark.parametrize("kind", ENCLOSED)
-def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
+def test_each_part_of_an_enclosure_contains_the_function(kind: str) -> None:
     """Parabolas, lines and slopes enclose functions over narrow, wide and asymmetric ranges."""
     function, slope = FUNCTIONS[kind]
     generator = np.random.default_rng(3)
@@ -225,7 +225,7 @@ def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
         assert np.all(slopes.high >= slope(t) - 1e-13 * (1.0 + np.abs(slope(t))))
 
 
-def test_elementary_functions_meet_their_error_bounds() -> None:
+def test_elementary_functions_satisfy_their_error_bounds() -> None:
     """The errors of the elementary functions remain below their stated bounds."""
     generator = np.random.default_rng(2)
     angles = generator.uniform(-16.0, 16.0, 300)
@@ -244,7 +244,7 @@ def test_elementary_functions_meet_their_error_bounds() -> None:
 
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
-def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
+def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
     """The sign of a function value of ±1e-13 is proved.
 
     The function (1 + y)² - 4 y + margin has the value `margin` at y = 1.
@@ -259,7 +259,7 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
-def test_folded_constants_are_the_function(margin: float) -> None:
+def test_folded_constants_do_not_change_the_function(margin: float) -> None:
     """The sign of 5 (0.2 y) - y + margin is proved, although 5 times the double 0.2 is not 1.
 
     CasADi simplifies the product to y.
@@ -300,7 +300,7 @@ def test_an_operation_without_enclosure_is_named() -> None:
         Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
 
 
-def test_doubles_are_values_of_the_program() -> None:
+def test_evaluated_values_equal_the_function() -> None:
     """`values_at` equals the function, also at more points than are evaluated together."""
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
     expected = np.array(every_operation()(points.T)).T

@@ -176,7 +176,7 @@ def assert_walked(
 
 
 @pytest.mark.parametrize("degree", [2, 4])
-def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, cart: Model) -> None:
+def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart: Model) -> None:
     """Each field of a region is compared with the user's input or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
@@ -217,7 +217,7 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
         BoxStatement.read(content, cart, None)
 
 
-def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
+def test_fields_of_bounds_are_compared_or_printed(cart: Model) -> None:
     """Each field of a cost bound is compared with the user's input or printed."""
 
     def text_of(content: dict[str, Any]) -> str:

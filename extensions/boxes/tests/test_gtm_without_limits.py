@@ -37,7 +37,7 @@ def size_of(degree: int) -> float:
 
 
 @pytest.mark.slow
-def test_a_quartic_proves_more_than_a_quadratic() -> None:
+def test_a_quartic_proves_a_larger_set() -> None:
     """For the GTM, a quartic V proves a set more than 1.15 times as large as a quadratic V.
 
     The policy is the LQR. The size of a set is the n-th root of its volume.

@@ -83,7 +83,7 @@ def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Positive
     )
 
 
-def test_a_planted_negative_value_is_found() -> None:
+def test_a_planted_negative_value_is_detected() -> None:
     """A function that is negative near one point is refuted at that point.
 
     Without it, it is proved positive.
@@ -108,7 +108,7 @@ def test_functions_with_zeros_are_not_proved_positive() -> None:
     assert cover(inequality(ca.sumsqr(y), y, hole=5), 10**4) >= 4
 
 
-def test_no_edge_is_halved_below_the_doubles() -> None:
+def test_no_edge_is_halved_beyond_double_precision() -> None:
     """No edge of a box is halved more than 53 times.
 
     The function is 0 at y_0 = 0.3, near which the first edge is halved again and again.
@@ -143,7 +143,7 @@ def proved(
     return json.loads(path.read_text()), [*words, "--check", str(path)]
 
 
-def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_region_of_a_network_is_verified(proved: Any, capsys: pytest.CaptureFixture[str]) -> None:
     """The region of a network is proved and checked. It includes angles up to more than 20 deg."""
     content, words = proved
     assert main(["prove", "region", *words]) == 0
@@ -242,7 +242,7 @@ def _same_policy(proved: Any) -> ca.Function:
     return scalars(critic_in(path, game, Reading(None, "policy=", "tanh", None)).policy)
 
 
-def test_an_unstable_loop_is_refused() -> None:
+def test_a_stable_loop_is_verified() -> None:
     """The claim for a stable loop is verified.
 
     The same claim with the sign of the gain reversed is refused.
@@ -252,14 +252,14 @@ def test_an_unstable_loop_is_refused() -> None:
         check_region(*statement_of(linear(-K)))
 
 
-def test_rest_at_no_decrease_is_refused() -> None:
+def test_an_undamped_loop_is_refused() -> None:
     """An undamped loop, for which V' = 0 everywhere, is refused."""
     x = ca.SX.sym("x", 2)
     with pytest.raises(OpenBoxError):
         cover(inequality(-(x[0] * x[1] - x[1] * x[0]), x, hole=3), 10**4)
 
 
-def test_the_hole_is_one_of_first_function_alone() -> None:
+def test_the_hole_applies_to_the_first_function_only() -> None:
     """In the hole around the equilibrium, only the first function need not be positive.
 
     A second function that is negative in the hole is refused.
@@ -275,7 +275,7 @@ SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}
 
 
 @pytest.mark.parametrize("limit", [0.65, 0.55])
-def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
+def test_no_set_outside_a_limit_is_proved(limit: float) -> None:
     """A set that reaches x = 0.6 is proved for the limit 0.65 of x, and refused for the limit
     0.55.
     """
@@ -337,7 +337,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
             check_region(statement, witness)
 
 
-def test_an_interruption_keeps_what_is_proved() -> None:
+def test_an_interrupted_search_returns_the_proved_region() -> None:
     """Ctrl-C ends the search at its next step. The region proved so far is returned."""
     saved = []
     before = signal.getsignal(signal.SIGINT)
@@ -356,7 +356,7 @@ def test_an_interruption_keeps_what_is_proved() -> None:
     assert found.statement is saved[-1].statement
 
 
-def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
+def test_a_loop_without_an_equilibrium_is_refused() -> None:
     """The equilibrium of x' = x² - 1 is enclosed. x' = x² + 1, which has no equilibrium, is
     refused.
     """
@@ -379,7 +379,7 @@ def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
         zero_near(program, np.array([0.9, 0.7]), np.ones(2), (0, 1))
 
 
-def test_a_hole_is_proved_everywhere_in_it() -> None:
+def test_increase_within_the_hole_is_refused() -> None:
     """A region is refused if V increases in a part of the hole around the equilibrium.
 
     x' = -x (x² - 0.04) (x² - 0.16) increases |x| between 0.2 and 0.4.
@@ -420,7 +420,7 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
         RegionSearch(loop, "", [], seconds=0.2).found()
 
 
-def test_a_set_beyond_a_limit_is_made_smaller() -> None:
+def test_a_set_beyond_a_limit_is_scaled() -> None:
     """The search scales a set that extends beyond a limit, so that it is just within the limit."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
@@ -464,7 +464,7 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
 
 
 @pytest.mark.parametrize("weight", [1e-3, 1e3])
-def test_a_set_grows_alike_from_any_v(weight: float) -> None:
+def test_a_set_grows_from_any_initial_v(weight: float) -> None:
     """A set within limits grows beyond the size 2.9 from initial V of different decay."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -487,7 +487,7 @@ def test_a_set_grows_alike_from_any_v(weight: float) -> None:
 
 
 @pytest.mark.parametrize("degree", [2, 4])
-def test_each_v_is_proved_in_own_coordinates(degree: int) -> None:
+def test_diagonal_coordinates_keep_v(degree: int) -> None:
     """`diagonal` keeps V and makes it |y|² and V' a sum of squares, both to second order."""
     generator = np.random.default_rng(0)
     J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
@@ -503,7 +503,7 @@ def test_each_v_is_proved_in_own_coordinates(degree: int) -> None:
     assert decay == pytest.approx(np.diag(np.diag(decay)), abs=1e-9 * decay.max())
 
 
-def test_an_indefinite_v_keeps_the_coordinates() -> None:
+def test_an_indefinite_v_leaves_the_coordinates_unchanged() -> None:
     """If V is not positive definite, its coordinates are not changed."""
     shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
     saddle = replace(shape, coefficients=shape.basis.quadratic(np.diag([1.0, -1.0])))

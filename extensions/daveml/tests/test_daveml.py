@@ -87,7 +87,7 @@ def test_a_file_without_check_cases_fails(tmp_path: Path) -> None:
     assert "no check case" in result.out
 
 
-def test_the_aircraft_is_that_of_its_derivatives() -> None:
+def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
     """Trim, A and B of examples/uav.dml equal those of examples/uav.toml, which is in SI units."""
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))
@@ -157,7 +157,7 @@ def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function
     return ca.Function("y", list(given.values()), [values["y"]])
 
 
-def test_an_ungridded_table_is_linear_on_delaunay_triangles(tmp_path: Path) -> None:
+def test_ungridded_tables_equal_scipys_linear_interpolation(tmp_path: Path) -> None:
     """Inside the hull, an ungridded table equals SciPy's linear interpolation in value and slope.
 
     Outside the hull, the value is that of the nearest point of the hull.
@@ -223,7 +223,7 @@ def test_a_faulty_ungridded_table_is_refused(
         ),
     ],
 )
-def test_a_formula_has_its_value(text: str, expected: float, tmp_path: Path) -> None:
+def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_path: Path) -> None:
     """Formulas in MathML have their analytical values."""
     assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
 

@@ -217,7 +217,7 @@ def eigenvalue_near(linear, value):
 
 
 @pytest.mark.parametrize("mode", PRINTED)
-def test_the_navion_has_its_published_modes(mode):
+def test_modes_of_the_navion_agree_with_published_modes(mode):
     """The Navion's eigenvalues are within 1 % of the printed ones.
 
     The spiral eigenvalue, a small difference of large terms, is within 10 %.
@@ -227,14 +227,14 @@ def test_the_navion_has_its_published_modes(mode):
     assert abs(found - printed) < (0.1 if mode == "spiral" else 0.01) * abs(printed)
 
 
-def test_the_747_is_at_its_published_density():
+def test_the_747s_published_density_is_reproduced():
     """The atmosphere gives the published density and speed of sound of the 747."""
     assert float(air_at(_ALTITUDE).density) == pytest.approx(_DENSITY, rel=1e-6)
     assert float(air_at(_ALTITUDE).sound) == pytest.approx(774.0 / _MACH, rel=1e-5)
 
 
 @pytest.mark.parametrize("mode", PRINTED_747)
-def test_the_747_has_its_published_modes(mode):
+def test_modes_of_the_747_agree_with_published_modes(mode):
     """The 747's eigenvalues are within 0.3 % of the printed ones, with the gravity of the book.
 
     With wrong values of Cn_beta and Cm_q, every mode deviates by more than 0.3 %.
@@ -249,7 +249,7 @@ def test_the_747_has_its_published_modes(mode):
 
 
 @pytest.mark.parametrize("mode", PRINTED_NT33A)
-def test_the_nt33a_has_its_published_modes(mode):
+def test_modes_of_the_nt33a_agree_with_published_modes(mode):
     """The NT-33A's modes are within 0.5 % of the printed ones.
 
     If the derivatives are taken as in body axes, only the lateral modes change by more than 1 %.
@@ -265,7 +265,7 @@ def test_the_nt33a_has_its_published_modes(mode):
 
 
 @pytest.mark.parametrize("mode", PRINTED_JETSTAR)
-def test_the_thrust_line_acts_on_the_phugoid(mode):
+def test_printed_modes_include_the_effect_of_thrust_line(mode):
     """Damping and frequency of each mode are within 0.5 % of the printed ones.
 
     The table contains the height of the thrust line. With the thrust through the center of gravity,
@@ -325,7 +325,7 @@ def roots_of(printed):
     [(NAVION, PRINTED, {}), (B747, PRINTED_747, {"gravity": 32.2}), (NT33A, PRINTED_NT33A, {})],
     ids=["navion", "747", "nt33a"],
 )
-def test_modes_lie_within_the_digits_of_tables(table, printed, held):
+def test_rounding_of_the_table_explains_mode_differences(table, printed, held):
     """The difference of each mode from the printed one is explained by rounding of the table.
 
     The limit is the sum of the changes of the mode when each derivative, size and moment of inertia
@@ -341,7 +341,7 @@ def test_modes_lie_within_the_digits_of_tables(table, printed, held):
     assert (np.abs(np.array(found) - roots) < allowed).all()
 
 
-def test_a_small_aircraft_has_its_published_short_period():
+def test_a_small_aircrafts_short_period_is_reproduced():
     """The short-period eigenvalue is within 0.2 % of the eigenvalue of the printed matrix.
 
     With a wrong Cm_alpha, the eigenvalue deviates by more than 1 %.
@@ -354,7 +354,7 @@ def test_a_small_aircraft_has_its_published_short_period():
 
 
 @pytest.mark.parametrize("mode", PRINTED_F104)
-def test_the_f104_has_its_published_modes(mode):
+def test_modes_of_the_f104_agree_with_published_modes(mode):
     """The longitudinal modes of the F-104 agree with the printed polynomials within `tolerance`.
 
     The modes of the matrix derived by hand agree as well. With Cm_alpha 10 % too large, the short
@@ -370,7 +370,7 @@ def test_the_f104_has_its_published_modes(mode):
         assert agrees == (linear is not wrong or mode == "phugoid")
 
 
-def test_inertias_turned_by_hand_give_the_same_modes():
+def test_inertias_rotated_by_the_test_give_equal_modes():
     """Moments of inertia that the test rotates from body to stability axes give the same modes."""
     body = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
     turn = rotation(0.0, math.radians(2.2), 0.0).full()
@@ -385,7 +385,7 @@ def test_inertias_turned_by_hand_give_the_same_modes():
     np.testing.assert_allclose(modes[0], modes[1], rtol=1e-6)
 
 
-def test_equations_written_apart_agree():
+def test_modes_agree_with_the_example_equations():
     """The Navion's fast modes agree within 0.2 % with the equations of examples/navion.py.
 
     These equations are independent and assume small angles.
@@ -425,7 +425,7 @@ def load_factor(rates, x):
     return -(w_rate + p * v - q * u - weight) / gravity
 
 
-def test_lift_by_rate_of_alpha_is_solved_for():
+def test_rate_of_alpha_and_its_lift_are_consistent():
     """The rate α' and the lift that α' causes through CL_alphadot satisfy both equations.
 
     The added lift coefficient is CL_alphadot α' c/2V. The load factor computed from the rates
@@ -440,7 +440,7 @@ def test_lift_by_rate_of_alpha_is_solved_for():
     assert load_factor(rates, x) == pytest.approx(outputs["load_factor"], rel=1e-12)
 
 
-def test_units_do_not_change_the_aircraft():
+def test_si_units_do_not_change_the_eigenvalues():
     """The Navion in SI units has the same eigenvalues."""
     slug = 0.45359237 * 9.80665 / 0.3048
     inertias = {"Ixx": "1048 slug ft^2", "Iyy": "3000 slug ft^2", "Izz": "3530 slug ft^2"}
@@ -457,7 +457,7 @@ def test_units_do_not_change_the_aircraft():
     np.testing.assert_allclose(theirs, ours, rtol=1e-6)
 
 
-def test_a_spreadsheet_is_the_same_aircraft(folder):
+def test_a_csv_file_equals_a_dictionary(folder):
     """A CSV file with derivatives per degree gives the same A as a dictionary with values per
     radian.
     """
@@ -512,7 +512,7 @@ def test_faulty_rows_are_refused(folder):
         from_derivatives("uav.csv")
 
 
-def test_another_mass_is_another_trim():
+def test_a_larger_mass_requires_a_larger_alpha():
     """A larger mass, set as a parameter, requires a larger angle of attack."""
     light = linear_model("examples/uav.toml")
     heavy = linear_model("examples/uav.toml", mass=20.0)

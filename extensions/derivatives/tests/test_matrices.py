@@ -13,7 +13,7 @@ A = np.array([[0.0, 1.0], [2.0, -0.3]])
 B = np.array([[0.0], [1.0]])
 
 
-def test_matrices_alone_are_a_linear_model() -> None:
+def test_matrices_alone_define_a_linear_model() -> None:
     """A linear model from A and B has default names, modes, an operating point and a report.
 
     Linearizing its nonlinear model gives the same A and B.
@@ -30,7 +30,7 @@ def test_matrices_alone_are_a_linear_model() -> None:
     assert linear.to_dict()["A"] == A.tolist()
 
 
-def test_matrices_of_outputs_keep_their_place() -> None:
+def test_linear_models_accept_a_b_c_d() -> None:
     """LinearModel(A, B, C, D) has the order of arguments and the response of `control.ss`.
 
     Linearizing its nonlinear model gives the same C and D.
@@ -45,7 +45,7 @@ def test_matrices_of_outputs_keep_their_place() -> None:
     assert linear["y1", "f"].zeros() == pytest.approx(linear.zeros())
 
 
-def test_lqr_of_matrices_is_that_of_the_game() -> None:
+def test_lqr_of_matrices_equals_python_control() -> None:
     """lqr accepts matrices or a linear model and returns the gain that python-control returns."""
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
     for found in (

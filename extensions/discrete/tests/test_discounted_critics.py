@@ -24,7 +24,7 @@ DISCOUNT = 0.99
 DT = 0.01
 
 
-def test_exact_discounted_critic_passes_and_planted_mistakes_named(game: Game) -> None:
+def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> None:
     """The exact P and K pass. Each wrong critic fails with a message that names the mistake."""
     exact = solve_discounted(game, DISCOUNT, DT)
     assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
@@ -44,7 +44,7 @@ def test_exact_discounted_critic_passes_and_planted_mistakes_named(game: Game) -
         assert check.reason.startswith(message)
 
 
-def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
+def test_reported_excess_cost_agrees_with_simulation(game: Game) -> None:
     """The largest simulated excess cost of a policy is 70 to 100 % of the reported excess cost.
 
     The largest value is that of 1000 initial states. The cost under the worst disturbance w = L x
@@ -70,7 +70,7 @@ def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
     assert 0.7 * check.cost_lost < lost.max() <= check.cost_lost * (1 + 1e-6)
 
 
-def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> None:
+def test_verify_compares_with_the_specified_problem_only(game: Game) -> None:
     """`hfa verify` compares a critic only with the problem that the options specify.
 
     The discounted critic passes with --discount and --dt and fails without them. --discount without
@@ -94,7 +94,7 @@ def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> No
     assert "--discount and --dt require each other; give both" in result.err
 
 
-def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
+def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
     """An exact discounted critic that does not stabilize is reported as exact, and fails.
 
     With discount 0.95 and a step of 5 ms at 20 deg, the spectral radius of A - B K is 1.00003.
@@ -112,7 +112,7 @@ def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
     assert "the exact solution of this discounted problem does not stabilize either" in reason
 
 
-def test_continuous_game_without_solution_not_end_discounted_verdict() -> None:
+def test_discounted_verdict_does_not_need_a_continuous_solution() -> None:
     """A wrong discounted critic fails, even if the continuous-time game has no solution."""
     game = game_at(15.0).with_delta(110.0)
     exact = solve_discounted(game, 0.9, 0.01)

@@ -34,7 +34,7 @@ def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
 @pytest.mark.parametrize(
     ("seed", "discount", "delta"), [(0, 0.9, 20.0), (1, 0.99, 40.0), (2, 1.0, np.inf)]
 )
-def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
+def test_p_equals_the_result_of_value_iteration(seed, discount, delta):
     """P equals the result of 3000 steps of value iteration within 1e-12 of the largest entry."""
     game = _game(seed, delta=delta)
     solution = solve_discounted(game, discount)
@@ -53,7 +53,7 @@ def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
     assert solution.certificate.ok
 
 
-def test_one_state_without_disturbance_is_root_of_quadratic():
+def test_p_of_a_scalar_game_solves_a_quadratic():
     """P of a scalar game without disturbance is the positive root of a quadratic equation.
 
     K equals the closed form, and L is 0.
@@ -72,7 +72,7 @@ def test_one_state_without_disturbance_is_root_of_quadratic():
     assert solution.disturbance_gain[0, 0] == 0.0
 
 
-def test_fast_sampling_approaches_continuous_time():
+def test_p_with_fast_sampling_approaches_continuous_time():
     """With fast sampling and no discount, P approaches the continuous-time solution with first
     order.
     """
@@ -83,7 +83,7 @@ def test_fast_sampling_approaches_continuous_time():
     assert off[0] / off[1] == pytest.approx(2.0, rel=0.05)
 
 
-def test_sampling_integrates_the_held_input_and_scales_weights():
+def test_sampled_double_integrator_equals_the_textbook():
     """A sampled double integrator has the textbook A and B, weights times dt, and delta times
     √dt.
     """
@@ -95,7 +95,7 @@ def test_sampling_integrates_the_held_input_and_scales_weights():
     assert (step.Q[0, 0], step.R[0, 0], step.delta) == (0.5, 1.0, pytest.approx(3.0 * np.sqrt(0.5)))
 
 
-def test_units_of_the_states_do_not_matter():
+def test_units_of_the_states_transform_p():
     """P in other units of the states is the transformed P."""
     game = _game(4)
     units = np.array([1e-6, 1.0, 1e5, 30.0])
@@ -110,7 +110,7 @@ def test_units_of_the_states_do_not_matter():
     assert np.abs(P - turned).max() <= 1e-12 * np.abs(P).max()
 
 
-def test_a_wrong_value_fails():
+def test_wrong_values_of_p_fail():
     """Wrong values of P, also by 1e-9, fail the checks."""
     game = _game(5)
     P = solve_discounted(game, 1.0).P
@@ -124,7 +124,7 @@ def test_a_wrong_value_fails():
         assert not all(check.ok for check in value_checks(DiscreteGame(game), wrong))
 
 
-def test_games_without_solution_are_refused():
+def test_games_without_a_solution_are_refused():
     """Games without a solution, and wrong discounts and sample times, are refused with the reason."""
     with pytest.raises(
         NoSolutionError,
@@ -148,7 +148,7 @@ def test_games_without_solution_are_refused():
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e8, 1e10])
-def test_units_of_inputs_and_costs_do_not_matter(size):
+def test_units_of_inputs_and_costs_keep_p(size):
     """A scalar game with B = size and R = size² has the same P as the game with B = R = 1."""
     plain = Game([[0.5]], [[1.0]], [[1.0]], [[1e-4]], [[1.0]], np.inf)
     scaled = Game([[0.5]], [[size]], [[1.0]], [[1e-4]], [[size**2]], np.inf)
@@ -156,7 +156,7 @@ def test_units_of_inputs_and_costs_do_not_matter(size):
     assert pytest.approx(exact, rel=SAME_SOLUTION) == solve_discounted(scaled, 1.0).P
 
 
-def test_refusals_without_disturbance_name_the_mode():
+def test_refusals_of_lqr_problems_name_the_mode():
     """Without a disturbance, the refusal names the mode that prevents a solution, not delta."""
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 1\.2 of"):
@@ -167,7 +167,7 @@ def test_refusals_without_disturbance_name_the_mode():
             solve_discounted(unpaid, 1.0)
 
 
-def test_smallest_delta_of_one_state_in_closed_form():
+def test_smallest_delta_of_one_state_equals_closed_form():
     """If u has no effect and a = 1/2, the smallest delta is the gain 1/(1 - a) = 2.
 
     A solution exists for delta = 2.01. delta = 1.9 is refused.
@@ -192,7 +192,7 @@ def test_a_discounted_solution_reports_its_stability():
 
 @pytest.mark.parametrize("delta", [np.inf, 30.0])
 @pytest.mark.parametrize("discount", [1.0, 0.95])
-def test_cross_weights_and_the_q_function(delta, discount):
+def test_cross_weights_satisfy_bellmans_equation(delta, discount):
     """With cross weights, the solution satisfies Bellman's equation.
 
     P, K and L also follow from the matrix H of the Q-function.
@@ -218,7 +218,7 @@ def test_cross_weights_and_the_q_function(delta, discount):
     assert pytest.approx(value - crossed.T @ np.linalg.solve(weights, crossed), rel=1e-10) == P
 
 
-def test_where_nothing_is_paid_for_value_is_0():
+def test_a_game_without_cost_has_zero_value():
     """If Q = 0 and A is stable, P and the smallest delta are 0."""
     step = Game([[0.5, 1.0], [0.0, 0.9]], np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
     solution = solve_discounted(step, 1.0)
@@ -339,7 +339,7 @@ def test_the_other_time_is_suggested():
 
 
 @pytest.mark.parametrize("seed", [2, 5])
-def test_inputs_that_cost_nearly_nothing_are_solved(seed):
+def test_games_with_very_small_r_are_solved(seed):
     """Games with R = 1e-13 are solved, although I + B R⁻¹B'P is nearly singular.
 
     P equals the sum of the costs of 400 steps. Value iteration would need twice the digits.
@@ -357,7 +357,7 @@ def test_inputs_that_cost_nearly_nothing_are_solved(seed):
     assert pytest.approx(value, rel=1e-9, abs=1e-9) == solution.P
 
 
-def test_smallest_delta_of_fast_sampling_of_continuous_time():
+def test_smallest_delta_with_fast_sampling_approaches_continuous_time():
     """With fast sampling, the smallest delta is √dt times that in continuous time, within 0.5 %.
 
     The smallest delta is not marked as uncertain.
@@ -371,7 +371,7 @@ def test_smallest_delta_of_fast_sampling_of_continuous_time():
 
 
 @pytest.mark.parametrize("pole", [1.5, -1.5, 4.0])
-def test_mode_grows_and_costs_nothing_costs_what_stops(pole):
+def test_p_of_a_costless_unstable_mode_stabilizes_it(pole):
     """For an unstable mode x⁺ = a x + u with Q = 0, P is a² - 1 and the spectral radius is 1/|a|."""
     game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
     solution = solve_discounted(game, 1.0)
@@ -400,7 +400,7 @@ def _hard_step(kind: str, seed: int) -> DiscreteGame:
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", ["cheap", "barely reached", "both poles", "fast"])
-def test_hard_games_those_value_iteration_with_90_digits(kind, seed):
+def test_ill_conditioned_games_agree_with_value_iteration(kind, seed):
     """P of ill-conditioned games agrees with value iteration in 90 digits within 1e-12.
 
     The limit is 1e-10 if an input affects a mode only by 1e-6. A change of the last bit of √α B
@@ -411,7 +411,7 @@ def test_hard_games_those_value_iteration_with_90_digits(kind, seed):
     assert error <= (1e-10 if kind == "barely reached" else 1e-12)
 
 
-def test_sampling_keeps_the_digits_of_a_short_step():
+def test_short_sample_times_keep_their_accuracy():
     """The difference of P from P(dt = 0) at dt = 2e-7 s is twice that at dt = 1e-7 s.
 
     At 1e-6 s, the smallest delta is √dt times that in continuous time, and is not marked as
@@ -427,7 +427,7 @@ def test_sampling_keeps_the_digits_of_a_short_step():
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
-def test_cross_weights_reach_no_mode_by_rounding(turn: float) -> None:
+def test_an_uncontrollable_mode_with_cross_weights_is_refused(turn: float) -> None:
     """A game with an eigenvalue of 5.3 that no input affects is refused.
 
     Rounding errors of A - B R⁻¹ N' couple this eigenvalue to the input.
@@ -443,7 +443,7 @@ def test_cross_weights_reach_no_mode_by_rounding(turn: float) -> None:
         solve_discrete(problem)
 
 
-def test_gain_does_not_stabilize_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gain_that_does_not_stabilize_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A solution whose gain does not stabilize is refused."""
     step = Game([[1.5]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1e6)
     assert solve_discrete(DiscreteGame(step)).certificate.checks[-1].name == "gain_radius"

@@ -86,7 +86,7 @@ def _changed(kind: str, seed: int, count: int) -> list[str]:
         pytest.param("both poles", marks=pytest.mark.slow),
     ],
 )
-def test_copies_have_the_result_of_the_original(kind: str) -> None:
+def test_copies_of_a_game_give_the_original_result(kind: str) -> None:
     """Transformed copies of a game have a solution exactly if the game has one."""
     assert _changed(kind, 0, 2) == []
 
@@ -94,6 +94,6 @@ def test_copies_have_the_result_of_the_original(kind: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(1, 9))
-def test_many_copies_have_the_original_result(kind: str, seed: int) -> None:
+def test_copies_of_further_games_give_the_original_result(kind: str, seed: int) -> None:
     """Transformed copies of further games have a solution exactly if the game has one."""
     assert _changed(kind, seed, 24) == []

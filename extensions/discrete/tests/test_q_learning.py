@@ -21,7 +21,7 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Discre
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 )
 @pytest.mark.parametrize("margin", [np.inf, 1.1])
-def test_exact_q_function_is_learned_from_any_start(seed, margin):
+def test_q_learning_finds_the_exact_q_function(seed, margin):
     """Q-learning finds the exact P and H of random plants within 1e-9 of their largest entries.
 
     No initial policy is given.
@@ -36,7 +36,7 @@ def test_exact_q_function_is_learned_from_any_start(seed, margin):
     assert run.settled
 
 
-def test_noise_in_steps_moves_gain_by_its_size():
+def test_noise_changes_the_learned_gain_by_little():
     """Relative noise of 1e-3 in the next states changes the learned K by less than 5 %."""
     problem = _problem(1)
     steps = random_steps(problem, 0)

@@ -60,7 +60,7 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
     np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
 
 
-def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
+def test_a_lag_unresolved_by_the_step_is_refused() -> None:
     """A lag too short for the integration step is refused, and accepted with a shorter step."""
     lag = Input(0.5, *[0.0003] * (M - 1))
     fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
@@ -74,7 +74,7 @@ def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
     assert Scenario(step=0.0005, actuators=fast).actuators is fast
 
 
-def test_order_2_gives_the_second_order_response() -> None:
+def test_order_2_actuators_have_the_analytical_response() -> None:
     """Actuators of order 2 have the analytical step response of a second-order lag."""
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
@@ -85,7 +85,7 @@ def test_order_2_gives_the_second_order_response() -> None:
     np.testing.assert_allclose(flight.inputs[:, :2], response[:, None] * [1.0, -2.0], atol=1e-8)
 
 
-def test_fault_changes_actuators_it_names_from_time_on() -> None:
+def test_a_fault_changes_only_the_named_actuator() -> None:
     """A fault changes effectiveness and bandwidth of the named actuator only, from its start on."""
     fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
     flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
@@ -158,7 +158,7 @@ def stated(row: str) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("degrees", [15.0, 16.0])
-def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None:
+def test_documented_lags_are_the_stability_limits(degrees: float) -> None:
     """The closed loop is stable at the documented lag and unstable with 1 ms more."""
     for weights, limit in zip(WEIGHTS, stated(f"eigenvalues at {degrees:g} deg"), strict=True):
         model = model_at(degrees, "newton")

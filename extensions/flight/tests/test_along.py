@@ -16,7 +16,7 @@ from hfa_flight import to_control
 from hfa_flight.along import models_along
 
 
-def test_along_a_flight_small_deviations_follow_linear_model() -> None:
+def test_small_deviations_follow_the_linear_model() -> None:
     """The difference of two Navion flights follows δx' = A(t) δx to second order.
 
     Both flights have the same step input and differ in the initial state. With A constant at its
@@ -61,7 +61,7 @@ def test_along_a_flight_small_deviations_follow_linear_model() -> None:
     assert small < 0.2 * large < 0.1 * large_frozen
 
 
-def test_a_model_equals_python_control() -> None:
+def test_a_linear_model_along_flight_equals_python_control() -> None:
     """The linear model at a state of a flight equals that of `control.linearize`.
 
     Wrong shapes are refused.

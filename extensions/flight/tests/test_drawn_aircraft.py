@@ -13,7 +13,7 @@ from hfa_flight.monte_carlo import fly_member
 from hfa_identify.parameter_spread import ParameterSpread
 
 
-def test_the_figure_shows_differences_of_drawn_flights() -> None:
+def test_the_figure_shows_differences_of_random_flights() -> None:
     """Each line is the difference of a random aircraft's flight from the nominal aircraft's flight.
 
     The line ends where the flight leaves the envelope. States that do not move have no panel.

@@ -34,7 +34,7 @@ def constants(source: Path, name: str) -> np.ndarray:
     )
 
 
-def test_the_c_files_have_the_numbers_of_commands(tmp_path: Path) -> None:
+def test_exported_c_files_contain_the_commands_numbers(tmp_path: Path) -> None:
     """Trim, A, B and K in the C files equal those of `hfa linearize` and `hfa solve`."""
     result = hfa(
         "export", "-o", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json"
@@ -141,7 +141,7 @@ def test_an_fmu_needs_a_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
-def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
+def test_the_fmu_of_a_sweep_has_swept_inputs(tmp_path: Path) -> None:
     """The FMU of a sweep has inputs for the swept variables. A sweep of one point is refused."""
     path = tmp_path / "models.fmu"
     words = ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
@@ -156,7 +156,7 @@ def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
-def test_fmu_of_first_day_of_all_clocks_written(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_before_1980_dates_the_fmu_1980(monkeypatch: pytest.MonkeyPatch) -> None:
     """If the clock shows a date before 1980, the FMU's archive is dated 1980.
 
     This is the first year that the ZIP format can store.

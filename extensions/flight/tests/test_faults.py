@@ -13,7 +13,7 @@ __all__ = ["small_disk"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("home", ["unset", "missing", "read-only", "a file"])
-def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
+def test_a_missing_home_folder_keeps_the_result(tmp_path: Path, home: str) -> None:
     """Without a usable home folder, the result is written although machine code cannot be
     cached.
     """
@@ -21,6 +21,6 @@ def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> N
     works_without_a_home(tmp_path, words, home)
 
 
-def test_export_disk_has_no_room_for_not_there(small_disk: Path) -> None:
+def test_a_full_disk_leaves_no_exported_file(small_disk: Path) -> None:
     """An export to a disk that has room for only one of its files leaves no file."""
     has_no_room(small_disk, "export --dihedral 15 -o folder", 12)

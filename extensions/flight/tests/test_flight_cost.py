@@ -14,7 +14,7 @@ ONE = np.eye(1)
 
 
 @pytest.mark.parametrize(("is_held", "cost"), [(True, 6.0), (False, 28.5)])
-def test_held_inputs_cost_what_they_hold(is_held: bool, cost: float) -> None:
+def test_costs_of_held_and_interpolated_inputs_are_exact(is_held: bool, cost: float) -> None:
     """Held inputs of 2 for 1 s and 1 for 2 s cost 2² + 2·1². Interpolated inputs follow the
     trapezoidal rule.
     """

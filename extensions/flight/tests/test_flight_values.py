@@ -31,7 +31,7 @@ def test_steps_of_an_input_give_the_step_response() -> None:
 
 
 @pytest.mark.parametrize("kind", ["gain", "solution", "critic", "function", "mapping"])
-def test_every_kind_of_policy_flies(kind: str) -> None:
+def test_every_kind_of_policy_gives_the_same_flight(kind: str) -> None:
     """A gain, a solution, a critic and two Python functions of the same K give the same flight.
 
     The tolerance is 0.005, because the functions are called once a tick.

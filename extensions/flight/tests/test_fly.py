@@ -75,7 +75,7 @@ def test_a_flight_is_reported_and_written() -> None:
     assert len(lines) == 102
 
 
-def test_a_flight_without_a_law_has_a_cost() -> None:
+def test_a_flight_without_a_policy_reports_a_cost() -> None:
     """With --Q and --R, a flight without a policy reports a cost within 0.1 % of Simpson's rule.
 
     Without --Q and --R, no cost is reported.
@@ -100,7 +100,7 @@ def test_a_flight_without_a_law_has_a_cost() -> None:
     assert "cost" not in answer(*words, "--json")
 
 
-def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
+def test_gains_and_critics_in_files_equal_law_exact(game: Game) -> None:
     """An exact K, P or W in a file gives the same flight as --law exact.
 
     Another R changes the policy that follows from P. Wrong files and options are refused.
@@ -169,7 +169,7 @@ def _there(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_commands_of_a_controller_are_reported() -> None:
+def test_a_controller_follows_commands_during_a_fault() -> None:
     """A controller follows commands during an actuator fault.
 
     The errors and the fault are in the JSON.
@@ -195,7 +195,7 @@ def test_commands_of_a_controller_are_reported() -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_unsuitable_controllers_and_options_are_refused() -> None:
+def test_unsuitable_controllers_faults_and_commands_are_refused() -> None:
     """Controllers of other dynamics, wrong faults and wrong commands are refused."""
     for words, named in (
         ("--dynamics newton", "designed for published dynamics"),
@@ -210,7 +210,7 @@ def test_unsuitable_controllers_and_options_are_refused() -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_faults_reduce_the_effort_of_members() -> None:
+def test_members_follow_commands_during_a_fault() -> None:
     """Members of a Monte Carlo simulation follow commands.
 
     With a fault of effectiveness 0.2, the effort falls by more than half.
@@ -254,7 +254,7 @@ def network_of(K: np.ndarray) -> str:
     return torch_file("net.pt", layers)
 
 
-def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
+def test_a_linear_network_flies_as_its_gain(game: Game) -> None:
     """A network that computes -K z gives the same flight as the gain K.
 
     From a larger initial deviation, only the inputs of the network are saturated at the control
@@ -352,7 +352,7 @@ SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration",
 
 
 @pytest.mark.slow
-def test_gains_of_file_flown_along_trims_of_command() -> None:
+def test_scheduled_gains_of_three_formats_fly_equally() -> None:
     """Gains from `hfa design`, a JSON table and a MATLAB stack give the same flight.
 
     A single gain for all angles gives another flight. A command beyond the table is refused.
@@ -379,7 +379,7 @@ def test_gains_of_file_flown_along_trims_of_command() -> None:
     assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, not 5 deg to 16 deg")
 
 
-def test_a_flight_in_metres_is_flight_in_feet() -> None:
+def test_flights_in_si_and_english_units_agree() -> None:
     """A flight with --units si and converted options ends in the converted state."""
     foot = 0.3048
     words = (*FLY, "--duration", "0.5", "--gust")

@@ -134,7 +134,7 @@ def test_a_member_equals_its_single_flight(plan: MonteCarlo, dynamics: str) -> N
 
 
 @pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
-def test_machine_code_gives_the_same_flight(
+def test_compiled_code_gives_the_same_flight(
     plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Members simulated by compiled code equal single flights, and one library is compiled."""
@@ -144,7 +144,7 @@ def test_machine_code_gives_the_same_flight(
     assert len(list(tmp_path.rglob("*.so"))) == 1
 
 
-def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
+def test_a_member_ends_when_it_leaves_the_envelope(plan: MonteCarlo) -> None:
     """A member that leaves the envelope ends at its departure, which is in the summary."""
     away = replace(
         plan, members=1, policy=GainPolicy("wrong sign", -np.array(plan.policy.identity["K"]))
@@ -162,7 +162,7 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
     )
 
 
-def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
+def test_the_envelope_limits_alpha_relative_to_the_air(plan: MonteCarlo) -> None:
     """The envelope limits the angle of attack relative to the air, not alpha over ground.
 
     A sharp gust exceeds the limit before alpha does. A flight of a Monte Carlo plan may begin
@@ -209,7 +209,7 @@ def test_a_wrong_parameter_is_detected(plan: MonteCarlo) -> None:
 # Plans.
 
 
-def test_plans_are_equal_when_they_give_same_results(plan: MonteCarlo, gain: np.ndarray) -> None:
+def test_equal_plans_have_equal_hashes(plan: MonteCarlo, gain: np.ndarray) -> None:
     """Equal plans have equal hashes. Each change that affects the results makes a plan
     different.
     """
@@ -284,7 +284,7 @@ def test_chunks_and_workers_do_not_change_results(
     assert dataset.factors.error.values.tolist() == list(plan.scenario.uncertainty.errors)
 
 
-def test_members_beyond_control_limits_counted_and_input_named(
+def test_the_report_counts_members_beyond_control_limits(
     plan: MonteCarlo,
 ) -> None:
     """The report counts the flights that exceed a control limit and names the input.
@@ -304,7 +304,7 @@ def test_members_beyond_control_limits_counted_and_input_named(
     assert "exceeded control limits: " in found.text()
 
 
-def test_a_member_costs_more_than_its_steps(plan: MonteCarlo) -> None:
+def test_short_flights_are_divided_into_several_chunks(plan: MonteCarlo) -> None:
     """10,000 very short flights are divided into 8 to 100 chunks. Progress can then be reported."""
     short = replace(plan.scenario, duration=0.02)
     many = replace(plan, scenario=short, members=10_000)

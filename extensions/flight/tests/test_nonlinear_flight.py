@@ -36,7 +36,7 @@ from hfa_model.vectors import CONTROL_LIMITS
 N = len(LINEAR_STATES)
 
 
-def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None:
+def test_parameter_errors_do_not_change_the_linear_prediction(newton: FlownCase) -> None:
     """A parameter error changes the nonlinear flight but not the linear prediction.
 
     An aircraft that is 5 % heavier descends. The linear prediction stays at trim.
@@ -47,7 +47,7 @@ def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None
     assert result.flight.states[-1, STATES.index("altitude")] < -0.01
 
 
-def test_the_envelope_limits_the_angle_through_the_air(
+def test_the_envelope_limits_alpha_relative_to_the_air(
     newton: FlownCase,
 ) -> None:
     """In a gust, the envelope limits the angle of attack through the air, not alpha over ground.
@@ -87,7 +87,7 @@ def test_the_envelope_limits_the_angle_through_the_air(
         )
 
 
-def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
+def test_the_default_envelope_is_centered_at_the_trim(newton: FlownCase) -> None:
     """The default envelope is centered at the trim. Limits can be changed. Wrong limits are
     refused.
     """
@@ -121,7 +121,7 @@ def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
         flight_envelope(p, point, {"dihedral": (0.3, 0.2)})
 
 
-def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> None:
+def test_gains_of_several_ticks_are_applied_in_turn(newton: FlownCase) -> None:
     """Gains given for several ticks are applied in turn. The last gain is applied from then on."""
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
     law = GainPolicy("several", gains)
@@ -153,7 +153,7 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarra
     return np.asarray(np.polyfit(np.log(SIZES), np.log(errors), 1)[0])
 
 
-def test_linear_prediction_is_wrong_to_second_order_only(
+def test_the_linear_predictions_error_is_of_second_order(
     newton: FlownCase, at_15: FlownCase
 ) -> None:
     """The linear model's error is of second order in the deviation.

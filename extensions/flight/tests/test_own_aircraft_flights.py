@@ -26,7 +26,7 @@ def _there(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_doublet_without_law_is_written_and_drawn() -> None:
+def test_a_doublet_without_policy_is_simulated_and_drawn() -> None:
     """A flight with an elevator doublet and no policy is simulated, written as JSON and drawn."""
     doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
     result = hfa(
@@ -46,7 +46,7 @@ def test_a_doublet_without_law_is_written_and_drawn() -> None:
     assert Path("flight.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_gain_flies_with_offsets_actuators_faults_and_delay() -> None:
+def test_a_flight_accepts_offsets_actuators_faults_and_delay() -> None:
     """A flight accepts an initial deviation, actuators, a fault and a delay, which sets the tick.
 
     The fault applies to all surfaces.
@@ -80,7 +80,7 @@ def test_workers_simulate_members() -> None:
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
 
 
-def test_members_are_drawn_and_changed_file_is_noticed() -> None:
+def test_flights_of_users_aircraft_are_stored() -> None:
     """The flights of a Monte Carlo plan for users' aircraft are stored.
 
     After a change of the aircraft file, --resume is refused.
@@ -98,7 +98,7 @@ def test_members_are_drawn_and_changed_file_is_noticed() -> None:
     assert_refused(hfa(*MEMBERS, "--resume"), 2, "another Monte Carlo")
 
 
-def test_gains_over_the_speed_follow_command_of_it() -> None:
+def test_a_gain_scheduled_policy_tracks_a_speed_command() -> None:
     """A gain-scheduled policy tracks a speed command. A command beyond the speeds of the table
     is refused.
     """
@@ -133,7 +133,7 @@ IMPLICIT = tank(lambda level, pump: ROOT(1.0, pump) - level)
 """
 
 
-def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
+def test_exports_contain_the_models_disturbances() -> None:
     """Exports contain the disturbances of the model.
 
     A function that C cannot express is refused by name.

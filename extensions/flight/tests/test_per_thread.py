@@ -35,7 +35,7 @@ def test_threads_give_equal_members() -> None:
     assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(6)) == []
 
 
-def test_memory_that_threads_share_is_noticed() -> None:
+def test_memory_shared_by_threads_is_detected() -> None:
     """A computation whose threads share memory is detected by its wrong results.
 
     With memory from `cached_per_thread`, the results are right.

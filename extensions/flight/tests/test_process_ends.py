@@ -30,7 +30,7 @@ STORED = ("--workers", "2", "-o", "a.zarr")
         (signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
     ],
 )
-def test_run_ended_leaves_no_worker_no_temporary_folder(
+def test_an_ended_run_leaves_no_workers_or_folders(
     tmp_path: Path, number: signal.Signals, code: int, said: str
 ) -> None:
     """After a signal, no worker process and no temporary folder remain.
@@ -44,7 +44,7 @@ def test_run_ended_leaves_no_worker_no_temporary_folder(
 
 @proc
 @pytest.mark.slow
-def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
+def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
     """A run that is ended at random times and continued has the same bits as one without
     interruption.
     """
@@ -71,7 +71,7 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
-def test_a_lost_cluster_loses_no_result(tmp_path: Path, lost: str) -> None:
+def test_a_failed_cluster_leaves_the_result_unchanged(tmp_path: Path, lost: str) -> None:
     """If the scheduler or a worker of Dask ends, the run continues to the same results."""
     pytest.importorskip("distributed")
     dask = (sys.executable, "-m", "dask")

@@ -188,7 +188,7 @@ def test_unusable_scenarios_are_refused(make: Callable[[], object], said: str) -
 # The 1-cosine gust.
 
 
-def test_one_minus_cosine_has_its_length_and_peak() -> None:
+def test_one_minus_cosine_gust_equals_its_formula() -> None:
     """During the gust, the updraft is (peak/2) (1 - cos). Before and after, the updraft is 0."""
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)

@@ -62,7 +62,7 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
 
 
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
-def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
+def test_at_breakpoints_the_policy_equals_gain_and_trim(degrees: float) -> None:
     """At a breakpoint, the policy equals the trim input, and its derivative is -K for the K
     there.
     """
@@ -131,7 +131,7 @@ def test_a_schedule_follows_a_dihedral_change(start: float, end: float) -> None:
 
 
 @pytest.mark.slow  # a smaller change is simulated above
-def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
+def test_scheduled_gains_stay_inside_the_envelope() -> None:
     """From 0 to 20 degrees, the flight with scheduled gains stays inside the envelope.
 
     With the gain of 0 degrees at all angles, the flight leaves the envelope.

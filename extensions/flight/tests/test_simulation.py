@@ -113,14 +113,14 @@ def pendulum(
     )
 
 
-def test_method_of_order_4_where_constants_jump_too() -> None:
+def test_integration_is_of_fourth_order_across_jumps() -> None:
     """Halving the step reduces the error 12 to 20 times, although the input jumps at a tick."""
     found = [pendulum(4.0, 0.05 / parts).fly().states[::parts] for parts in (1, 2, 4)]
     coarse, fine = (np.abs(one - other).max() for one, other in pairwise(found))
     assert 12.0 < coarse / fine < 20.0
 
 
-def test_a_fast_mode_of_the_law_divides_steps() -> None:
+def test_a_fast_policy_mode_divides_integration_steps() -> None:
     """A mode of 1e5 1/s in the policy divides each integration step of 0.02 s.
 
     The observer follows, and the pendulum's motion equals that with a slow mode. A mode of 1e9 1/s
@@ -140,7 +140,7 @@ def test_a_fast_mode_of_the_law_divides_steps() -> None:
         pendulum(1e9, 0.02)
 
 
-def test_run_ends_with_tick_in_it_to_stop() -> None:
+def test_a_run_ends_with_the_tick_of_stop() -> None:
     """A run ends at the end of the tick in which `stop` is true, with the states of a longer run."""
     loop = pendulum(4.0, 0.02, duration=30.0)
     whole = loop.fly()
@@ -196,7 +196,7 @@ def test_steps_without_policy_agree_with_scipy() -> None:
         stepped(NAVION, Scenario(), flap=1.0)
 
 
-def test_plans_of_models_that_differ_in_equations_differ() -> None:
+def test_different_equations_make_plans_different() -> None:
     """Two Monte Carlo plans are different if their models differ only in the equations."""
 
     def plan(factor: float) -> MonteCarlo:
@@ -217,7 +217,7 @@ def test_plans_of_models_that_differ_in_equations_differ() -> None:
     assert plan(1.0) != plan(2.0)
 
 
-def test_disturbances_are_those_of_the_model() -> None:
+def test_constant_and_sinusoidal_disturbances_give_exact_solution() -> None:
     """A constant disturbance w plus a wave gives the exact solution of x' = -x + u + w.
 
     An unknown disturbance is refused, and so is a gust for a model without `updraft`.
@@ -249,7 +249,7 @@ def test_disturbances_are_those_of_the_model() -> None:
 
 
 @pytest.mark.parametrize("delay", [1.0, 0.25])
-def test_a_delay_is_a_delay(delay: float) -> None:
+def test_a_delayed_loop_equals_the_analytical_solution(delay: float) -> None:
     """x' = -x(t - D) with x(0) = 1 and no command before D has the solution of the method of steps.
 
     x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!
@@ -302,7 +302,7 @@ def test_a_slow_decay_is_no_limit_cycle() -> None:
     assert cycle.amplitude == pytest.approx(0.3, rel=3e-3)
 
 
-def test_what_still_oscillates_is_a_limit_cycle() -> None:
+def test_a_persistent_sine_is_a_limit_cycle() -> None:
     """A persistent sine is a limit cycle.
 
     A sine that decays, is excited to the end, or is too small is not a limit cycle.
@@ -332,7 +332,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     assert found(lasting, disturbance=wave) is None
 
 
-def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
+def test_a_delayed_loop_ends_in_limit_cycle() -> None:
     """With a delay of 0.3 s, the loop ends in a limit cycle inside the envelope.
 
     Without delay, the loop settles.
@@ -365,7 +365,7 @@ def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
         assert fly_members(plan, 0, 1)["cycle"] == place
 
 
-def test_cycles_of_the_aircraft_are_found_without_law() -> None:
+def test_limit_cycles_are_found_without_a_policy() -> None:
     """The limit cycle of Van der Pol's oscillator (μ = 0.5) is found with a period of 6.381 s."""
     oscillator = Model(
         name="van der Pol",

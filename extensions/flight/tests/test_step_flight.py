@@ -31,7 +31,7 @@ def test_the_cost_of_a_flight_equals_its_value():
 
 
 @pytest.mark.usefixtures("folder")
-def test_the_command_flies_game_s_policy_and_critics():
+def test_policies_and_critics_in_files_cost_equally():
     """The exact policy, and the critics made from P, K or H of the exact solution, have the same
     cost.
 

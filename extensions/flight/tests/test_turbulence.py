@@ -103,7 +103,7 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
         assert variances[row] == pytest.approx(integral, rel=1e-4 if close < 1e-3 else 0.025)
 
 
-def test_drawn_turbulence_has_the_spectrum() -> None:
+def test_random_turbulence_has_the_specified_spectrum() -> None:
     """1.3 hours of random turbulence at 50 Hz have the specified variances and spectra.
 
     The variances agree within 8 %, and the power in four bands within 10 %. The reference spectrum
@@ -140,7 +140,7 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
         assert H[5, 1] / H[1, 1] == pytest.approx(yawing, rel=1e-9)
 
 
-def test_scales_and_intensities_are_those_of_the_specification() -> None:
+def test_scales_and_intensities_equal_the_specification() -> None:
     """Scales and intensities of turbulence are those of the specification.
 
     At low altitude, the formulas with 30 kn at 20 ft apply. At high altitude, Figure 7 applies. In
@@ -159,7 +159,7 @@ def test_scales_and_intensities_are_those_of_the_specification() -> None:
             scales_and_intensities("light", altitude, "dryden")
 
 
-def test_a_steady_gust_is_a_change_of_frame() -> None:
+def test_rates_in_constant_wind_equal_still_air() -> None:
     """In a constant wind (u, v, w), the rates equal those in still air at the same airspeed vector.
 
     The acceleration differs only by the rotation of the axes.
@@ -210,7 +210,7 @@ def _rotation(x):
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ by_roll
 
 
-def test_rates_of_the_air_act_as_damping() -> None:
+def test_gust_rates_act_as_angular_rates() -> None:
     """Gust rates p, q and r change the angular accelerations as angular rates of the aircraft do.
 
     The rates of the attitude angles do not change.
@@ -233,7 +233,7 @@ def test_rates_of_the_air_act_as_damping() -> None:
         assert abs(by_turning[6:9]).max() > 0.5 * size
 
 
-def test_flight_meets_what_was_drawn() -> None:
+def test_disturbances_of_a_flight_equal_the_random_ones() -> None:
     """The disturbances during a flight equal the random ones at the ticks, in the model's units.
 
     The linear prediction includes the disturbances. The report names the components without effect.
@@ -281,7 +281,7 @@ def test_unusable_turbulence_options_are_refused(typed, said, capsys) -> None:
     assert said in capsys.readouterr().err
 
 
-def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
+def test_a_users_turbulence_intensity_is_applied(capsys) -> None:
     """A user's turbulence intensity applies to u, v and w in the model's units.
 
     If a span is given, p, q and r are included. An altitude is refused in addition to an intensity.
@@ -301,7 +301,7 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
         Turbulence((2.0, 300.0), 100.0)
 
 
-def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
+def test_turbulence_uses_the_held_altitude(capsys) -> None:
     """A turbulence level without an altitude uses the altitude of --hold. The report states the
     altitude.
     """

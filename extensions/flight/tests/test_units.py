@@ -18,7 +18,7 @@ def test_si_flights_contain_no_feet(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
+def test_stores_in_si_and_english_units_agree(tmp_path: Path) -> None:
     """With --units si, the store of a Monte Carlo plan contains the converted numbers."""
     members = ("--samples", "2", "--duration", "0.1", "--error", "chord=0.05")
     assert_store_in_metres(*FLIGHT, *members, name="final", folder=tmp_path)

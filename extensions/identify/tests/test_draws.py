@@ -48,7 +48,7 @@ def answer(capsys, *words):
     return code, data["draws"]
 
 
-def test_drawn_values_have_the_covariance():
+def test_sampled_values_have_the_specified_covariance():
     """Samples of the parameters have the specified mean and covariance."""
     covariance = np.array([[4.0, 1.0], [1.0, 1.0]])
     spread = ParameterSpread({"CL_alpha": 3.0, "Cm_q": 0.0}, covariance)
@@ -57,7 +57,7 @@ def test_drawn_values_have_the_covariance():
     np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.15)
 
 
-def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
+def test_the_band_of_elevator_agrees_with_linear_prediction(folder, capsys):
     """The 95 % band of the trimmed elevator agrees with a linear prediction within 15 %.
 
     The prediction uses the covariance of the parameters and the derivatives of the trim.
@@ -80,7 +80,7 @@ def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
     assert band["high"] - band["low"] == pytest.approx(2 * 1.96 * deviation, rel=0.15)
 
 
-def test_bands_of_modes_and_held_parameters(folder, capsys):
+def test_a_held_parameter_narrows_the_band_of_mode(folder, capsys):
     """The band of a mode contains its value, and becomes narrower if a parameter is held."""
     words = ("linearize", "--aircraft", written(), "--draws", "40")
     code, draws = answer(capsys, *words)
@@ -93,7 +93,7 @@ def test_bands_of_modes_and_held_parameters(folder, capsys):
     assert kept["high"] - kept["low"] < 0.5 * (band["high"] - band["low"])
 
 
-def test_unstable_aircraft_show_in_the_modes():
+def test_unstable_random_aircraft_are_counted():
     """If one of three random aircraft is unstable, two are reported as stable.
 
     Bands of the short period are those of two aircraft.
@@ -134,7 +134,7 @@ def test_costs_of_a_gain_on_drawn_aircraft_agree(folder, capsys):
     assert wider["cost_lost_worst_percent"] > 10.0 * draws["cost_lost_worst_percent"]
 
 
-def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
+def test_an_aircraft_that_is_not_stabilized_is_counted(folder, capsys):
     """For a gain of the wrong sign, the exit code is 1 and no random aircraft is reported as
     stable.
     """
@@ -149,7 +149,7 @@ def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
     assert "stable for 0 of 10 drawn aircraft" in printed.err
 
 
-def test_aircraft_without_a_trim_count():
+def test_aircraft_without_a_trim_are_counted():
     """A drawn aircraft without lift is not counted as trimmed, and the result is not ok."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
@@ -226,7 +226,7 @@ def test_a_wrong_band_is_refused(entries, message, folder, capsys):
     assert error.count("\n") == 1
 
 
-def test_aircraft_without_a_game_solution_count():
+def test_aircraft_without_a_game_solution_are_counted():
     """A drawn aircraft whose game has no solution with the given delta is counted as unsolved."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
@@ -240,7 +240,7 @@ def test_aircraft_without_a_game_solution_count():
     assert "the game has no solution on 1; cost at most" in draws.first_line
 
 
-def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
+def test_several_critics_with_draws_are_refused(folder, capsys):
     """`hfa verify --draws` refuses several critics before it prints a result."""
     for name in ("one.npz", "two.npz"):
         np.savez(name, K=np.zeros((4, 8)))
@@ -251,7 +251,7 @@ def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
     assert "--draws requires a single critic" in printed.err
 
 
-def test_drawn_aircraft_are_flown(folder, capsys):
+def test_drawn_aircraft_are_simulated_from_the_nominal_trim(folder, capsys):
     """`hfa fly --draws` simulates drawn aircraft from the trim of the aircraft in the file.
 
     The largest pitch error agrees with flights of `hfa.fly`. With very wide bands the exit code is
@@ -283,7 +283,7 @@ def test_drawn_aircraft_are_flown(folder, capsys):
     assert capsys.readouterr().out.splitlines()[1].startswith("trimmed: 2 of 2 drawn aircraft; ")
 
 
-def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
+def test_unstable_loops_of_random_aircraft_fail(folder, capsys):
     """Unstable linear loops of random aircraft fail although their flights stay within limits.
 
     A gain and a network with the same slope are tested. With a delay, the linear loop is not

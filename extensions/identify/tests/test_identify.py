@@ -98,7 +98,7 @@ def true_value(name):
     return AIRCRAFT.parameters[name].start
 
 
-def test_the_true_parameters_lie_within_the_bands():
+def test_estimates_agree_with_the_true_parameters():
     """From initial values 50 % off, the estimates agree with the true parameters.
 
     (θ - true)' C⁻¹ (θ - true) has a chi-square distribution with 7 degrees of freedom. It exceeds
@@ -113,7 +113,7 @@ def test_the_true_parameters_lie_within_the_bands():
         assert each.high - each.low < 0.3 * abs(each.value)
 
 
-def test_tables_of_pandas_and_flights_are_records():
+def test_pandas_tables_and_flights_are_accepted_as_records():
     """Pandas tables and flights are accepted as records. Units are read from the names of columns.
 
     The residuals have the standard deviations of the sensors. A call without `free` is an error.
@@ -151,7 +151,7 @@ def test_sensor_noise_is_estimated():
         assert found().quantities[name].white > 0.8
 
 
-def test_coloured_residuals_widen_the_bands():
+def test_colored_residuals_widen_the_bands():
     """With colored noise, the correction of the bands is larger and the report suggests turbulence."""
     assert found().coloured < 1.5
     assert found(coloured=True).coloured > 2.0
@@ -159,7 +159,7 @@ def test_coloured_residuals_widen_the_bands():
     assert "colored: turbulence (add --turbulence)" in found(coloured=True).report().text()
 
 
-def test_variance_of_noise_is_corrected_for_fitted_unknowns():
+def test_the_variance_of_slow_noise_is_corrected():
     """The estimated variance of slow noise is right within 10 %, although a fit absorbs part of it.
 
     Four slow sensitivities are fitted to noise with a pole of 0.9. The variance of the residuals
@@ -189,7 +189,7 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
     assert 0.9 < corrected < 1.1
 
 
-def test_slow_noise_beside_white_noise_is_seen():
+def test_slow_noise_in_white_noise_is_detected():
     """Slow noise is detected in its sum with stronger white noise.
 
     The true autocorrelation at positive lags is 0.2 0.98^lag. The sum over all lags is 20.6, and
@@ -257,7 +257,7 @@ def test_undetermined_parameters_are_named():
         result.draws(2)
 
 
-def test_a_moving_state_without_sensor_moved():
+def test_states_without_a_sensor_can_be_moved():
     """A state without a sensor counts as moved if the simulation moves it.
 
     The elevator moves the pitch rate, but not the yaw rate.
@@ -282,7 +282,7 @@ def flown_in_steps(moves, seconds):
     return noisy_columns(LONGITUDINAL, flight, 20, seed=0)
 
 
-def test_windows_are_fitted_again_after_divergence():
+def test_the_search_converges_from_coefficients_70_percent_off():
     """The search converges with 12 lateral coefficients that are 70 % off at the start.
 
     The first fit of short windows treats the roll rate as noise. A second fit is therefore needed.
@@ -353,7 +353,7 @@ def test_a_planted_fault_is_named(column, fault, named):
     assert named in result.first_line
 
 
-def test_an_input_bias_is_named_with_trim():
+def test_an_input_bias_is_named_with_another_parameter():
     """A bias of the elevator is reported together with another value of Cm_0.
 
     Both explain the record equally well.
@@ -374,7 +374,7 @@ def test_an_input_bias_is_named_with_trim():
         ("Cm_alpha", 1.0, "PASS"),
     ],
 )
-def test_a_given_value_that_the_record_contradicts(name, factor, named):
+def test_a_value_contradicted_by_the_record_is_reported(name, factor, named):
     """A wrong value that the user gives for a parameter is reported.
 
     The value is also reported if a sensor error explains the record equally well.
@@ -394,7 +394,7 @@ def test_exchanged_columns_are_named():
 
 
 @pytest.mark.slow
-def test_a_unit_that_a_parameter_absorbs_is_named():
+def test_a_unit_error_compensated_by_parameter_is_named():
     """A thrust recorded in lbf is reported, although a free drag coefficient compensates the
     wrong unit.
     """
@@ -405,7 +405,7 @@ def test_a_unit_that_a_parameter_absorbs_is_named():
     assert "thrust is in lbf" in identify(begun(1.2), columns, FREE, inputs="steps").first_line
 
 
-def test_delays_below_the_noise_have_bands():
+def test_a_planted_delay_agrees_with_its_estimate():
     """A planted delay of the speed by 0.08 s agrees with its estimate within twice the band.
 
     The half-width of the band is between 0.03 and 0.12 s. The half-width for the delay of the pitch
@@ -420,7 +420,7 @@ def test_delays_below_the_noise_have_bands():
     assert errors["delay_pitch_rate"].half < 0.005
 
 
-def test_biases_that_nothing_tells_are_stated():
+def test_a_bias_that_parameters_compensate_is_stated():
     """A bias of alpha that CL_0 and Cm_0 can compensate has a wide band.
 
     The report contains this bias, and states that the parameters' bands assume a bias of 0.
@@ -461,7 +461,7 @@ def lag(rates, start):
     return model, {"time": time, "u": pulse, "x": x}
 
 
-def test_signs_that_explain_alike_are_both_named():
+def test_equivalent_sign_errors_are_both_named():
     """For a linear model, a wrong sign of the input and of the state are reported together.
 
     Only the sign of the input is wrong. The record cannot distinguish the two faults.
@@ -506,7 +506,7 @@ def test_a_mirrored_minimum_is_named():
     assert identify(positive, columns, ["k"], inputs="steps").ok
 
 
-def test_a_minimum_elsewhere_is_named():
+def test_a_minimum_that_is_not_mirrored_is_named():
     """A second estimate that is not the negative of the first is reported.
 
     The rate depends on (k - 1) (3 - k), which is equal at 1.5 and at 2.5.
@@ -535,7 +535,7 @@ def test_a_record_without_motion_is_named(coloured, moved):
         identify(begun(1.2), columns, FREE)
 
 
-def test_noise_slower_than_the_manoeuvre_fails():
+def test_noise_slower_than_the_maneuver_fails():
     """Noise with a time constant of about a second is reported as too slow for the correction.
 
     The correction widens the bands for colored noise.
@@ -591,7 +591,7 @@ def test_records_that_disagree_are_named():
     assert "records disagree on Cm_q" in "; ".join(result.findings)
 
 
-def test_drawn_aircraft_trim():
+def test_drawn_aircraft_have_the_covariance():
     """The spread of Cm_alpha of drawn aircraft agrees with the covariance within 15 %.
 
     The first drawn aircraft is trimmed.
@@ -632,7 +632,7 @@ def test_a_faulty_record_is_refused(change, message):
         identify(begun(), columns, FREE)
 
 
-def test_a_steady_second_is_no_frozen_sensor():
+def test_constant_columns_before_first_input_are_accepted():
     """Columns that are all constant until the first input are not reported as frozen.
 
     A column that is constant while another moves is reported.
@@ -701,7 +701,7 @@ def test_a_wrong_unit_is_refused(folder, capsys):
     assert "flight.csv: alpha is in m; give it in rad" in capsys.readouterr().err
 
 
-def test_a_file_of_a_flight_is_a_record(folder):
+def test_a_flight_file_is_accepted_as_a_record(folder):
     """A file written by `hfa fly` is accepted as a record. Its last column, the provenance, is
     ignored.
     """

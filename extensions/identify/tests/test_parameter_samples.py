@@ -55,7 +55,9 @@ def coverage(
     return inside[moved], entries.std(axis=0)[moved] / errors[moved]
 
 
-def test_sampled_entries_have_the_standard_errors(parameter_set: ParameterSet, at_angle) -> None:
+def test_sampled_entries_vary_with_their_standard_errors(
+    parameter_set: ParameterSet, at_angle
+) -> None:
     """Entries of A and B vary with their published standard errors.
 
     A wrong sampling formula (planted error) is detected.

@@ -44,7 +44,7 @@ def flown(model, manoeuvre):
     return noisy_columns(model, flight, 40, seed=3)
 
 
-def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
+def test_the_planned_maneuver_gives_the_predicted_band():
     """After the planned maneuver is simulated, the identified band has the predicted width within
     25 %.
     """
@@ -59,7 +59,7 @@ def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
     assert half == pytest.approx(best.after, rel=0.25)
 
 
-def test_the_report_lists_manoeuvres_in_order():
+def test_the_report_sorts_maneuvers_by_width():
     """The maneuvers are sorted by predicted width, and their amplitudes are within the input
     limits.
     """

@@ -72,7 +72,7 @@ def record(samples=300, seed=0, lag=100.0):
     return {"time": time, "elevator": elevator, **measured}
 
 
-def test_slopes_of_the_likelihood_are_exact():
+def test_slopes_of_the_likelihood_equal_finite_differences():
     """The right-hand side of the normal equations agrees with finite differences of the likelihood
     L.
 

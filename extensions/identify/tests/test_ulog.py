@@ -70,7 +70,7 @@ def flown(path="flight.ulg", table=TABLE):
     return log(path, topics), Path("columns.toml")
 
 
-def test_columns_of_a_log(folder):
+def test_the_columns_of_a_log_are_read(folder):
     """The columns have the times of the angular rates, and the servo position is held.
 
     Each attitude sample is assigned to the nearest time.

@@ -62,7 +62,7 @@ QUICK = (
 
 
 @needs_jsbsim
-def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
+def test_unusual_constructs_agree_are_noted_or_are_refused(tmp_path):
     """Each unusual construct agrees with JSBSim, is reported in a note, or is refused.
 
     The test lists the expected verdict for each construct.
@@ -142,7 +142,7 @@ def read_without_its_construct(folder):
     return read_model(str(path))
 
 
-def test_every_slot_of_jet_is_filled_by_construct():
+def test_every_placeholder_of_the_jet_is_used():
     """Every placeholder in the text of the jet is used by at least one construct."""
     assert not unused_slots()
 

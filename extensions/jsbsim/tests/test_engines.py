@@ -27,7 +27,7 @@ SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
         pytest.param("DHC6", marks=pytest.mark.slow),
     ],
 )
-def test_jsbsims_flights_converge_to_ours_with_its_step(name):
+def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
     """JSBSim's simulations converge to the model's simulation as JSBSim's step decreases.
 
     With a quarter of the step the difference is four times smaller, within 15 %. Richardson's

@@ -144,7 +144,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
     ],
 )
-def test_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
+def test_a_fault_is_reported_with_file_and_line(tmp_path, text, fault):
     """A fault in a file is reported in one line with file name and line number."""
     with pytest.raises(BadInputError) as caught:
         model_of(tmp_path, text)
@@ -153,7 +153,7 @@ def test_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
     assert "\n" not in message
 
 
-def test_switch_function_has_no_value_beyond_its_end(tmp_path):
+def test_the_switch_function_is_undefined_beyond_its_end(tmp_path):
     """The value of a <switch> function is not finite for an index below 0 or beyond the last
     value.
     """
@@ -165,7 +165,7 @@ def test_switch_function_has_no_value_beyond_its_end(tmp_path):
         assert np.isfinite(rates["speed"]) == has_value, speed
 
 
-def test_short_entities_are_text(tmp_path):
+def test_xml_entities_are_replaced_by_text(tmp_path):
     """XML entities are replaced by their text."""
     text = glider().replace("<fdm_config", '<!DOCTYPE a [<!ENTITY area "150">]>\n<fdm_config', 1)
     model = model_of(tmp_path, text.replace("> 150 <", "> &area; <"))
@@ -174,7 +174,7 @@ def test_short_entities_are_text(tmp_path):
     )
 
 
-def test_property_that_nothing_sets_is_zero_and_listed(tmp_path):
+def test_a_property_never_set_is_zero_and_listed(tmp_path):
     """A note lists a property that is read but never set, and states that it is 0."""
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
     notes = [note for note in model.extras.notes if "sim/gust" in note]
@@ -183,7 +183,7 @@ def test_property_that_nothing_sets_is_zero_and_listed(tmp_path):
     )
 
 
-def test_a_second_axis_of_one_name_replaces_first(tmp_path):
+def test_a_second_axis_of_equal_name_is_used(tmp_path):
     """If two axes have the same name, only the second is used."""
     both = model_of(tmp_path, glider(force("LIFT", "<v>9</v>") + LIFT + REST))
     one = model_of(tmp_path, glider())
@@ -243,7 +243,7 @@ def test_a_second_axis_of_one_name_replaces_first(tmp_path):
         ),
     ],
 )
-def test_components_have_their_steady_output(tmp_path, component, positions):
+def test_components_have_their_steady_output_in_the_model(tmp_path, component, positions):
     """In the model, the output of a component of the flight control system is its steady value for
     the present input.
     """
@@ -279,7 +279,7 @@ def test_an_actuator_is_read_without_its_hysteresis(tmp_path):
     assert "by 0.025" in notes[0]
 
 
-def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
+def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     """If the stick acts through an integrator, the surface position is the input of the model.
 
     The position is limited by <clipto>. In trim, it is the angle of attack with the opposite sign.
@@ -298,7 +298,7 @@ def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 
 
-def test_rates_of_angles_are_solved_for(tmp_path):
+def test_lift_by_rate_of_alpha_gives_analytical_rate(tmp_path):
     """A lift that depends on the rate of alpha gives the analytical rate."""
     term = slope(0.02, "aero/alphadot-rad_sec")
     model = model_of(tmp_path, glider(force("LIFT", slope(5.0, "aero/alpha-rad"), term) + REST))
@@ -311,7 +311,7 @@ def test_rates_of_angles_are_solved_for(tmp_path):
     assert rate == pytest.approx(without / (1.0 + 0.02 * per_unit), rel=1e-9)
 
 
-def test_the_sign_of_inertia_products_is_read(tmp_path):
+def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     """The sign of the product of inertia follows the attribute of the file."""
     tilted = METRICS.replace("<emptywt", '<ixz unit="SLUG*FT2"> 100 </ixz> <emptywt')
     x = [120.0, 0.1, 0.05, *[0.0] * 6, 1000.0]
@@ -327,7 +327,7 @@ def test_the_sign_of_inertia_products_is_read(tmp_path):
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
 
 
-def test_notes_are_grouped_by_what_they_state():
+def test_notes_with_equal_statements_are_grouped():
     """Notes with the same statement form one line, and notes on forces come first.
 
     In a line, each file is named once and repeated notes are omitted.

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.mark.parametrize("name", ["737", "c172p"])
-def test_frames_are_those_of_jsbsim(name):
+def test_simulated_frames_agree_with_jsbsim(name):
     """Over 5 s, the states of a simulation with JSBSim's frames agree with JSBSim.
 
     The tolerance is 1e-9 of typical magnitudes.
@@ -34,13 +34,13 @@ def test_frames_are_those_of_jsbsim(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A320", "f15", "T38", "c310", "pc7", "DHC6"])
-def test_other_frames_are_those_of_jsbsim(name):
+def test_frames_of_special_components_agree_with_jsbsim(name):
     """Afterburner, governor, torque limiter, kinematics and autopilot agree with JSBSim to 1e-8."""
     miss, state = frames.largest(name, count=1)
     assert miss < 1e-8, state
 
 
-def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
+def test_actuators_with_hysteresis_agree_with_jsbsim(tmp_path):
     """Speed and pitch rate agree with JSBSim for an actuator with hysteresis, also behind a filter.
 
     The equilibrium depends on the first frames, in which the output of filters begins at 0 and that
@@ -73,7 +73,7 @@ def played(source):
     )
 
 
-def test_frame_of_another_step_differs():
+def test_frames_of_twice_the_duration_differ():
     """With frames of twice the duration, the pitch after an elevator step differs by more than
     1e-6 rad.
     """
@@ -94,7 +94,7 @@ def _pulled(model, step):
     return flight["pitch"]
 
 
-def test_command_flies_frames(capsys):
+def test_fly_accepts_the_method_jsbsim(capsys):
     """`hfa fly --method jsbsim` succeeds, and the JSON output contains the method and the step."""
     words = "fly --aircraft jsbsim:c172p --hold kcas=90 --law none --duration 1 --json"
     assert main([*words.split(), "--method", "jsbsim", "--step", "1/120"]) == 0
@@ -117,7 +117,7 @@ def test_other_aircraft_are_refused(capsys):
     assert "does not support --actuators" in capsys.readouterr().err
 
 
-def test_unsettled_begin_is_reported(monkeypatch):
+def test_engines_that_do_not_settle_are_reported(monkeypatch):
     """A warning is issued if engines or filters do not settle in the allowed time, here 0.1 s."""
     monkeypatch.setattr(frame, "_LONGEST", 0.1)
     model = read_model("jsbsim:c172p")

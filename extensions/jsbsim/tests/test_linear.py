@@ -86,7 +86,7 @@ def differences(name, kcas):
         ),
     ],
 )
-def test_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
+def test_the_linear_model_agrees_with_jsbsims(name, kcas, of_B):
     """The linear model of a jet agrees with JSBSim's, which is computed with finite differences.
 
     The largest relative difference is below 1e-8 for A without the column of beta, 5e-5 for this

@@ -90,7 +90,7 @@ def residual(name, held, parameters, free=()):
         ),
     ],
 )
-def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
+def test_trims_have_no_acceleration_in_jsbsim(name, held, parameters, free):
     """At the model's trims with loads, wind and failed engines, JSBSim's accelerations are below
     1e-9.
 
@@ -118,7 +118,7 @@ def test_engine_and_feather_parameters_are_bounded():
         read_model("jsbsim:c182").with_parameters(feather0=-1.0)
 
 
-def test_steady_wind_carries_path_and_gust_changes_flow(tmp_path):
+def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
     """A downward wind changes the climb rate but not the pitch acceleration.
 
     An updraft acts on the pitch acceleration as the corresponding angle of attack does, within 5 %.
@@ -201,7 +201,7 @@ DAMPERS = {
 @pytest.mark.parametrize(
     "kind", ["washout", *(pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS)]
 )
-def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
+def test_a_damper_with_filter_states_agrees_with_jsbsim(tmp_path, kind):
     """With filters as states, the yaw rate of an aircraft with a damper is ten times closer to
     JSBSim's.
     """

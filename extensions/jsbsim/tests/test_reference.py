@@ -154,7 +154,7 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
-def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
+def test_pitch_acceleration_of_surface_inputs_agrees_with_jsbsim(name):
     """If the elevator position is an input, the pitch acceleration agrees with JSBSim.
 
     The input is the elevator position in JSBSim.

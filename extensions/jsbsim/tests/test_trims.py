@@ -28,7 +28,7 @@ def condition_of(model, **held):
     ("name", "kcas", "altitude"),
     [("737", 250.0, 15000.0), ("c172p", 90.0, 5000.0), ("sgs126", 60.0, 3000.0)],
 )
-def test_jet_propeller_aircraft_glider_fly_at_calibrated_speed(name, kcas, altitude):
+def test_aircraft_are_trimmed_at_a_calibrated_airspeed(name, kcas, altitude):
     """A jet, a propeller aircraft and a glider are trimmed at the imposed calibrated airspeed.
 
     The flight path is level with a throttle, and descends without one.
@@ -44,7 +44,7 @@ def test_jet_propeller_aircraft_glider_fly_at_calibrated_speed(name, kcas, altit
 
 
 @needs_jsbsim
-def test_speed_kcas_and_mach_are_alternatives():
+def test_trims_at_equal_kcas_mach_and_speed_agree():
     """Trims at equal kcas, Mach number and speed are equal, also in a sweep."""
     model = load_model("jsbsim:737")
     first = find_operating_point(model, condition_of(model, altitude=20000.0, kcas=250.0))
@@ -61,7 +61,7 @@ def test_speed_kcas_and_mach_are_alternatives():
 
 
 @needs_jsbsim
-def test_the_speed_of_the_propeller_is_a_mode():
+def test_the_linear_model_contains_the_propeller_mode():
     """The linear model of a propeller aircraft contains the propeller mode beside the modes of the
     airframe.
     """
@@ -75,7 +75,7 @@ def test_the_speed_of_the_propeller_is_a_mode():
 
 
 @needs_jsbsim
-def test_governed_propeller_may_rest_at_limit_of_blades():
+def test_a_governed_propeller_trims_at_lowest_blade_angle():
     """At low speed a governed propeller is trimmed at the lowest blade angle and below 2400 rpm.
 
     At high speed it turns at 2400 rpm.
@@ -157,7 +157,7 @@ def test_an_empty_tank_is_noted():
     assert "gamma" not in model.trim
 
 
-def test_slow_trims_report_the_greatest_lift(tmp_path):
+def test_failed_slow_trims_report_the_greatest_lift(tmp_path):
     """A failed trim at low speed reports the greatest lift."""
     model = load_model(written(tmp_path, glider()))
     assert "greatest lift" in explained_failure(model, speed=15.0)

@@ -12,7 +12,7 @@ from hfa_networks.files.activations import ACTIVATIONS
 
 
 @pytest.mark.parametrize("name", ["tanh", "sigmoid", "softplus", "gelu"])
-def test_smooth_activations_derivatives_at_zero_and_far_away(name: str) -> None:
+def test_derivatives_of_smooth_activations_are_as_expected(name: str) -> None:
     """Smooth activations have the expected first and second derivative at 0.
 
     Both derivatives are finite at arguments of ±1e4.

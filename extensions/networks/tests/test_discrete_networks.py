@@ -68,7 +68,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
+def test_networks_of_exact_values_and_policies_pass(name: str) -> None:
     """Networks of the exact V, its gradient or the exact u pass, with a proof over the box."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
@@ -86,7 +86,7 @@ def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
         assert "searched_policy_error" in [check.name for check in verdict.checks]
 
 
-def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
+def test_a_policy_exact_only_at_the_origin_fails() -> None:
     """A policy that is exact only at the origin fails.
 
     With u = -1e-3 tanh(1e3 K x), the loop does not converge from any tested multiple of the box.
@@ -118,7 +118,7 @@ def test_constant_in_u_moves_equilibrium_and_is_named() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
+def test_a_value_wrong_away_from_the_origin_fails(name: str) -> None:
     """A value that is exact to second order at the origin and wrong away from it fails."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
@@ -132,7 +132,7 @@ def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
     )
 
 
-def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
+def test_a_wrong_quartic_weight_fails_in_discrete_time() -> None:
     """In discrete time, a critic with a wrong weight of a quartic basis function fails."""
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
@@ -145,7 +145,7 @@ def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
     assert "searched_value_error" in failed_names(verdict.checks)
 
 
-def test_implied_policy_best_of_one_step_value_behind() -> None:
+def test_the_implied_policy_is_a_saddle_point() -> None:
     """The policy implied by a nonquadratic value is a saddle point of Q(u, w).
 
     The policy has a lower cost than u ± 0.001, each with the worst w for this input. It differs
@@ -174,7 +174,7 @@ def test_implied_policy_best_of_one_step_value_behind() -> None:
     assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
 
 
-def test_policy_that_is_not_found_is_no_number() -> None:
+def test_the_policy_is_nan_at_a_kink() -> None:
     """The policy is nan at a state where the slope of V jumps at the saddle point."""
     problem = problem_of(delta=np.inf)
     exact = exact_of(problem)
@@ -183,7 +183,7 @@ def test_policy_that_is_not_found_is_no_number() -> None:
     assert np.isnan(np.array(policy([0.1, 0.0]))).all()
 
 
-def test_cost_in_flight_linear_loop_where_network_linear() -> None:
+def test_simulated_cost_of_linear_network_equals_linear_loop() -> None:
     """For a linear network, the simulated cost equals the cost of the linear loop, to 1e-6.
 
     No simulated cost exceeds the worst cost of the check.
@@ -206,7 +206,7 @@ def test_cost_in_flight_linear_loop_where_network_linear() -> None:
 
 
 @pytest.mark.slow
-def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
+def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
     """For a discounted game, the exact gain in a state dict passes.
 
     The exact gain followed by a saturating tanh fails away from the origin.

@@ -61,7 +61,7 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
-def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
+def test_no_sample_in_the_box_exceeds_the_bound(activation: str, of_gradient: bool) -> None:
     """No sample of a network in a box exceeds the upper bound over the box.
 
     The lower bound of the largest value is at most the upper bound. For small boxes, both bounds
@@ -87,7 +87,7 @@ def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool)
         )
 
 
-def test_rounding_is_in_the_bound() -> None:
+def test_the_bound_includes_rounding() -> None:
     """The bound of a function includes rounding errors.
 
     At single points, the bound is at least the value of Σ max(w'y, 0) - Σ w'y in rational
@@ -108,7 +108,7 @@ def test_rounding_is_in_the_bound() -> None:
         assert abs(exact) <= Fraction(highest)
 
 
-def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
+def test_tanh_is_enclosed_at_every_scale() -> None:
     """The computed tanh and its linear bounds enclose tanh at arguments of all magnitudes."""
     rng = np.random.default_rng(2)
     t = np.concatenate([10.0 ** rng.uniform(-12.0, 3.0, 4000), np.linspace(0.0, 25.0, 4000)])
@@ -124,7 +124,7 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
 
 
 @pytest.mark.parametrize("kind", LINES)
-def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
+def test_every_node_lies_within_its_enclosure(kind: str) -> None:
     """Each nonlinear operation lies within its enclosure, at 21 points of each argument's range.
 
     For half of the ranges, the largest deviation exceeds 90 % of the enclosure's radius.
@@ -205,7 +205,7 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
     )
 
 
-def test_unsupported_operations_are_searched_only(game: Game) -> None:
+def test_no_bound_is_proved_for_unsupported_operations(game: Game) -> None:
     """For operations without an enclosure, errors are searched for at random states and no bound is
     proved.
     """
@@ -228,7 +228,7 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> None:
+def test_a_narrow_bump_is_found_by_proof(game: Game, seed: int) -> None:
     """A narrow error of a policy that the search alone misses is found with a proof.
 
     The first input has an error of 300 % in a bump with 0.05 times the half-widths of the box.
@@ -283,7 +283,7 @@ def test_a_fraction_ends_before_the_first_error() -> None:
     assert proof == Proof("error", 2.0, 1.0, proof.boxes if proof else 0)
 
 
-def test_where_there_is_no_bound_nothing_is_proved() -> None:
+def test_no_fraction_is_proved_without_a_bound() -> None:
     """No fraction of the box is proved if the error equals the bound at 0.
 
     A bound on an error that overflows double precision is not proved in the whole box.
@@ -339,7 +339,7 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
 
 
 @pytest.mark.parametrize("of_abs", [True, False])
-def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
+def test_a_narrow_hat_is_found_by_proof(of_abs: bool) -> None:
     """A narrow hat on V, written with relu units or with absolute values, is found."""
     game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     verdict = with_hat(game, of_abs)
@@ -348,7 +348,7 @@ def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
 
 
 @pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
-def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
+def test_bounds_of_kinks_are_true_and_narrow(kind: str) -> None:
     """Bounds of functions with kinks are true and narrow, compared with values at random states.
 
     Some boxes are centred on a kink.
@@ -377,7 +377,7 @@ def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
     assert np.all(bounds.highest <= found + 8.0 * halves[:, 0] + 2.1 * (halves[:, 0] > 1e-9))
 
 
-def test_numbers_that_lose_underflows_are_not_bounded() -> None:
+def test_no_bound_is_proved_if_numbers_underflow() -> None:
     """No bound is proved for 1e300 (1e-320 y_1 - 1e-320 y_2).
 
     The double closest to 1e-320 has a relative error of 1e-3.

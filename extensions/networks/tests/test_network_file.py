@@ -25,7 +25,7 @@ X = np.random.default_rng(0).normal(size=(7, 6))
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
+def test_a_torch_file_gives_the_value_of_torch(game: Game) -> None:
     """A file written by torch gives the V that torch computed.
 
     The gradient equals differences of V, and P equals differences of the gradient.
@@ -48,7 +48,7 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
 # Order of layers.
 
 
-def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None:
+def test_safetensors_layers_are_ordered_by_number(game: Game) -> None:
     """Layers are ordered by number, although the file contains "10.weight" before "2.weight"."""
     rng = np.random.default_rng(3)
     tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
@@ -61,7 +61,7 @@ def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None
     assert np.array_equal(found, expected)
 
 
-def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
+def test_npz_layers_are_evaluated_by_number(game: Game) -> None:
     """Layers of an .npz file are evaluated in the order of their numbers."""
     right = square_layers("0", "2", "10", "12")
     np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
@@ -74,7 +74,7 @@ def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
 
 
 @pytest.mark.parametrize("write", [safetensors_file, np.savez])
-def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) -> None:
+def test_layers_of_ambiguous_order_are_refused(game: Game, write: Any) -> None:
     """Layers whose names and widths permit several orders are refused.
 
     The files are in the formats .npz and safetensors.
@@ -89,7 +89,7 @@ def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) ->
         from_network(game, path, activation="tanh")
 
 
-def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
+def test_names_are_ignored_if_widths_determine_the_order(game: Game) -> None:
     """Layers with unrelated names are accepted if their widths permit only one order."""
     layers = {"w.weight": np.ones((4, 6)), "b.weight": np.ones((3, 4)), "a.weight": np.ones((1, 3))}
     np.savez("widths.npz", **{name: layers[name] for name in sorted(layers)})
@@ -97,7 +97,7 @@ def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
     assert np.array_equal(from_network(game, "widths.npz", activation="tanh").K, expected.K)
 
 
-def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> None:
+def test_a_module_that_contradicts_its_numbers_is_refused(game: Game) -> None:
     """A torch file is refused if the order of its layers contradicts the numbers in their names."""
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
     with pytest.raises(
@@ -153,7 +153,7 @@ def normal(h: np.ndarray) -> np.ndarray:
         ("023", True, "6 -> tanh 4 -> LayerNorm 4 (epsilon 1e-05) -> 1"),
     ],
 )
-def test_layer_norm_is_where_numbers_of_neighbours_leave(
+def test_the_activation_takes_the_missing_layer_number(
     places: str, before: bool, chain: str
 ) -> None:
     """In numbered layers, the activation takes the missing number, before or after the
@@ -173,7 +173,7 @@ def test_layer_norm_is_where_numbers_of_neighbours_leave(
 @pytest.mark.parametrize(
     "names", [("0", "2", "4"), ("0", "1", "2"), ("fc1", "ln1", "out"), ("net.0", "norm.0", "net.2")]
 )
-def test_a_layer_norm_of_unknown_place_is_refused(
+def test_a_layer_norm_of_unknown_position_is_refused(
     names: tuple[str, str, str],
 ) -> None:
     """A LayerNorm whose position does not follow from the names is refused."""
@@ -208,7 +208,7 @@ def test_batch_norms_are_refused() -> None:
 # Wide layers.
 
 
-def test_wide_networks_have_exact_gradients(game: Game) -> None:
+def test_wide_networks_are_kept_as_matrix_functions(game: Game) -> None:
     """A wide network is kept as a matrix function.
 
     Its value and gradient equal an evaluation in NumPy.
@@ -239,7 +239,7 @@ def test_wide_networks_have_exact_gradients(game: Game) -> None:
 
 
 @pytest.mark.parametrize("name", ["v", "net", "critic.model", "critic.model.0.net"])
-def test_layer_names_are_arbitrary(name: str) -> None:
+def test_layer_names_do_not_affect_the_network(name: str) -> None:
     """The names of layers do not affect how a network is read."""
     tensors = two_layers(name)
     found = network_in(torch_file("critic.pt", tensors), 6, "tanh").functions[""]
@@ -250,7 +250,7 @@ def test_layer_names_are_arbitrary(name: str) -> None:
         )
 
 
-def test_actors_and_critics_of_one_file_stable_baselines() -> None:
+def test_stable_baselines_networks_are_selected_by_name() -> None:
     """Networks in a Stable-Baselines3 zip are selected by words in the names of their tensors.
 
     Parts of one network are joined by +.
@@ -285,7 +285,7 @@ class Evil:
 
 
 @pytest.mark.parametrize("packed", [True, False])
-def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
+def test_a_pickle_with_code_is_not_executed(packed: bool) -> None:
     """A pickle that would run code is refused, and its code is not executed."""
     content = pickle.dumps({"0.weight": Evil()})
     for path in map(Path, ("evil.pkl", "evil.pt", "evil.pth")):
@@ -368,7 +368,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     )
 
 
-def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
+def test_a_pickle_with_huge_object_numbers_is_refused() -> None:
     """A pickle with an object number of 4e9 is refused."""
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:

@@ -20,7 +20,7 @@ BOX = np.array(ORDINARY_DEVIATIONS)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
+def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
     """A network that is right only at the origin fails.
 
     For u = -K z + 5 z_1³/7³, the error found equals the largest error in the box.
@@ -46,7 +46,7 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
     assert not check.holds(1e-6)
 
 
-def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
+def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
     """The error of a value that is nan in part of the box is infinite."""
     nodes = [
         *QUADRATIC[:2],
@@ -69,7 +69,7 @@ def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
     assert found["value"] == math.inf
 
 
-def test_cost_in_flight_linear_loop_where_network_linear(
+def test_no_simulated_cost_exceeds_the_linear_worst(
     game: Game,
 ) -> None:
     """For a linear network, no simulated excess cost exceeds the worst one of the linear loop.
@@ -106,7 +106,7 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     assert verdict.reason == "it is right except for a constant in u"
 
 
-def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
+def test_a_very_small_bias_is_near(game: Game) -> None:
     """A bias of 1e-6 of the largest input is graded NEAR, and the optimal cost is printed first."""
     offset = 1e-6 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))

@@ -57,7 +57,7 @@ def on_the_box(flights: int) -> Scope:
 # Right networks.
 
 
-def test_a_network_that_is_the_value_passes(game: Game) -> None:
+def test_a_network_that_equals_the_value_passes(game: Game) -> None:
     """A network that equals V passes, with float64 and with float32 weights."""
     wide, narrow = (
         onnx_file(
@@ -79,7 +79,7 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
     assert "(searched, 1000 starts; not a bound)" in said
 
 
-def test_gradients_and_policies_pass(game: Game) -> None:
+def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
     """Exact gradients and policies in torch and safetensors files pass the check."""
     for name, write in (("a.pt", torch_file), ("a.safetensors", safetensors_file)):
         for output, weight in (("gradient", 2.0 * value(game)), ("policy", -gain(game))):
@@ -109,7 +109,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
             from_network(game, path, activation=activation)
 
 
-def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
+def test_a_policy_without_constant_names_no_constant(game: Game) -> None:
     """No constant is named as a cause for a policy with u(0) = 0 and a small error in the box."""
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
@@ -117,7 +117,7 @@ def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
     assert verdict.reason == "it is right at the origin and wrong away from it"
 
 
-def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
+def test_the_report_shows_the_network_as_read(game: Game) -> None:
     """The report shows the layers of a network as read, and one output for comparison."""
     layers = square_layers("first", "second", "third")
     said = hfa(
@@ -133,7 +133,7 @@ def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
     assert "linearized exactly at the origin, V(0) = 0\n" in said.out
 
 
-def test_the_published_weights_of_gops() -> None:
+def test_published_weights_of_gops_are_checked() -> None:
     """The published weights of GOPS, V = W'psi plus a constant, are checked.
 
     The exact weights pass. The learned weights have errors of 1.6 % in P and 0.43 % in K, and a
@@ -228,7 +228,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
 FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
 
 
-def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
+def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
     """A basis of a critic is accepted in words, or as a function with a constant.
 
     Wrong weights fail. A wrong number of weights is refused.
@@ -279,7 +279,7 @@ def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
     )
 
 
-def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
+def test_networks_with_unsuitable_output_numbers_are_refused(game: Game) -> None:
     """A network is refused if its number of outputs fits no quantity, or fits several.
 
     The command that the error proposes is accepted. A single output on a plant with one input is

@@ -42,7 +42,7 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
         assert np.array(found(x)).ravel() == pytest.approx(theirs, **tolerance)
 
 
-def test_the_operators_are_those_of_onnx_runtime() -> None:
+def test_a_graph_of_all_operators_equals_onnxruntime() -> None:
     """A graph of all operators gives the results of onnxruntime."""
     rng = np.random.default_rng(0)
     count = len(_OPERATORS)
@@ -70,7 +70,7 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
     assert_as_onnx_runtime(onnx_file("one.onnx", nodes, constants), rel=1e-4, abs=1e-3)
 
 
-def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
+def test_normalizations_and_clamps_equal_onnxruntime() -> None:
     """Operators of LayerNorm, BatchNorm, Softplus, SELU and clamps give onnxruntime's results."""
     rng = np.random.default_rng(5)
     shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
@@ -97,7 +97,7 @@ def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
     assert_as_onnx_runtime(onnx_file("norms.onnx", nodes, constants), rel=1e-5, abs=1e-5)
 
 
-def test_triangles_comparisons_and_repeated_rows_those_onnx_runtime() -> None:
+def test_triangles_and_comparisons_equal_onnxruntime() -> None:
     """Operators of tril, eye, where and expand give onnxruntime's results."""
     rng = np.random.default_rng(6)
     shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
@@ -125,7 +125,7 @@ def test_triangles_comparisons_and_repeated_rows_those_onnx_runtime() -> None:
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
-def test_graphs_old_new_operator_sets_those_onnx_runtime(opset: int) -> None:
+def test_old_and_new_operator_sets_equal_onnxruntime(opset: int) -> None:
     """Graphs of old and of new operator sets give the results of onnxruntime."""
     axes = {"axes": [0]} if opset < 13 else {}
     nodes: list[tuple[Any, ...]] = [
@@ -154,7 +154,7 @@ def test_graphs_old_new_operator_sets_those_onnx_runtime(opset: int) -> None:
     assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, 2, opset=opset), abs=1e-6)
 
 
-def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
+def test_integer_division_in_a_graph_is_truncated() -> None:
     """The quotient of integers in a graph is truncated: 7 / 2 = 3."""
     nodes = [
         ("Div", "seven two", "three"),
@@ -172,7 +172,7 @@ def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
     assert float(summed(np.arange(1.0, 7.0))) == 6.0
 
 
-def test_weights_beside_graph_are_read_from_folder_alone() -> None:
+def test_external_weights_are_read_from_the_graphs_folder() -> None:
     """External weights are read from the graph's folder.
 
     A path or a symbolic link to another folder is refused.
@@ -229,7 +229,7 @@ def test_wrong_graphs_are_refused() -> None:
     refusal("damaged.onnx")
 
 
-def test_without_package_onnx_its_files_alone_are_refused(
+def test_without_onnx_only_onnx_files_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Without the package onnx, ONNX files are refused and torch files are read."""
@@ -300,7 +300,7 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
 
 
 @pytest.mark.parametrize("name", GRAPHS)
-def test_operators_equal_onnx_runtime(name: str) -> None:
+def test_each_operator_equals_onnxruntime(name: str) -> None:
     """Each supported operator gives the values of ONNX Runtime."""
     nodes, constants, outputs = GRAPHS[name]
     single = {"one": np.array(1.0, "float32")}  # says the type of the graph
@@ -315,7 +315,7 @@ def test_unsupported_attributes_are_refused() -> None:
     assert "damaged" not in said
 
 
-def test_numbers_are_counted_before_they_are_made() -> None:
+def test_a_graph_with_huge_results_is_refused() -> None:
     """A small graph whose results would need gigabytes is refused before it is evaluated."""
     sizes = {"sizes": np.array([2**14, 2**14])}
     tall = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}

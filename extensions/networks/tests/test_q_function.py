@@ -62,7 +62,7 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
     assert pytest.approx(np.linalg.solve(H[6:, 6:], H[6:, :6]), rel=1e-9) == critic.K
 
 
-def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
+def test_coefficients_of_q_may_depend_on_the_state() -> None:
     """For Q = cos x + e^x (u - tanh x)², quadratic in u, the policy is u = tanh x."""
     xu = ca.SX.sym("xu", 2)
     x, u = ca.vertsplit(xu)
@@ -72,7 +72,7 @@ def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
         assert float(policy(x_value)) == pytest.approx(np.tanh(x_value), rel=1e-12, abs=1e-15)
 
 
-def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
+def test_the_policy_is_nan_if_curvature_changes_sign() -> None:
     """At a state where ∂²Q/∂u² has another sign than at 0, the policy is not finite."""
     xu = ca.SX.sym("xu", 2)
     policy = policy_of(ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]]), 1)
@@ -90,7 +90,7 @@ def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
         (lambda u: u, "has neither a minimum nor a maximum over u"),
     ],
 )
-def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
+def test_a_q_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
     """A Q that is not quadratic in u, or has neither a minimum nor a maximum over u, is refused."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
@@ -121,7 +121,7 @@ def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
     assert pytest.approx(-actor, rel=1e-12) == critic.K
 
 
-def test_inputs_of_other_widths_are_refused() -> None:
+def test_q_functions_with_other_input_numbers_are_refused() -> None:
     """A Q function with another number of inputs is refused with the expected sizes."""
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)

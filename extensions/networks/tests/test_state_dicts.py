@@ -129,7 +129,7 @@ def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.nd
 
 
 @pytest.mark.parametrize("library", [rsl_rl, rl_games, skrl, clean_rl])
-def test_policies_of_other_libraries_are_read(library) -> None:
+def test_policies_of_several_libraries_are_read(library) -> None:
     """Policies of several libraries give the outputs of their formulas.
 
     The outputs are compared for single states and for rows.
@@ -167,7 +167,7 @@ def test_policies_of_other_libraries_are_read(library) -> None:
         ({"sigma.weight": np.ones((STATES, STATES))}, "actor", "sigma.weight"),
     ],
 )
-def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:
+def test_a_tensor_of_unknown_function_is_refused(more, part, named) -> None:
     """A tensor of unknown function that may act on the network is refused by name."""
     path = torch_file("a.pt", actor("actor.") | critic("critic.") | more)
     said = refusal(path, activation="tanh", parts={"policy": part})

@@ -65,7 +65,7 @@ def _network(activation: Any) -> Any:
     return _sequential(_sequential(first, activation), _linear(WEIGHTS[1], BIASES[1]))
 
 
-def test_a_sequential_is_the_network_of_its_file(folder: Any) -> None:
+def test_a_sequential_equals_its_state_dict(folder: Any) -> None:
     """A Sequential has the policy of its formula, and the cost of its state dict in a file.
 
     Another activation changes the policy.
@@ -91,7 +91,7 @@ def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
     return zip(("weight", "bias"), pair, strict=True)
 
 
-def test_a_network_flies() -> None:
+def test_a_sequential_is_simulated_as_a_policy() -> None:
     """In a flight with a Sequential as policy, the inputs follow the network's formula at all
     times.
 
@@ -111,7 +111,7 @@ def test_a_network_flies() -> None:
         hfa.fly(model, point, _sequential(_linear(np.ones((1, 6)), None)), 0.1)
 
 
-def test_what_is_not_read_is_refused() -> None:
+def test_unsupported_modules_and_settings_are_refused() -> None:
     """Unsupported modules, settings, sizes and numbers are refused by name."""
     layer = _linear(np.ones((1, 2)), None)
     for network, said in (
@@ -137,7 +137,7 @@ def test_what_is_not_read_is_refused() -> None:
         hfa.from_network(GAME, lambda z: z)
 
 
-def test_torch_modules_are_read() -> None:
+def test_sequentials_equal_torch_for_each_activation() -> None:
     """Policies of Sequentials give the outputs that torch computes, for each activation."""
     torch = pytest.importorskip("torch", reason="the package torch is not installed")
     kinds = ("ELU", "GELU", "LeakyReLU", "ReLU", "SELU", "SiLU", "Sigmoid", "Softplus", "Tanh")

@@ -54,7 +54,7 @@ def test_small_deviations_cost_the_riccati_solution() -> None:
     assert best.linear_cost == pytest.approx(start @ P @ start, rel=1e-9)
 
 
-def test_saturated_double_integrator_in_closed_form() -> None:
+def test_saturated_double_integrator_cost_equals_closed_form() -> None:
     """The best cost of a saturated double integrator agrees with its closed form within 0.1 %.
 
     State and costate are polynomials in time, backwards from a point at which the LQR saturates.
@@ -112,7 +112,7 @@ def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
         assert column.max() <= signal.max + 1e-9
 
 
-def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
+def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> None:
     """The simulation confirms a proposal, and refutes wrong costs and wrong inputs.
 
     The horizon of a proposal is too short if the linear policy leaves the limits after it.
@@ -131,7 +131,7 @@ def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
     assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
 
 
-def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
+def test_a_proposal_on_a_coarse_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
     """On eight equal intervals, IPOPT proposes a cost more than 1 % below the best flight's cost.
 
     The simulation refutes this proposal.
@@ -147,7 +147,7 @@ def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
     assert "off the proposed" in refutation(search.flights.follow(proposal, gtm.seconds), proposal)
 
 
-def test_a_cart_too_fast_to_stop() -> None:
+def test_a_cart_too_fast_to_stop_is_refused() -> None:
     """A cart that needs 18 m to stop has no flight within the limits if only 5 m are left."""
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
         best_of_cart({"position": 15.0, "velocity": 6.0})
@@ -163,7 +163,7 @@ def test_infeasible_flights_raise_nosolutionerror() -> None:
         hfa.best_flight(model, point, start)
 
 
-def test_initial_and_its_earlier_name_are_equal() -> None:
+def test_initial_and_start_have_the_same_effect() -> None:
     """`initial=` and its earlier name `start=` have the same effect. Both and neither are refused."""
     model = cart()
     point = hfa.find_operating_point(model)
@@ -177,7 +177,7 @@ def test_initial_and_its_earlier_name_are_equal() -> None:
             hfa.best_flight(model, point, **wrong)
 
 
-def test_an_input_that_does_not_move() -> None:
+def test_an_input_not_selected_is_constant() -> None:
     """An input that is not selected is constant. With both inputs, the cost is more than 10 %
     lower.
     """
@@ -220,7 +220,7 @@ def test_unusable_arguments_are_refused(
     assert "\n" not in str(caught.value)
 
 
-def test_report_calls_the_linear_figure_linear(gtm: hfa.BestFlight) -> None:
+def test_the_report_distinguishes_the_linear_cost(gtm: hfa.BestFlight) -> None:
     """The report states that the linear cost is not a cost of the aircraft."""
     text = gtm.report().text()
     assert text.startswith("Best flight, GTM")

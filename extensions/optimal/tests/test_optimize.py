@@ -24,7 +24,7 @@ GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
-def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFixture[str]) -> None:
     """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
 
     The exact policy and the linear optimum cost more than four times the best flight found.
@@ -73,7 +73,7 @@ def test_a_deployment_and_a_critic_are_compared(
 
 
 @pytest.mark.slow
-def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_optimize_counts_initial_conditions_in_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa optimize --starts 2` counts found and refused flights.
 
     The linear optimum is not cheaper than the best flight by more than 0.1 %.
@@ -85,7 +85,7 @@ def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
         assert each["policies"][0]["cost"] >= 0.999 * each["cost"]
 
 
-def test_an_interruption_keeps_what_is_found() -> None:
+def test_an_interrupted_table_contains_the_finished_flights() -> None:
     """Ctrl-C ends the table after the present flight, and the table contains the finished flights."""
     model = hfa.load_model(GTM)
     search = BestFlights(flight_problem(model, hfa.find_operating_point(model)))

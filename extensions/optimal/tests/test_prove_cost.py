@@ -77,7 +77,7 @@ def test_other_weights_and_trims_are_refused(
     assert reason in capsys.readouterr().err
 
 
-def test_a_run_goes_on_from_its_certificate(
+def test_a_run_is_resumed_from_its_certificate(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """--resume keeps the pieces of the certificate. A certificate with other weights is refused."""
@@ -92,7 +92,7 @@ def test_a_run_goes_on_from_its_certificate(
     assert [piece["c"] for piece in pieces][: len(before)] == [piece["c"] for piece in before]
 
 
-def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_hidden_state_that_changes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa prove cost` refuses the HFA.
 
     The derivatives of its states depend on the altitude, which the cost omits.
@@ -107,13 +107,15 @@ def test_every_field_is_listed(certificate: Path) -> None:
     assert {name for name, _ in entries_of(content, COST_FIELDS)} == set(COST_FIELDS)
 
 
-def test_a_margin_beyond_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_margin_outside_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """A margin outside its range is refused with this range."""
     assert main(["prove", "cost", *AIRCRAFT, "--margin", "2"]) == 2
     assert "; give a number from 0.0001 to 0.5" in capsys.readouterr().err
 
 
-def test_a_flight_is_bracketed(certificate: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_and_function_report_equal_bounds(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The command and the Python function report the same bounds of the least cost."""
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--bound", str(certificate)]
     assert main(words) == 0
@@ -144,7 +146,7 @@ def test_the_table_contains_bound_and_cost(
     assert all(0.0 < float(row[-2]) < float(row[-1]) for row in rows)
 
 
-def test_an_initial_condition_beyond_level_is_named(statement: CostStatement) -> None:
+def test_an_initial_condition_above_the_level_is_bounded(statement: CostStatement) -> None:
     """If W exceeds the certificate's level at the initial condition, the lower bound is the level.
 
     The sentence on the bounds reports initial conditions beyond the level.
@@ -191,7 +193,7 @@ def card_of(folder: Path, weight: float) -> str:
     return str(pendulum_card(folder, f"[timing]\ndt = 0.01\n{cost}"))
 
 
-def test_flights_of_a_deployed_policy_are_bracketed(
+def test_the_lower_bound_is_below_the_policys_cost(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """From each initial condition, the lower bound is below the costs of best flight and policy.

@@ -36,7 +36,7 @@ def moved() -> QuickestFlight:
     return hfa.quickest_flight(model, hfa.find_operating_point(model), begin)
 
 
-def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
+def test_the_quickest_double_integrator_equals_closed_form(moved: QuickestFlight) -> None:
     """The quickest time of a double integrator over a distance d is at least 2 sqrt(d / u_max).
 
     The time found exceeds this least time by at most 0.5 %.
@@ -47,7 +47,7 @@ def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
     assert moved.spread < 0.005
 
 
-def test_a_speed_limit_in_closed_form() -> None:
+def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     """With a speed limit v, the quickest time over the distance d is d / v + v / u, within 0.5 %."""
     model = cart()
     point = hfa.find_operating_point(model)
@@ -56,7 +56,7 @@ def test_a_speed_limit_in_closed_form() -> None:
     assert np.abs(best.states[:, 1]).max() <= 2.0
 
 
-def test_another_integrator_arrives(moved: QuickestFlight) -> None:
+def test_scipys_simulation_arrives_in_the_target_box(moved: QuickestFlight) -> None:
     """With the inputs of the quickest flight, SciPy's simulation ends in the same arrival box."""
 
     def rate(t: float, x: np.ndarray) -> list[float]:
@@ -74,7 +74,7 @@ def test_a_missed_target_is_detected(moved: QuickestFlight) -> None:
     assert not not_arrived(moved.problem, moved.flown, moved.proposal)
 
 
-def test_optimize_finds_a_quickest_dihedral_change(capsys: pytest.CaptureFixture[str]) -> None:
+def test_optimize_finds_the_quickest_dihedral_change(capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa optimize --minimize time` changes the dihedral by 1 deg and ends within the target box."""
     words = ["optimize", "--dihedral", "14", "--to", "dihedral=15", "--minimize", "time"]
     assert main([*words, "--json"]) == 0
@@ -87,7 +87,7 @@ def test_optimize_finds_a_quickest_dihedral_change(capsys: pytest.CaptureFixture
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("begin", "seconds"), [(5.0, 1.571), (10.0, 0.861)])
-def test_the_aircraft_morphs_by_many_degrees(begin: float, seconds: float) -> None:
+def test_the_hfa_changes_its_dihedral_to_15_degrees(begin: float, seconds: float) -> None:
     """The HFA changes its dihedral to 15 deg in the expected time, within 1 %.
 
     The times on two meshes differ by less than 0.5 %.

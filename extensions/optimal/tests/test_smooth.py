@@ -34,7 +34,7 @@ def copies(expression: ca.SX, x: ca.SX) -> tuple[np.ndarray, np.ndarray, ca.Func
         lambda x: ca.if_else(ca.logic_and(x > 0.0, x > -0.5), x, 0.0),
     ],
 )
-def test_a_copy_differs_near_the_kink_alone(kinked):
+def test_a_smooth_copy_differs_only_near_the_kink(kinked):
     """A smooth copy differs from the function only near the kink, by less than 4 half-widths.
 
     The slope of the copy is continuous.
@@ -60,7 +60,7 @@ def test_a_condition_on_a_truth_value_is_smooth():
     assert np.ptp(np.diff(smooth[inside])) < 0.2
 
 
-def test_what_cannot_be_smooth_stays():
+def test_unsuitable_comparisons_are_not_smoothed():
     """Comparisons with infinite branches or constant arguments are not changed.
 
     If the kink is far from the points, the function itself is returned.
@@ -75,7 +75,7 @@ def test_what_cannot_be_smooth_stays():
 
 
 @pytest.mark.slow
-def test_an_aircraft_with_tables_flies_its_true_equations():
+def test_exact_equations_confirm_the_cost_with_tables():
     """For an aircraft with tables, the simulation with exact equations confirms the proposed cost.
 
     The difference is at most 0.5 %. The smoothed rates differ from the exact rates by less than 5

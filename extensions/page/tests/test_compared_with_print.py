@@ -11,7 +11,7 @@ from hfa_page.compared_with_print import matrices_compared_with_print
 from trim import regenerate
 
 
-def test_planted_error_changes_tone_of_entry_no_other() -> None:
+def test_a_planted_deviation_colors_only_its_entry() -> None:
     """A planted deviation of an entry changes the color of this entry by size, and no other color."""
     published = published_models()[0]
     model = regenerate(hfa.aircraft(), published)

@@ -16,7 +16,7 @@ from trim import trim_figure
 
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
-def test_lift_is_across_panels_and_carries_weight(
+def test_lift_is_normal_to_panels_and_balances_weight(
     published_aircraft: Model, degrees: float
 ) -> None:
     """Each lift is normal to its panel, the lifts balance the weight, and arrows are to scale.
@@ -48,6 +48,6 @@ def test_lift_is_across_panels_and_carries_weight(
     assert [text.get_text() for text in axes.texts].count(label) == 2
 
 
-def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
+def test_si_text_and_pictures_contain_no_feet(tmp_path: Path) -> None:
     """`hfa trim --units si --picture` prints and draws no English unit."""
     assert_no_feet("trim", "--dihedral", "12", folder=tmp_path)

@@ -87,7 +87,7 @@ def claims() -> Claims:
     return load_claims(STORED)
 
 
-def test_a_row_each_with_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
+def test_each_claim_has_a_row_with_its_verdict(job: MainJob, claims: Claims) -> None:
     """The page has one row with the stored verdict for each claim, and counts the unconfirmed
     claims.
     """
@@ -106,7 +106,7 @@ def test_a_row_each_with_verdict_that_is_stored(job: MainJob, claims: Claims) ->
 FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 
 
-def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
+def test_the_page_shows_the_stored_flights(job: MainJob) -> None:
     """The page shows the costs and limits of the stored flights.
 
     The page also states whether these flights used the aircraft of the page.
@@ -187,7 +187,7 @@ def test_a_damaged_table_is_refused(
         load_claims(tmp_path)
 
 
-def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
+def test_plotly_accepts_the_front_view(job: MainJob) -> None:
     """Plotly accepts the front view. Arrows are to scale, and panels are at the dihedral angle."""
     plot = front_view(job.aircraft, job.points)
     assert plot is not None
@@ -218,7 +218,7 @@ def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
         assert np.arctan2(y, x - p.panel_span / 2) == pytest.approx(point.dihedral, abs=1e-4)
 
 
-def test_data_cannot_end_the_script() -> None:
+def test_data_in_a_script_contain_no_tag() -> None:
     """Data in a script contain no tag, and nan becomes null."""
     value = {"name": "</script><script>alert(1)", "x": np.array([0.5, np.nan])}
     text = in_script(value)
@@ -226,7 +226,7 @@ def test_data_cannot_end_the_script() -> None:
     assert json.loads(text) == {"name": "</script><script>alert(1)", "x": [0.5, None]}
 
 
-def test_hover_shows_the_modes(job: MainJob) -> None:
+def test_hover_texts_contain_frequency_and_damping(job: MainJob) -> None:
     """The root locus shows all modes. Its hover texts contain the frequency and damping of modes.
 
     A second figure contains only the slow modes.
@@ -253,7 +253,7 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
                 )
 
 
-def test_without_trims_nothing_is_plotted(job: MainJob, published_aircraft: Model) -> None:
+def test_front_view_and_locus_require_a_trim(job: MainJob, published_aircraft: Model) -> None:
     """Without a trimmed point, the front view and the root locus are omitted."""
     assert front_view(job.aircraft, job.points[-1:]) is None
     assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None

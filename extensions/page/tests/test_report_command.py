@@ -49,7 +49,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     return hfa("report", *words), folder
 
 
-def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
+def test_the_folder_contains_page_pictures_and_numbers(made: tuple[Result, Path]) -> None:
     """The folder contains the page, pictures and numbers. The numbers equal those of other
     commands.
 
@@ -109,7 +109,7 @@ def test_pictures_of_the_documents_are_current(made: tuple[Result, Path]) -> Non
 
 
 @pytest.mark.slow
-def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None:
+def test_the_largest_page_is_below_three_megabytes(tmp_path: Path) -> None:
     """With the largest permitted sweep, the page has less than 3 MB without Plotly's script."""
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
@@ -119,7 +119,7 @@ def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> None:
+def test_no_picture_is_written_if_numbers_fail(tmp_path: Path) -> None:
     """If numbers.json cannot be written, no picture is written."""
     (tmp_path / "numbers.json").mkdir()
     words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
@@ -127,7 +127,7 @@ def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["numbers.json"]
 
 
-def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
+def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     """An angle without a trim is on the page with the reason, and the command fails."""
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
@@ -140,7 +140,7 @@ def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
     assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
 
 
-def test_without_plotly_page_is_refused_before_anything_computed(
+def test_a_missing_plotly_is_refused_before_the_computation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without Plotly (hidden here), the page is refused before the computation. --json needs no
@@ -184,7 +184,7 @@ def test_every_angle_is_trimmed_at_given_condition() -> None:
 
 
 @pytest.mark.slow
-def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_report_leaves_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     """If a file of the report cannot be written, the folder is removed."""
 
     def full(path: Path, text: str) -> None:

@@ -36,7 +36,7 @@ def good():
     return assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=16)
 
 
-def test_the_first_line_is_verdict_and_two_findings(good):
+def test_the_first_line_contains_verdict_and_two_findings(good):
     """The first line contains the verdict and two findings.
 
     Further findings follow on separate lines. A requirement that is not satisfied is the second
@@ -55,7 +55,7 @@ def test_the_first_line_is_verdict_and_two_findings(good):
     assert max(map(len, [*lines, *failing])) <= 100
 
 
-def test_the_json_has_the_documented_keys(good):
+def test_the_json_contains_the_documented_keys(good):
     """The JSON of an assessment that passes is valid and contains the documented keys at each trim."""
     data = json.loads(good.report().json())
     assert complaints_about(data) == []
@@ -81,7 +81,7 @@ def test_the_json_has_the_documented_keys(good):
         ("action", "elevator", {"map": "a**a"}),
     ],
 )
-def test_formula_not_smooth_at_trim_refused_by_name(table, name, entry):
+def test_a_formula_not_smooth_at_trim_is_refused(table, name, entry):
     """A formula that is not smooth at the trim is refused, with its table and name."""
     o = ca.SX.sym("o", 4)
     right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
@@ -121,7 +121,7 @@ def test_a_delay_above_the_limit_fails():
 
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
-def test_rest_is_where_flight_of_200_s_ends(name):
+def test_the_equilibrium_equals_the_end_of_flight(name):
     """The equilibrium equals the final state of a 200 s flight from the trim, to 1e-6."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
@@ -133,7 +133,7 @@ def test_rest_is_where_flight_of_200_s_ends(name):
         np.testing.assert_allclose(place.equilibrium.states, end, rtol=1e-6, atol=1e-6)
 
 
-def test_a_flight_is_that_of_its_equations():
+def test_a_sample_with_delay_equals_scipys_integration():
     """One simulated sample of a policy with a delay of 1.5 samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
@@ -198,7 +198,7 @@ def test_the_seed_determines_the_flights():
     assert first.worst_start != other.worst_start
 
 
-def test_normalizer_files_do_not_show_note_and_data(capsys):
+def test_an_unclear_normalizer_is_noted(capsys):
     """If the files do not show whether a normalizer was used, a warning is printed and in the
     JSON.
     """
@@ -261,7 +261,7 @@ def test_a_planted_nonlinearity_is_found():
     assert "the command deviates from its linearization by up to" in str(result.report())
 
 
-def test_box_and_needs_are_those_of_the_command():
+def test_assess_accepts_a_box_and_requirements():
     """`hfa.assess` accepts a box and requirements.
 
     A wrong name or half-width of the box is refused.
@@ -289,7 +289,7 @@ def test_a_gain_has_no_nonlinearity():
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.02])
-def test_aircraft_of_one_input_is_assessed_and_flown(delay):
+def test_an_aircraft_with_one_input_is_assessed(delay):
     """A pendulum with one input is assessed, simulated, and used as an environment.
 
     The spectral radius equals that of python-control for A = [0 1; g / l -b / m l²] and held
@@ -335,7 +335,7 @@ def kinked_model():
     return replace(gtm, name="kinked", equations=equations, extras=extras)
 
 
-def test_slopes_at_a_kink_are_those_of_linearize():
+def test_slopes_at_a_kink_equal_those_of_linearize():
     """At a kink of the aircraft, the assessed equilibrium has the A and B of `linearize`.
 
     These A and B are those of the smooth model. At a kink of the policy, K is the mean of both
@@ -391,7 +391,7 @@ def test_a_trim_at_edge_of_envelope_is_refused():
     hfa.environment(model, f16_card(), [502.0])
 
 
-def test_a_departure_has_state_limit_and_time():
+def test_a_departure_is_reported_with_state_and_time():
     """A flight that leaves the envelope is reported with the state, its limit and the time, also by
     the environment.
     """
@@ -416,7 +416,7 @@ def test_a_departure_has_state_limit_and_time():
     assert info["left"].startswith("altitude below -3 ft at ")
 
 
-def test_the_first_lost_flight_is_the_first():
+def test_the_first_departure_is_reported():
     """The flight that leaves the envelope first is reported, with its initial state and its time.
 
     Initial state and time agree with SciPy's integration, without and with a disturbance pulse of
@@ -460,7 +460,7 @@ def _rate(_, x, model, u, d):
     return model.at(x, u).f + d
 
 
-def test_changed_aircraft_are_flown_with_frozen_trim_values():
+def test_policies_on_changed_aircraft_keep_trim_values():
     """A policy on a changed aircraft keeps the trim values of the original aircraft.
 
     The equilibrium with another xcg equals SciPy's root of the equations of motion with the policy.
@@ -506,7 +506,7 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
         ({"throttle": (0.0, 9.0)}, "throttle is 2.25; give a value between 0 and 1"),
     ],
 )
-def test_a_wrong_change_is_refused_before_trims(vary, said):
+def test_a_wrong_vary_is_refused_before_trims(vary, said):
     """A wrong name or range in `vary` is refused before the trims are read."""
     model = model_of(F16)
     no_trim = [object()]
@@ -514,7 +514,7 @@ def test_a_wrong_change_is_refused_before_trims(vary, said):
         assess(model, f16_card(), no_trim, vary=vary)
 
 
-def test_several_deployments_are_one_table(capsys, tmp_path):
+def test_several_deployments_are_compared_in_one_table(capsys, tmp_path):
     """Several deployments are compared in one table. Equal deployments have equal flights.
 
     The first line begins with FAIL if a deployment does not satisfy a requirement.

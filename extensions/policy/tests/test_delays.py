@@ -53,7 +53,7 @@ def is_lost(name, point, equilibrium, delay):
         for case in CASES
     ],
 )
-def test_delay_that_is_lost_is_that_of_flights(name, number):
+def test_the_smallest_unstable_delay_agrees_with_flights(name, number):
     """Flights are stable one sample below the smallest unstable delay, and unstable at this delay."""
     deployment = card(name)
     point = trims(name)[number]

@@ -173,7 +173,7 @@ def test_a_normalizer_is_read(name):
     assert found.count > 1000.0
 
 
-def test_pickle_that_calls_is_refused_and_not_run(folder):
+def test_a_pickle_with_a_call_is_not_run(folder):
     """A pickle that would call a function is refused, and the function is not called."""
     made = folder / "made"
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
@@ -197,7 +197,7 @@ def rewrite_zip(folder, changed):
     (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
 
 
-def test_zip_whose_data_calls_refused_and_not_run(folder):
+def test_a_zip_with_a_call_is_not_run(folder):
     """A zip whose data would call a function is refused, and the function is not called."""
     made = folder / "made"
     call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
@@ -225,7 +225,7 @@ SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
         pytest.param(b"", id="nothing"),
     ],
 )
-def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
+def test_a_pickle_that_needs_excessive_memory_is_refused(folder, content):
     """A pickle that needs far more memory than its size is refused, with the name of its file."""
     (folder / "bomb.pkl").write_bytes(content)
     assert "bomb.pkl: the" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
@@ -254,7 +254,7 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
         {"policy_kwargs": [1]},
     ],
 )
-def test_data_of_zip_of_another_type_are_refused(folder, entries):
+def test_a_zip_entry_of_wrong_type_is_refused(folder, entries):
     """A zip with an entry of a wrong type is refused, with the name of the entry."""
     rewrite_zip(folder, lambda data: data | entries)
     assert next(iter(entries)) in message_of(folder, CARD)
@@ -272,7 +272,7 @@ def test_data_of_zip_of_another_type_are_refused(folder, entries):
         ),
     ],
 )
-def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
+def test_a_zip_of_another_class_is_refused(folder, entries, named):
     """A zip that contains another class is refused, with the name of the class."""
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
@@ -282,7 +282,7 @@ def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
     assert named in message_of(folder, CARD)
 
 
-def test_action_scale_of_state_dict_is_its_box(folder):
+def test_cleanrl_actions_follow_from_scale_and_bias(folder):
     """The action of a CleanRL state dict is tanh(W o) action_scale + action_bias, and nan for nan.
 
     `squash = false` contradicts the state dict and is refused.
@@ -301,7 +301,7 @@ def test_action_scale_of_state_dict_is_its_box(folder):
         _ = gtm_card({"file": folder / "actor.npz", "squash": False}).actor
 
 
-def test_zip_whose_directory_lies_about_size_is_refused(folder):
+def test_a_zip_with_a_wrong_size_is_refused(folder):
     """A zip whose directory states a wrong size is refused."""
     rewrite_zip(folder, lambda data: data | {"more": " " * 10**6})
     content = (folder / "ppo_gtm.zip").read_bytes()
@@ -357,7 +357,7 @@ def test_a_damaged_zip_is_refused(folder, name):
     assert "card.toml" in message_of(folder, CARD)
 
 
-def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
+def test_gains_and_state_dicts_give_equal_actions(tmp_path):
     """A gain K and a state dict with the weights -K both give the action -K o."""
     K = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
     np.savez(tmp_path / "gain.npz", K=K)
@@ -380,7 +380,7 @@ def test_settings_stored_in_a_zip_are_read():
     assert (ppo.squash, ppo.layout, ppo.environments) == (False, (16, 16), 4)
 
 
-def test_a_card_in_python_is_that_of_file():
+def test_a_deployment_in_python_equals_its_file():
     """A deployment constructed in Python has the same box and sample time as its file."""
     loaded = card("ppo_gtm")
     again = Deployment(
@@ -390,7 +390,7 @@ def test_a_card_in_python_is_that_of_file():
     assert again.dt == loaded.dt
 
 
-def test_a_deployment_that_was_read_is_pickled(folder):
+def test_a_deployment_read_from_files_is_pickled(folder):
     """A deployment whose files were read can be pickled."""
     read = card("ppo_gtm")
     assert read.actor
@@ -431,7 +431,7 @@ def shared(times):
     return inner
 
 
-def test_pickle_of_shared_lists_is_refused_at_once(folder):
+def test_a_pickle_of_shared_lists_is_refused(folder):
     """A pickle of shared lists with 2^32 leaves is refused. One with 2^8 leaves is accepted."""
     content = pickle.dumps({"obs_rms": shared(32)}, 2)
     with pytest.raises(BadInputError, match="refer to each other too often"):
@@ -439,13 +439,13 @@ def test_pickle_of_shared_lists_is_refused_at_once(folder):
     assert inert(pickle.dumps({"obs_rms": shared(8)}, 2))
 
 
-def test_a_file_does_not_name_its_own_class(folder):
+def test_a_pickle_cannot_change_a_stored_class_name(folder):
     """A pickle cannot change the class name that is stored for an object."""
     stored = inert(b"\x80\x02cgymnasium.spaces.box\nBox\n)\x81}X\x07\0\0\0made_ofX\x01\0\0\0ysb.")
     assert stored.made_of == "gymnasium.spaces.box.Box"
 
 
-def test_stacks_of_frames_actors_crossq_refused_in_words():
+def test_policies_for_frame_stacks_are_refused():
     """A policy for a stack of frames is refused. The message states the required `history`.
 
     A CrossQ actor is refused.

@@ -21,7 +21,7 @@ STARTS = 100
 @pytest.mark.slow
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
-def test_flights_that_end_early_are_classified_right(name, late):
+def test_flights_that_end_early_are_classified_correctly(name, late):
     """Flights that end early stay within the limits if they are continued to their full duration.
 
     Of these, exactly the flights that counted as converged end in the ball about the equilibrium.
@@ -146,7 +146,7 @@ def _distance(flown, rows, chosen):
 
 
 @pytest.mark.slow
-def test_states_lag_behind_an_equilibrium_that_climbs():
+def test_states_lag_behind_a_moving_equilibrium():
     """In a climb, the speed lags behind its changing equilibrium by the predicted amount, to 10
     %.
     """
@@ -175,7 +175,7 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
     assert off[0] == pytest.approx(place.lag[0], rel=0.1)
 
 
-def test_modes_out_of_reach_take_flights_out_again():
+def test_a_flight_that_departs_again_has_not_converged():
     """A flight that leaves the convergence ball again does not count as converged.
 
     The flight leaves the ball through a mode that no action affects. For y' = .02 y and x' = -x + u

@@ -32,7 +32,7 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
     check_env(environment(aircraft(name), card(name), trims(name)[:1]))
 
 
-def test_points_are_what_assess_takes() -> None:
+def test_environments_accept_points_in_four_forms() -> None:
     """The points of an environment may be given in four forms.
 
     The forms are a list of operating points, one point, values of the scheduling variable, or None.
@@ -78,7 +78,7 @@ def test_an_environment_needs_no_deployment() -> None:
     assert -1.0 < reward <= 0.0
 
 
-def test_the_usual_deployment_takes_a_sample_time() -> None:
+def test_a_sample_time_excludes_a_deployment() -> None:
     """A sample time is refused together with a deployment, and accepted without a deployment."""
     model = aircraft("ppo_gtm")
     for make in (environment, vector_environment):
@@ -90,7 +90,7 @@ def test_the_usual_deployment_takes_a_sample_time() -> None:
     assert [env.step(still)[3] for _ in range(4)] == [False, False, False, True]
 
 
-def test_an_action_that_is_no_number_is_error() -> None:
+def test_a_wrong_action_is_refused() -> None:
     """An action of a wrong size or type, or with NaN, is refused."""
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
     env.reset(seed=1)
@@ -100,7 +100,7 @@ def test_an_action_that_is_no_number_is_error() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
-def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) -> None:
+def test_flights_in_environments_equal_those_of_fly(tmp_path, delay: float) -> None:
     """A random gain on elevator and throttle gives equal flights in the environment and by `fly`.
 
     The flights last 4 s.
@@ -144,7 +144,7 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
     assert (np.abs(np.array(states) - expected) / scale).max() < limit
 
 
-def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
+def test_the_reward_is_the_negative_cost() -> None:
     """The reward of a sample is the negative cost of the sample.
 
     If a state leaves the limits, the cost is charged for this sample and for every remaining
@@ -165,7 +165,7 @@ def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
     assert reward == pytest.approx(-50 * 0.02 * 8.0 * 5.0**2, rel=1e-9)
 
 
-def test_an_episode_ends_where_numbers_end() -> None:
+def test_an_episode_ends_if_the_action_is_nan() -> None:
     """An action for which the map has no value ends the episode, immediately or after the delay.
 
     The observation of the sample before is returned, with a large cost.
@@ -288,7 +288,7 @@ def test_training_logs_the_return_of_episodes() -> None:
 
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
-def test_episodes_meet_the_turbulence_of_flights() -> None:
+def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
     """Episodes in turbulence are equal for equal seeds and different for different seeds.
 
     The standard deviations of the states agree with those of `fly` to 35 %.

@@ -56,7 +56,7 @@ def test_fly_and_assess_simulate_equal_flights(tmp_path, delay):
         assert np.abs(differences).max() < 1e-12 * np.abs(path_of_rows).max()
 
 
-def test_half_a_sample_has_half_steps_of_integration():
+def test_a_half_sample_delay_halves_integration_steps():
     """With a delay of 2.5 samples, a sample consists of two integration steps of half a sample.
 
     In floating point, 0.025 s minus two samples of 0.01 s is slightly above 0.005 s.
@@ -76,7 +76,7 @@ def test_half_a_sample_has_half_steps_of_integration():
 
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
-def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
+def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
     """A deployment whose action formula has no value at the trim is refused in flights and in
     episodes.
     """
@@ -94,7 +94,7 @@ def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
         Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
 
 
-def test_sample_time_of_parts_of_microsecond_is_refused():
+def test_sample_times_with_fractional_microseconds_are_refused():
     """A sample time that is not a multiple of a microsecond is refused."""
     name = "ppo_gtm"
     odd = card(name).changed(timing={"dt": 0.0123456789})
@@ -115,7 +115,7 @@ def card_without_normalizer(folder):
     return path
 
 
-def test_card_is_flown_warns_of_what_files_prove(tmp_path):
+def test_a_flight_warns_of_a_proved_mistake(tmp_path):
     """A flight of a deployment file warns of a mistake that the policy's files prove.
 
     A correct deployment file causes no warning.
@@ -138,7 +138,7 @@ def test_fly_and_export_note_proved_mistakes(tmp_path, capsys, words):
     assert "note: mistake: the policy was trained with" in capsys.readouterr().err
 
 
-def test_a_file_is_flown_as_its_content(tmp_path):
+def test_fly_accepts_the_path_of_a_policy(tmp_path):
     """`hfa.fly` with the path of a deployment file or a gain gives the flight of its content.
 
     A missing file is refused.

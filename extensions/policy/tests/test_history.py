@@ -38,7 +38,7 @@ def stacked(delay=0.0, history=3, gain=GAIN):
     return gtm_card(policy, action=action, timing={"dt": 0.02, "delay": delay, "history": history})
 
 
-def test_the_loop_is_that_of_past_states():
+def test_spectral_radius_includes_past_states():
     """The spectral radius equals that of the loop with state (x_k; x_{k-1}; x_{k-2}).
 
     The loop for comparison is built with SciPy's held plant. The reported K is the sum of the gains
@@ -59,7 +59,7 @@ def test_the_loop_is_that_of_past_states():
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.03])
-def test_flights_are_those_of_fly_and_of_episodes(delay):
+def test_assess_fly_and_environments_give_equal_flights(delay):
     """A flight of one second ends at the same state in `assess`, in `fly` and in an environment."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     card = stacked(delay)

@@ -74,7 +74,7 @@ def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
 
 
 @pytest.mark.parametrize(("doubles", "code"), [(150.0, 0), (5.0, 1)])
-def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
+def test_an_unobservable_slow_mode_is_reported(assessed, doubles, code):
     """An unobservable mode that doubles in 150 s is reported and does not fail the policy.
 
     If the mode doubles in 5 s, the policy fails.
@@ -90,7 +90,7 @@ def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code
     assert ("not judged: x3 (doubles in 150 s)" in data["first_line"]) is (code == 0)
 
 
-def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
+def test_an_uncontrolled_slow_mode_is_named_first(folder, capsys):
     """An unstable slow mode on which the policy has no gain is named in the first line.
 
     A mode on which the policy has a gain is not named.

@@ -53,7 +53,7 @@ def test_a_missing_normalizer_is_named(name):
 
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
-def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
+def test_missing_normalizer_is_proved_for_a2c_not_td3(name, proved):
     """A missing normalizer is the only reported mistake. It is proved for A2C and likely for
     TD3.
     """
@@ -73,7 +73,7 @@ def of_eight_environments(last, last_original):
     return deployment
 
 
-def test_lines_prove_the_missing_normalizer_of_SAC():
+def test_linear_observations_prove_a_missing_sac_normalizer():
     """A missing normalizer of SAC is proved if the stored observations are linear in the original
     ones.
 
@@ -87,7 +87,7 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
-def test_SAC_without_a_normalizer_lacks_none(change):
+def test_sac_trained_without_normalizer_has_no_mistake(change):
     """For a SAC policy that was trained without a normalizer, no mistake is reported.
 
     The stored observations differ from the original ones by random changes of any size.
@@ -98,7 +98,7 @@ def test_SAC_without_a_normalizer_lacks_none(change):
     assert kinds("sac_gtm", of_eight_environments(last, original)) == []
 
 
-def test_a_normalizer_too_many_of_SAC_is_named():
+def test_a_superfluous_normalizer_of_sac_is_named():
     """A superfluous normalizer of SAC is reported if eight environments prove that none was used.
 
     The records of one environment do not prove a superfluous normalizer.
@@ -114,7 +114,7 @@ def test_a_normalizer_too_many_of_SAC_is_named():
     assert "a normalizer too many" not in kinds("sac_gtm", one)
 
 
-def test_constant_observations_prove_no_missing_normalizer():
+def test_constant_observations_leave_the_normalizer_undecided():
     """From stored observations without variation, a missing normalizer is neither proved nor
     excluded.
     """
@@ -123,7 +123,7 @@ def test_constant_observations_prove_no_missing_normalizer():
     assert "does not show whether" in unknown_normalizer(unvaried.on(aircraft("sac_gtm")))
 
 
-def test_one_environment_of_SAC_does_not_show_normalizer():
+def test_one_sac_environment_leaves_the_normalizer_undecided():
     """The records of one SAC environment cause a warning that a normalizer may have been used.
 
     The warning is omitted if the deployment file specifies that none was used.
@@ -135,7 +135,7 @@ def test_one_environment_of_SAC_does_not_show_normalizer():
         assert unknown_normalizer(told) == ""
 
 
-def test_normalizer_none_is_accepted():
+def test_normalizer_none_reports_no_missing_normalizer():
     """With `normalizer = "none"`, no missing normalizer is reported."""
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
 
@@ -153,7 +153,7 @@ def test_the_normalizer_of_another_checkpoint_is_named(name, other):
     assert found == ["another checkpoint's normalizer"]
 
 
-def test_normalizer_four_numbers_no_count_to_another_checkpoint():
+def test_a_normalizer_without_count_causes_no_finding():
     """A normalizer given as a table, which has no count, causes no finding."""
     stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
     table = {"mean": stored.mean, "variance": stored.variance}
@@ -190,7 +190,7 @@ def trained_on_absolute_values():
     return right.changed(policy={**right.policy, "normalizer": table})
 
 
-def test_order_is_not_proved_to_be_absolute_values():
+def test_a_wrong_observation_order_is_unclear():
     """A wrong order of absolute observations is reported as unclear.
 
     It is not reported as a confusion of absolute values and deviations.
@@ -202,7 +202,7 @@ def test_order_is_not_proved_to_be_absolute_values():
     assert set(kinds("ppo_gtm", wrong)) == {UNCLEAR}
 
 
-def test_degrees_are_not_proved_to_be_deviations():
+def test_absolute_degrees_are_not_reported_as_deviations():
     """Absolute angles in degrees are not reported as deviations from the trim.
 
     At most an unclear mistake is reported.
@@ -215,7 +215,7 @@ def test_degrees_are_not_proved_to_be_deviations():
     assert set(kinds("ppo_gtm", right.changed(observation=observation))) <= {UNCLEAR}
 
 
-def test_scales_left_out_are_not_proved_to_deviations():
+def test_omitted_scales_are_reported_as_unclear():
     """Omitted scales of absolute observations are reported as unclear, not as deviations."""
     right = observed("ppo_raw", about=0.0)
     stored = card("ppo_raw").actor.stored
@@ -315,7 +315,7 @@ def without_records(deployment, times=1.0):
         (lambda scale: scale * DEGREES, "its angles were observed in degrees"),
     ],
 )
-def test_degrees_suggested_of_policy_without_records_of_training(of, said):
+def test_degrees_are_suggested_without_training_records(of, said):
     """A wrong angle unit is suggested as the mistake of a policy without records of its
     training.
     """
@@ -325,7 +325,7 @@ def test_degrees_suggested_of_policy_without_records_of_training(of, said):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 1.0, 4.0])
-def test_nothing_suggested_of_right_card_without_records_training(times):
+def test_correct_deployments_without_records_get_no_suggestion(times):
     """For a correct deployment file without records of training, no change is suggested.
 
     The output of the policy is multiplied by a factor.
@@ -335,7 +335,7 @@ def test_nothing_suggested_of_right_card_without_records_training(times):
 
 
 @pytest.mark.slow
-def test_nothing_is_suggested_of_exchange_whose_loop_stable():
+def test_a_stable_exchange_gets_no_suggestion():
     """If two observations are exchanged and the loop is still stable, no change is suggested."""
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
@@ -343,7 +343,7 @@ def test_nothing_is_suggested_of_exchange_whose_loop_stable():
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
-def test_a_right_card_gets_no_suggestion(name, times):
+def test_a_correct_deployment_gets_no_suggestion(name, times):
     """For a correct deployment file whose policy is stronger or weaker, no change is suggested."""
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
@@ -356,7 +356,7 @@ def test_a_right_card_gets_no_suggestion(name, times):
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
 @pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
-def test_nothing_suggested_of_right_card_with_without_delay(name, delay):
+def test_a_correct_deployment_with_delay_gets_no_suggestion(name, delay):
     """For a correct deployment file with a delay of 0 or more, no change is suggested."""
     timing = {**card(name).timing, "delay": delay}
     assert suggested(name, card(name).changed(timing=timing)) == []
@@ -422,7 +422,7 @@ def with_mistake(kind):
 
 
 @pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale", "map", "actions"])
-def test_each_kind_of_mistake_suggested_on_another_aircraft(kind):
+def test_mistakes_are_reported_on_the_f16(kind):
     """Each planted kind of mistake is reported on the F-16."""
     assert kind in kinds_on_f16(with_mistake(kind))
 
@@ -437,7 +437,7 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
     assert kinds_on_f16(optimum_on_f16(times)) == found
 
 
-def test_optimum_of_changed_flights_is_that_of_scipy():
+def test_the_sampled_optimum_costs_as_predicted():
     """Flights of the exact optimum as a deployment cost as much as the sampled optimum, to 3 %."""
     model = model_of(F16)
     deployed = optimum_on_f16().on(model)
@@ -492,14 +492,14 @@ def test_all_signs_are_suggested_together():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
-def test_nothing_is_suggested_of_optimum_of_another_strength(times):
+def test_a_scaled_optimal_gain_gets_no_suggestion(times):
     """For the optimal gain multiplied by 0.02 to 3, no change is suggested."""
     assert kinds_on_f16(optimum_on_f16(times)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [2, 6])
-def test_nothing_is_suggested_of_optimum_that_is_late(samples):
+def test_a_delayed_optimum_gets_no_suggestion(samples):
     """For the optimum with a delay, no change is suggested."""
     assert (
         kinds_on_f16(optimum_on_f16().changed(timing={"dt": 0.05, "delay": samples * 0.05})) == []
@@ -507,13 +507,13 @@ def test_nothing_is_suggested_of_optimum_that_is_late(samples):
 
 
 @pytest.mark.slow
-def test_a_sign_is_suggested_with_delay():
+def test_a_reversed_sign_is_found_with_delay():
     """A reversed sign is found also for an optimal gain with delay."""
     late = with_mistake("sign").changed(timing={"dt": 0.05, "delay": 0.1})
     assert "sign" in kinds_on_f16(late)
 
 
-def test_card_whose_normalizer_lies_elsewhere_refused_by_name(tmp_path):
+def test_a_missing_normalizer_file_is_refused(tmp_path):
     """A deployment file whose normalizer does not exist is refused, with the normalizer's name."""
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)

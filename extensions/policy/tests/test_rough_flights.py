@@ -25,7 +25,7 @@ def good():
     return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [point], 2, seed=3, scenario=scenario)
 
 
-def test_rms_in_noise_is_that_of_fly(good):
+def test_rms_with_noise_equals_that_of_fly(good):
     """The root mean squares with sensor noise equal those of `fly` with the same seed.
 
     Without noise, the root mean squares are less than half as large.
@@ -74,7 +74,7 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
         (Scenario(uncertainty=Uncertainty(noise={"q": 1.0})), 2, "unknown noise of state 'q'"),
     ],
 )
-def test_a_scenario_that_disturbs_nothing_is_refused(scenario, samples, said):
+def test_a_scenario_without_disturbances_is_refused(scenario, samples, said):
     """Scenarios without disturbances, without flights or for missing states are refused."""
     with pytest.raises(hfa.BadInputError, match=said):
         assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0], samples, scenario=scenario)

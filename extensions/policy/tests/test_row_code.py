@@ -66,7 +66,7 @@ def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 17])
-def test_any_number_of_rows_and_functions_called_inside(count: int) -> None:
+def test_compiled_code_supports_rows_and_nested_functions(count: int) -> None:
     """Compiled code evaluates any number of rows, and functions may call other functions."""
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
     inner = ca.Function("inner", [ca.vertcat(x, p)], [x[::-1] * p], {"never_inline": True})

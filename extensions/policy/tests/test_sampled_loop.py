@@ -55,7 +55,7 @@ def test_the_sampled_aircraft_equals_python_control(case):
     np.testing.assert_allclose(Gamma, expected.B, atol=1e-12)
 
 
-def test_half_a_period_of_the_slowest_oscillation():
+def test_slowest_swing_is_half_the_slowest_period():
     """`slowest_swing` is half the period of the slowest mode that is not well damped.
 
     The modes are at 0.5 and 3 rad/s. If the slower mode is well damped, the faster mode counts.
@@ -70,7 +70,7 @@ def test_half_a_period_of_the_slowest_oscillation():
 
 
 @pytest.mark.parametrize("samples", [1, 3])
-def test_a_delay_is_chain_of_python_controls_delays(case, samples):
+def test_the_delayed_loop_equals_python_control(case, samples):
     """The spectral radius with a delay equals that of python-control's loop with unit delays."""
     _, equilibrium, K = case
     plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
@@ -83,7 +83,7 @@ def test_a_delay_is_chain_of_python_controls_delays(case, samples):
     assert chain_of(equilibrium, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
 
 
-def test_half_sample_delay_half_sample_at_twice_rate(case):
+def test_half_a_sample_delay_equals_twice_the_rate(case):
     """A loop with half a sample of delay has the spectral radius of a loop at half the sample time.
 
     In the loop for comparison, the delay is one sample and the command changes every second sample.
@@ -123,7 +123,7 @@ def test_margins_equal_python_control(case):
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
 
 
-def test_gain_at_margin_is_at_edge_of_stability(case):
+def test_the_gain_margin_is_the_stability_limit(case):
     """With the gain of an input at its upper margin, the spectral radius is 1 within 1e-9."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
@@ -157,7 +157,7 @@ def test_costs_equal_scipy(scale):
     assert lost.sampled_mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
 
 
-def test_loop_of_wrong_sign_is_lost_without_delay(case):
+def test_a_loop_of_wrong_sign_is_unstable_undelayed(case):
     """A loop with a wrong sign is unstable, and its first unstable delay is 0."""
     deployed, _, _ = case
     flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}

@@ -46,7 +46,7 @@ def test_the_references_cover_all_policy_kinds():
     assert len(kinds["ppo_c172"].observation) < len(aircraft("ppo_c172").states)
 
 
-def test_K_is_the_slope_of_card_at_rest():
+def test_gain_equals_central_differences_at_equilibrium():
     """K equals central differences of the command at the equilibrium."""
     name = "td3_gtm"
     deployed = card(name).on(aircraft(name))
@@ -81,7 +81,7 @@ def test_stored_slopes_equal_stable_baselines3(name):
             np.testing.assert_allclose(values, again[key], rtol=SAME_FORMULA, atol=1e-12)
 
 
-def test_card_of_ONNX_file_is_that_of_zip(tmp_path):
+def test_an_onnx_deployment_equals_its_zip(tmp_path):
     """A deployment file with an ONNX file has the actions of Stable-Baselines3."""
     onnx = pytest.importorskip("onnx")
     zipped = card("ppo_gtm")

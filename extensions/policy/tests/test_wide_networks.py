@@ -34,7 +34,7 @@ def wide_file(path, width, seed=0):
 
 
 @pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
-def test_an_activation_on_rows_is_that_of_graph(name):
+def test_activations_on_rows_equal_the_graph(name):
     """Each activation has the same values on NumPy rows as in a graph of CasADi scalars."""
     values = np.linspace(-45.0, 45.0, 31)
     graph = [float(entry) for entry in ACTIVATIONS[name](values)]
@@ -42,7 +42,7 @@ def test_an_activation_on_rows_is_that_of_graph(name):
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
-def test_the_network_on_rows_is_that_of_graph(name):
+def test_networks_on_rows_equal_the_graph(name):
     """The actors of the test policies give equal outputs on NumPy rows and as CasADi functions.
 
     The observations are not changed.
@@ -66,7 +66,7 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
 
 @pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
 @pytest.mark.parametrize("activation", ["gelu", "selu"])
-def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, width, nearness):
+def test_networks_of_any_width_are_evaluated_on_rows(tmp_path, activation, width, nearness):
     """On NumPy rows, a network of any width and activation has the outputs of its CasADi function.
 
     nearness: largest permitted difference
@@ -77,7 +77,7 @@ def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, w
     np.testing.assert_allclose(card.actor.rows(observations), graph, rtol=0, atol=nearness)
 
 
-def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
+def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
     """A wide ONNX graph evaluated on rows agrees with the CasADi function of the graph."""
     onnx = pytest.importorskip("onnx")
     random = np.random.default_rng(0)
@@ -112,7 +112,7 @@ def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
     np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
 
 
-def test_flight_that_cycles_is_not_flown_to_end():
+def test_flights_in_a_limit_cycle_end_early():
     """Flights of 60 s in a limit cycle end after at most 40 s."""
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
@@ -169,7 +169,7 @@ def flown_rows(flight, place, count):
         pytest.param("td3_gtm", 0.05, marks=pytest.mark.slow),
     ],
 )
-def test_window_of_flights_is_samples_of_each_alone(name, delay):
+def test_flights_simulated_together_equal_single_flights(name, delay):
     """Several flights simulated together over a window have the states of each flight alone.
 
     Each flight alone is simulated sample by sample.
@@ -190,7 +190,7 @@ def test_window_of_flights_is_samples_of_each_alone(name, delay):
 @pytest.mark.parametrize(
     ("width", "activation"), [pytest.param(64, "tanh", marks=pytest.mark.slow), (256, "relu")]
 )
-def test_networks_of_the_default_sizes_are_assessed(tmp_path, width, activation):
+def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     """Networks of common sizes are assessed, and their gains agree with central differences of the
     command.
     """

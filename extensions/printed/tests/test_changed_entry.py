@@ -72,7 +72,7 @@ def test_learned_answers_name_no_entry(judged, count) -> None:
 
 
 @pytest.mark.slow
-def test_two_misprints_are_not_one_wrong_name(judged) -> None:
+def test_two_misprints_name_no_third_entry(judged) -> None:
     """With two planted misprints, no third entry is named."""
     rng = np.random.default_rng(4)
     for index in range(60):
@@ -83,7 +83,7 @@ def test_two_misprints_are_not_one_wrong_name(judged) -> None:
             assert reason.startswith((f"{first.entry} = ", f"{second.entry} = ")), (first, second)
 
 
-def test_rough_values_are_the_certified_ones(tmp_path) -> None:
+def test_rough_solutions_agree_with_certified_ones(tmp_path) -> None:
     """Rough solutions agree with certified ones to 1e-10, and are nan for an entry of nan."""
     rng = np.random.default_rng(5)
     path = tmp_path / "printed.toml"

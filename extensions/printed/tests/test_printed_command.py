@@ -12,7 +12,7 @@ from cli import Terminal, answer, assert_refused, hfa
 from hfa.main import BAD_INPUT, DONE, FAILED
 
 
-def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
+def test_printed_answers_have_class_and_exit_code(tmp_path: Path) -> None:
     """A correct answer has exit code 0. A wrong entry is named, with exit code 1."""
     file = tmp_path / "printed.toml"
     right = (
@@ -30,7 +30,7 @@ def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
     assert data["entries"][-1]["half_unit"] == 5e-5
 
 
-def test_search_shows_on_terminal_how_far_it_is(tmp_path: Path) -> None:
+def test_the_search_shows_its_progress(tmp_path: Path) -> None:
     """The search shows its progress on a terminal. An error replaces the line of progress."""
     file = tmp_path / "printed.toml"
     other = (

@@ -152,7 +152,7 @@ def test_correct_digits_are_as_printed(verdict_of):
     assert comparison.errors[index] == pytest.approx(0.99, abs=0.01)
 
 
-def test_digits_cut_off(verdict_of):
+def test_truncated_digits_have_the_class_cut_off(verdict_of):
     """Digits that are truncated instead of rounded have the class `cut off`."""
     assert verdict_of(INTEGRATOR).classified.name == "cut off"
 
@@ -194,14 +194,14 @@ def test_a_misprint_in_the_answer_is_named(verdict_of):
     assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.844586"
 
 
-def test_a_mirrored_pair_is_one_entry_of_answer(verdict_of):
+def test_a_symmetric_pair_counts_as_one_entry(verdict_of):
     """A wrong symmetric pair counts as one wrong entry of the answer."""
     verdict = verdict_of(DIESEL.replace("97.3265", "97.3256"))
     assert verdict.classified.name == "one entry of the answer"
 
 
 @pytest.mark.parametrize("decimals", [2, 4, 8, 15])
-def test_right_answer_as_printed_at_any_number_digits(verdict_of, decimals):
+def test_correct_answers_of_any_precision_are_as_printed(verdict_of, decimals):
     """A correct answer is "as printed" for any number of digits."""
     assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
@@ -221,7 +221,7 @@ def test_a_learned_answer_is_close(verdict_of):
     assert replace(verdict, limit_cost=0.01).ok
 
 
-def test_a_rounded_plant_leaves_it_undecided(verdict_of):
+def test_a_rounded_plant_leaves_the_class_undecided(verdict_of):
     """With a plant declared as rounded, the class is `not decided`.
 
     Without this declaration it is `wrong`.
@@ -231,7 +231,7 @@ def test_a_rounded_plant_leaves_it_undecided(verdict_of):
     assert verdict_of(text).classified.name == "wrong"
 
 
-def test_slip_after_which_no_answer_exists_is_named(verdict_of):
+def test_a_misprinted_gamma_without_answer_is_named(verdict_of):
     """If no answer exists because of a misprint in gamma, the error names the misprint."""
     plant = Plant(
         A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
@@ -268,7 +268,7 @@ def test_an_unrelated_answer_has_no_class(verdict_of):
     assert verdict_of(text).classified.name == "cannot tell"
 
 
-def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
+def test_an_opposite_gain_sign_is_named(verdict_of):
     """A gain with the opposite sign is "wrong", and the reason names the sign.
 
     If the file declares u = K x, the answer is "as printed".
@@ -283,7 +283,7 @@ def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
     assert verdict_of(declared).classified.name == "as printed"
 
 
-def test_missing_factor_on_products_is_known_under_noise(verdict_of):
+def test_a_missing_factor_is_recognized_despite_noise(verdict_of):
     """A missing factor 2 in a learned W is recognized in spite of noise of up to 0.3 %."""
     text = small_case()
     P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
@@ -296,7 +296,7 @@ def test_missing_factor_on_products_is_known_under_noise(verdict_of):
 
 @pytest.mark.parametrize("is_discrete", [False, True])
 @pytest.mark.parametrize("name", ["A", "B", "E", "N", "Q", "R", "gamma"])
-def test_the_derivative_is_that_of_the_exact_answer(name, is_discrete):
+def test_derivatives_of_the_answer_equal_differences(name, is_discrete):
     """Derivatives of the answer with respect to each matrix equal central differences."""
     generator = np.random.default_rng(3)
     plant = Plant(
@@ -331,7 +331,7 @@ def test_blocks_have_numbers_and_half_units():
     assert block.roundings[0].tolist() == [5e-5, 0.0, 0.0]
 
 
-def test_formulas_of_parameters_and_a_common_factor():
+def test_formulas_and_common_factors_are_evaluated():
     """Formulas of parameters and a common factor are evaluated in a block of numbers."""
     parameters = {"m": 0.5, "g": 9.81}
     block = read_block("A", "m*g/2 -160/3 sqrt(m**2); 1.50 -(m+1) 2", parameters)
@@ -347,7 +347,7 @@ def test_formulas_of_parameters_and_a_common_factor():
         read_block("P", "1.0e+04 *\n 1/3")
 
 
-def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
+def test_parameters_and_common_factors_are_as_printed(verdict_of):
     """A correct answer is "as printed" if the plant uses parameters or the answer a common
     factor.
     """
@@ -466,12 +466,12 @@ def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
         pytest.param("rounded", 200, marks=pytest.mark.slow),
     ],
 )
-def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
+def test_a_learned_answer_has_no_wrong_entry(tmp_path: Path, kind: str, count: int) -> None:
     """A learned answer or a rounded plant is not reported as one wrong entry of the answer."""
     assert "one entry of the answer" not in quick_classes(tmp_path, right_files(kind, count, 5))
 
 
-def test_one_wrong_entry_of_learned_table_is_named(tmp_path: Path) -> None:
+def test_one_wrong_entry_of_learned_answer_is_named(tmp_path: Path) -> None:
     """One wrong entry of a learned answer is named.
 
     The entry is three times too large. The entry is named in at least 18 of 20 answers.

@@ -86,7 +86,7 @@ def text_of(kind: str, content: Any) -> str:
 
 
 @pytest.mark.parametrize("kind", CASES)
-def test_each_field_is_compared_or_shown(kind: str, tmp_path: Path) -> None:
+def test_each_field_is_compared_or_printed(kind: str, tmp_path: Path) -> None:
     """Each field of a statement is compared with the user's value or changes the printed report."""
     made = certificate(kind)
     content = made["statement"]
@@ -108,7 +108,7 @@ def test_each_field_is_compared_or_shown(kind: str, tmp_path: Path) -> None:
         assert path in given or table[path].shown, path
 
 
-def test_every_field_is_in_some_certificate() -> None:
+def test_the_test_certificates_contain_every_field() -> None:
     """The certificates of these tests contain every field of every kind of statement."""
     for kind, table in FIELDS.items():
         held = set[str]()
@@ -175,7 +175,7 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
             given_for(statement, request)
 
 
-def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
+def test_a_value_of_another_gain_is_refused(tmp_path: Path) -> None:
     """A file with W alone is refused for a statement whose K is not the gain of W.
 
     A certificate that claims that K is the gain of W is refused too.

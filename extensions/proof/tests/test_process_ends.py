@@ -10,7 +10,7 @@ from ended_runs import comes_to_the_same_bits, proc
 
 @proc
 @pytest.mark.slow
-def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
+def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
     """A proof that is terminated at random times and resumed writes the same bytes."""
     words = ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json")
     comes_to_the_same_bits(tmp_path, words)

@@ -69,7 +69,7 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
     assert origin["parameter_hash"] == data["parameter_hash"]
 
 
-def test_a_certificate_is_bound_to_ones_own_data(
+def test_a_certificate_is_compared_with_the_users_data(
     certificates: dict[str, Path], tmp_path: Path
 ) -> None:
     """A certificate is accepted with the gains, weights and angles that it contains.
@@ -142,7 +142,7 @@ def test_reports_describe_the_certified_aircraft(tmp_path: Path) -> None:
     assert data["provenance"]["dynamics"] == ""
 
 
-def test_digest_is_of_proof_and_edited_date_shows(certificate: Path, tmp_path: Path) -> None:
+def test_the_digest_does_not_depend_on_date(certificate: Path, tmp_path: Path) -> None:
     """The digest of a certificate does not depend on the date. A file with an edited date is
     refused.
     """
@@ -186,7 +186,7 @@ def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: 
     assert_refused(other, 2, "another statement or version")
 
 
-def test_table_that_is_unstable_between_angles_is_refuted(tmp_path: Path) -> None:
+def test_a_gain_table_unstable_between_angles_is_refuted(tmp_path: Path) -> None:
     """A gain table that is unstable between its angles is refuted, with exit code 1."""
     table = unstable_between(15.0, 15.03)
     path = tmp_path / "table.json"

@@ -89,7 +89,7 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
         for number, mistake in enumerate(UNNAMED)
     ],
 )
-def test_mistake_is_not_recognized_is_refused_without_cause(game: Game, mistake: str) -> None:
+def test_an_unknown_mistake_fails_without_a_cause(game: Game, mistake: str) -> None:
     """A critic with an unknown mistake fails, and no mistake is named."""
     candidate = candidate_of(game, *UNNAMED[mistake])
     assert wrong(game, candidate)
@@ -116,7 +116,7 @@ SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [
 @pytest.mark.parametrize("draws", [1, pytest.param(100, marks=SLOW)])
 @pytest.mark.parametrize("kind", ["K", *(pytest.param(kind, marks=SLOW) for kind in ("W", "P"))])
 @pytest.mark.parametrize("plant", ["aircraft", pytest.param("small", marks=SLOW)])
-def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
+def test_random_errors_have_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
     """For random errors, a cause is named in no more than the allowed number of cases."""
     game = game if plant == "aircraft" else SMALL
     right = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[kind]
@@ -163,14 +163,14 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
         for number, mistake in enumerate(OF_ANY_GAME)
     ],
 )
-def test_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
+def test_mistakes_under_1_percent_noise_are_named(mistake: str) -> None:
     """A mistake is named in three of three critics with noise of 1 %."""
     assert named_under_noise(mistake, 0.01, 3, 0) == 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", OF_ANY_GAME)
-def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
+def test_mistakes_are_named_in_95_of_100_critics(mistake: str) -> None:
     """A mistake is named in at least 95 of 100 critics with noise of 1 %."""
     assert named_under_noise(mistake, 0.01, 100, 1) >= 95
 
@@ -179,12 +179,12 @@ def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
 @pytest.mark.parametrize(
     "size", [0.01, *(pytest.param(size, marks=SLOW) for size in (0.003, 0.04))]
 )
-def test_noise_alone_gets_no_cause_in_99_100(size: float, games: int) -> None:
+def test_noise_alone_has_no_cause_in_99_percent(size: float, games: int) -> None:
     """For noise alone, no mistake is named in at least 99 % of the critics."""
     assert named_under_noise("", size, games, 2) >= 0.99 * games
 
 
-def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
+def test_a_common_factor_must_explain_the_error(game: Game) -> None:
     """A common factor is named if the remaining error is small, and not if it is larger."""
     table = noisy("P", 1.3 * value(game), 1.0, np.random.default_rng(3))
     noise = table - 1.3 * value(game)
@@ -194,7 +194,7 @@ def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
         assert named(game, wrong).startswith(says) if says else named(game, wrong) == ""
 
 
-def test_random_gain_errors_get_no_cause(game: Game) -> None:
+def test_random_gain_errors_are_called_inconsistent(game: Game) -> None:
     """For an exact P with random errors in K, the only reason given is that P and K are
     inconsistent.
     """
@@ -215,7 +215,7 @@ def test_random_gain_errors_get_no_cause(game: Game) -> None:
         pytest.param("K", "newton", 15.0, 15.1, marks=SLOW),
     ],
 )
-def test_critic_of_another_angle_is_named_with_angle(
+def test_a_critic_for_another_angle_is_named(
     kind: str, dynamics: str, degrees: float, other: float
 ) -> None:
     """A critic for another dihedral angle is named with this angle if the aircraft is given.
@@ -230,7 +230,7 @@ def test_critic_of_another_angle_is_named_with_angle(
     assert named(game, candidate) == ""  # the plants cannot be told without the aircraft
 
 
-def test_noisy_gain_not_taken_for_of_another_angle(game: Game) -> None:
+def test_a_noisy_gain_names_no_other_angle(game: Game) -> None:
     """A noisy gain is not taken for the gain at another dihedral angle."""
     noise = np.random.default_rng(2).standard_normal(gain(game).shape)
     assert named(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), game_at) == ""
@@ -256,7 +256,7 @@ def test_a_nonquadratic_weight_is_named(game: Game) -> None:
     assert reason.startswith("weight 25 is 3: on a linear plant the value is quadratic")
 
 
-def test_a_transposed_gain_of_square_plant_is_named() -> None:
+def test_a_transposed_gain_is_named() -> None:
     """A transposed gain is recognized for a plant with as many inputs as states."""
     game = Game(
         [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
@@ -271,7 +271,7 @@ def test_one_number_suggests_no_other_game() -> None:
     assert named(game, from_value(game, value(game) / 2.0)).startswith("the value is half")
 
 
-def test_three_numbers_enough_tell_another_game_two_not() -> None:
+def test_another_delta_is_identified_from_three_entries() -> None:
     """The solution for another delta is identified from three entries of P, not from two of K."""
     candidate = SMALL.with_delta(4.0)
     assert "this is the solution of another game, at delta = 4" in named(
@@ -376,7 +376,7 @@ RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for t
         for number, mistake in enumerate(MISTAKES)
     ],
 )
-def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistake: str) -> None:
+def test_a_mistake_in_a_trained_network_is_named(game: Game, mistake: str) -> None:
     """A mistake planted in a trained network fails and is named."""
     changes, how, words = MISTAKES[mistake]
     path = network_files.torch_file("critic.pt", layers(**changes))
@@ -390,7 +390,7 @@ def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistak
 @pytest.mark.parametrize(
     "name", ["policy", *(pytest.param(name, marks=SLOW) for name in ("V", "gradient"))]
 )
-def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None:
+def test_networks_as_trained_have_no_cause(game: Game, name: str) -> None:
     """For the networks as trained, no mistake is named.
 
     For the network of V, the stated reason is that V is accurate but the policy of V is not.
@@ -428,7 +428,7 @@ def random_value(
 
 
 @pytest.mark.parametrize("draws", [1, pytest.param(100, marks=SLOW)])
-def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) -> None:
+def test_untrained_networks_have_no_cause(game: Game, draws: int) -> None:
     """For untrained networks, no mistake is named."""
     rng = np.random.default_rng(4)
     reasons = []
@@ -438,7 +438,7 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
     assert not any(reasons), reasons
 
 
-def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
+def test_only_a_plausible_discount_is_named(game: Game) -> None:
     """A discount is named as the mistake only for a plausible discount rate.
 
     No discount is named for P = Q / 5e4, which corresponds to a very large rate.
@@ -450,7 +450,7 @@ def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
-def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
+def test_networks_trained_again_have_equal_errors(game: Game, name: str) -> None:
     """Training the stored networks again gives errors of equal size, to 50 %.
 
     A network with hidden layers of 64 is also checked.
@@ -476,7 +476,7 @@ def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
 )
-def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
+def test_the_search_finds_the_errors_of_grid(game: Game, name: str, points: int) -> None:
     """The search for errors of a network finds errors at least as large as those on a grid of
     states.
 
@@ -506,7 +506,7 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
         assert reasons[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 
-def test_several_critics_folder_checkpoints_one_table_learning_curve(
+def test_several_critics_give_a_table_and_curve(
     game: Game,
 ) -> None:
     """Several critics and a folder of checkpoints give one table and a learning curve."""

@@ -31,7 +31,7 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
     assert "another root of the Riccati equation" in root.reason
 
 
-def test_value_eight_digits_right_gain_said_need_more() -> None:
+def test_a_value_inaccurate_for_its_gain_is_named() -> None:
     """The reason states that a P with eight right digits is not accurate enough for its gain.
 
     The input moves both states equally, which costs almost nothing. K = B'P is therefore a small
@@ -75,7 +75,7 @@ def test_mistakes_are_named_in_any_units(state: float) -> None:
         ("PK", {"P": 1.1}, "every entry of P is 1.1 times the exact one"),
     ],
 )
-def test_no_part_of_a_file_hides_another(
+def test_each_part_of_a_file_is_checked(
     game: Game, held: str, factors: dict[str, float], said: str
 ) -> None:
     """Each of W, P and K in a file is checked, and a wrong one is named."""

@@ -77,7 +77,7 @@ def circle(smallest: float) -> Content:
 
 
 @pytest.mark.parametrize("smallest", [1e-70, 1e-60, 1e-12])
-def test_a_center_does_not_converge(smallest: float) -> None:
+def test_a_coefficient_near_zero_is_not_zero(smallest: float) -> None:
     """A coefficient of V' that is known only within a ball about 0 is not accepted as exactly 0."""
     with pytest.raises(Rejected, match="a term of the polynomial is missing"):
         read_and_check(circle(smallest), OSCILLATOR)
@@ -308,7 +308,7 @@ def test_a_multiplier_that_is_not_positive_is_refused() -> None:
         check_positive("a test", _polynomial(-0.5, 0.0, 1.0), BALL_OF_ONE, evidence, 1)
 
 
-def test_what_identity_lacks_is_shared_by_its_places() -> None:
+def test_the_residual_of_the_identity_is_divided() -> None:
     """The residual of the identity is divided among the Gram entries of the same monomial.
 
     With the basis (1, y, y²) and the identity as the Gram matrix, 1 + 1.5 y + y² + y⁴ is proved
@@ -323,7 +323,7 @@ def test_what_identity_lacks_is_shared_by_its_places() -> None:
 BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
 
 
-def test_what_is_left_out_is_below_lower_bound() -> None:
+def test_omitted_terms_reduce_the_lower_bound() -> None:
     """The lower bound of degree 2 of a function is reduced by the omitted terms and the remainder.
 
     Their norms are subtracted. The function is y² - 3 y⁴ with the remainder 2 |y|⁵.
@@ -360,7 +360,7 @@ def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None)
     )
 
 
-def test_an_equilibrium_at_limit_of_input_is_refused() -> None:
+def test_an_equilibrium_at_an_input_limit_is_refused() -> None:
     """An equilibrium with an input at its lower or upper limit is refused."""
     for u in (-1.0, 1.0):
         with pytest.raises(Rejected, match="u is not proved to be within its limits"):
@@ -373,7 +373,7 @@ def test_equilibria_that_are_not_isolated_are_refused() -> None:
         Equilibrium(_loop(K=1.0))
 
 
-def test_the_jacobian_has_the_slope_of_the_policy() -> None:
+def test_the_jacobian_includes_the_policys_slope() -> None:
     """The Jacobian of the loop includes the slope of the policy.
 
     The Jacobian of x' = x - u with u = 2 x + 0.5 x² is -1.25 at x = 0.25.
@@ -387,7 +387,7 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 @pytest.mark.parametrize(
     ("ends", "reached"), [((-0.1, 9.0), (True, False)), ((-9.0, 2.25), (False, True))]
 )
-def test_each_input_limit_has_its_own_room(
+def test_each_input_limit_is_decided_separately(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
     """Whether an input can reach its limit is decided for the lower and upper limit separately.
@@ -399,7 +399,7 @@ def test_each_input_limit_has_its_own_room(
     assert region.reaches("u") == reached
 
 
-def test_policies_are_about_trims_not_equilibria() -> None:
+def test_policies_act_on_deviations_from_the_trim() -> None:
     """A policy acts on deviations from the trim, not from the equilibrium.
 
     At the equilibrium 2e-7, u = 2 z + 0.5 z² with z = x - 1e-7 has a slope above 2.
@@ -411,7 +411,7 @@ def test_policies_are_about_trims_not_equilibria() -> None:
 
 
 @pytest.mark.parametrize("size", [0.0, -0.1])
-def test_a_disturbance_has_a_positive_size(size: float) -> None:
+def test_a_disturbance_without_positive_size_is_refused(size: float) -> None:
     """A disturbance whose size is not positive is refused.
 
     Under a negative size every set would be invariant.
@@ -424,7 +424,7 @@ def test_a_disturbance_has_a_positive_size(size: float) -> None:
         RegionStatement.read(stated | {"disturbances": {"w": size}}, DRIVEN)
 
 
-def test_disturbances_are_at_vertices_in_each_part() -> None:
+def test_disturbances_inside_their_range_are_refused() -> None:
     """A part of a proof is accepted if its disturbance is at an end, and refused if it is free."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
@@ -435,7 +435,7 @@ def test_disturbances_are_at_vertices_in_each_part() -> None:
             _read_parts(entries, "parts", statement, ("free", LOWEST, HIGHEST))
 
 
-def test_output_is_within_limits_between_ends_of_disturbance() -> None:
+def test_outputs_are_checked_between_ends_of_disturbances() -> None:
     """An output that exceeds its limit only between the ends of the disturbance is refused."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     loop = RegionLoop(statement, np.array([[1.0]]), 3)
@@ -452,7 +452,7 @@ def test_a_saturated_rate_keeps_its_center() -> None:
     assert ball.rates({"u": "free"})[0].center == 0
 
 
-def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
+def test_rates_not_affine_in_disturbance_are_refused() -> None:
     """Rates that are not affine in the disturbance are refused.
 
     For such rates, the worst case may be between the ends of the disturbance's range.
@@ -468,7 +468,7 @@ def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
 
 
 @pytest.mark.parametrize("stated", [(-2.0, 2.0), (-1.0, 3.0)])
-def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
+def test_stated_limits_may_be_narrower(stated: tuple[float, float]) -> None:
     """Limits in a statement may be narrower than those of the model.
 
     The name of a wider limit is returned.
@@ -478,7 +478,7 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
     assert limits_hold({"x": stated}, own, ()) == "x"
 
 
-def test_quartic_extents_are_proved_or_the_balls() -> None:
+def test_quartic_extents_are_at_most_the_balls() -> None:
     """The extents of a quartic set are the stated extents, or those of the ball if smaller.
 
     The ball has radius 2.
@@ -498,7 +498,7 @@ def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
     assert Fraction(low) ** 2 > 3
 
 
-def test_the_equilibrium_is_enclosed() -> None:
+def test_an_irrational_equilibrium_is_enclosed() -> None:
     """The equilibrium sqrt(2) of x' = 2 - x² is enclosed, although 192 bits cannot represent it."""
     model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
     loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
@@ -509,7 +509,7 @@ def test_the_equilibrium_is_enclosed() -> None:
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("extent", [0.6, 0.7])
-def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) -> None:
+def test_state_limits_are_checked_about_the_equilibrium(extent: float, sign: float) -> None:
     """State limits are checked about the equilibrium, not about 0.
 
     A state at ±0.35 that deviates by 0.7 exceeds the limit ±1.
@@ -586,7 +586,7 @@ def _ball_points() -> np.ndarray:
 
 @pytest.mark.parametrize("side", [LOWEST, HIGHEST])
 @pytest.mark.parametrize("what", ["free", LOWEST, HIGHEST])
-def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
+def test_the_bound_of_decrease_is_below_samples(what: str, side: str) -> None:
     """The lower bound of -V' / rho is below the value by formulas at random points of the ball.
 
     For degree 6, the difference near the center is below 1e-3.
@@ -609,14 +609,14 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
     assert np.all(away[near] < 1e-3)
 
 
-def test_the_ball_reaches_as_far_as_its_rows() -> None:
+def test_the_extent_of_ball_is_the_row_length() -> None:
     """The largest deviation z_i in the unit ball of y is the length of row i of T, for z = T y."""
     loop = _glider_loop()
     for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
         assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
 
 
-def test_parts_are_where_the_input_is_as_stated() -> None:
+def test_constraints_of_parts_describe_the_input() -> None:
     """The constraints of a part of a proof hold exactly where the input is free or saturated as
     stated.
     """
@@ -633,7 +633,7 @@ def test_parts_are_where_the_input_is_as_stated() -> None:
 
 
 @pytest.mark.parametrize("missing", range(6))
-def test_every_part_is_needed(missing: int) -> None:
+def test_a_missing_part_is_refused(missing: int) -> None:
     """Without one of the parts, the claim is refused."""
     loop = _glider_loop()
     parts = [{"u": u, "w": w} for u in ("free", LOWEST, HIGHEST) for w in (LOWEST, HIGHEST)]
@@ -663,7 +663,7 @@ def test_a_function_of_a_remainder_has_a_remainder() -> None:
 
 
 @pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])
-def test_norms_of_products_are_above_their_values(power: int, largest: float) -> None:
+def test_norms_of_products_exceed_their_largest_values(power: int, largest: float) -> None:
     """The norm of (y_1 y_2)^k is at least its largest value 2^-k on the unit circle."""
     parts: list[dict[int, arb]] = [{} for _ in range(2 * power)]
     product = Polynomial([*parts, {key_of((power, power)): arb(1)}])

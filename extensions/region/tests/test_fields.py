@@ -75,7 +75,7 @@ CHANGES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def test_each_field_is_compared_or_shown(path: Path, model: Model) -> None:
+def test_each_field_is_compared_or_printed(path: Path, model: Model) -> None:
     """Each field of a statement is compared with the user's value or changes the printed report."""
     verified = check_certificate(path, model=model)
     content = verified.statement.content()
@@ -174,7 +174,7 @@ def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
     RegionStatement.read(content | {"limits": narrower}, model)
 
 
-def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
+def test_printed_extents_are_those_of_the_ellipse(path: Path, model: Model) -> None:
     """The printed extents are those of the proved ellipse, also if the stated extents are wider."""
     verified = check_certificate(path, model=model)
     P = np.array(checked_report(verified).data["P"])
@@ -211,7 +211,7 @@ def test_outcomes_of_trajectories_are_distinguished() -> None:
     assert found(kept, 100.0) == [Outcome.RETURNED, Outcome.LEFT]
 
 
-def test_a_start_far_away_returns() -> None:
+def test_a_distant_initial_condition_converges() -> None:
     """x' = -x converges from 1e35 nominal values, which is not counted as divergence."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))

@@ -31,7 +31,7 @@ def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dic
     return statement, json.loads(printed)
 
 
-def test_starts_are_drawn_in_set_and_on_edge(tmp_path: Path) -> None:
+def test_initial_conditions_are_uniform_in_the_set(tmp_path: Path) -> None:
     """Initial conditions are drawn uniformly in the set and on its boundary.
 
     Every flight from such an initial condition stays in the set and converges. From initial
@@ -74,7 +74,7 @@ def test_all_flights_in_a_proved_set_converge(
 
 
 @pytest.mark.slow
-def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
+def test_the_region_of_the_tutorials_navion_is_proved(tmp_path: Path) -> None:
     """The region of the tutorial's Navion is proved within its limits, and 1,000 flights from it
     converge.
     """
@@ -96,7 +96,7 @@ def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_region_of_the_f16_with_constant_derivatives(tmp_path: Path) -> None:
+def test_the_region_of_the_f16_is_proved(tmp_path: Path) -> None:
     """The region of the F-16 with constant derivatives is proved, and 1,000 flights from it
     converge.
     """

@@ -20,7 +20,7 @@ def _correlations(diagonal: float) -> Group:
     return Group(E, np.array([diagonal, 1.0, 0.0]), [Matrix(products, sp.csr_matrix(shares))])
 
 
-def test_the_largest_entry_of_a_positive_matrix() -> None:
+def test_the_largest_semidefinite_entry_is_found() -> None:
     """The solver finds the largest entry for which a matrix is positive semidefinite."""
     point = minimized([_correlations(4.0)], np.array([-1.0]))
     assert point is not None
@@ -28,7 +28,7 @@ def test_the_largest_entry_of_a_positive_matrix() -> None:
     assert np.allclose(point.matrices[0][0], [[4.0, 2.0], [2.0, 1.0]], atol=1e-7)
 
 
-def test_groups_share_free_variables() -> None:
+def test_free_variables_satisfy_both_groups() -> None:
     """The free variable satisfies the constraints of both groups."""
     point = minimized([_correlations(4.0), _correlations(0.25)], np.array([-1.0]))
     assert point is not None
@@ -53,7 +53,7 @@ def test_a_search_ends_when_enough_returns_true() -> None:
     assert len(asked) == 2
 
 
-def test_the_margin_of_a_sum_of_squares() -> None:
+def test_margin_of_sum_of_squares_is_smallest_eigenvalue() -> None:
     """The margin of a sum of squares is its smallest eigenvalue.
 
     A polynomial with negative values has none.
@@ -68,7 +68,7 @@ def test_the_margin_of_a_sum_of_squares() -> None:
 
 
 @pytest.mark.parametrize("highest", [2, 5])
-def test_schur_complement_of_products_is_that_of_matrices(highest: int) -> None:
+def test_the_schur_matrix_equals_its_trace_formula(highest: int) -> None:
     """The Schur matrix, computed by degrees and blocks, has the entries tr(H_i Z⁻¹ H_j Q)."""
     products = products_of(3, 0, highest)
     n = products.size

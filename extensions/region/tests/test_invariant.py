@@ -68,7 +68,7 @@ def undisturbed() -> Region:
     return Region(level, known, "given", bounds, Plant(loop), known.coordinates())
 
 
-def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> None:
+def test_the_oscillators_invariant_set_has_known_size(undisturbed: Region) -> None:
     """The invariant set of the van der Pol oscillator under a bounded force has the known size.
 
     The lowest level at which V' >= 0 was found is less than 3 % above the proved level.
@@ -79,7 +79,7 @@ def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> No
     assert data["extents"] == pytest.approx({"position": 1.21, "velocity": 1.51}, abs=0.01)
 
 
-def test_another_v_of_the_search_may_prove_more(undisturbed: Region) -> None:
+def test_the_best_v_of_the_search_is_used(undisturbed: Region) -> None:
     """Of the functions V in the search, the one that proves the largest invariant set is used."""
     flat = PolynomialFunction.quadratic(np.diag([1.0, 30.0]))
     better = PolynomialFunction.quadratic(np.array([[1.5, -0.5], [-0.5, 1.2]]))
@@ -113,7 +113,9 @@ def test_the_command_reports_the_invariant_set(tmp_path: Path) -> None:
     assert data["rho"] < data["decrease_fails_at"]["V"] < 1.2 * data["rho"]
 
 
-def test_the_checked_claim_is_reported(certificate: Path, model: Model, tmp_path: Path) -> None:
+def test_the_checker_reports_the_verified_claim(
+    certificate: Path, model: Model, tmp_path: Path
+) -> None:
     """The checker verifies six parts.
 
     Its report states the disturbance and does not claim convergence.
@@ -131,7 +133,7 @@ def test_the_checked_claim_is_reported(certificate: Path, model: Model, tmp_path
     assert "converges to the trim" not in shown
 
 
-def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Model) -> None:
+def test_no_trajectory_leaves_under_the_worst_disturbance(certificate: Path, model: Model) -> None:
     """No simulation from the boundary of the invariant set leaves it under the worst disturbance.
 
     Under a disturbance five times as large, a simulation leaves the set.
@@ -186,7 +188,7 @@ def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> No
     assert accepted_forgeries(certificate, model, 1000, seed=1) == (kinds, [])
 
 
-def test_region_of_attraction_is_not_proved_by_edge(certificate: Path, model: Model) -> None:
+def test_boundary_evidence_without_disturbances_is_refused(certificate: Path, model: Model) -> None:
     """Evidence for V' < 0 where V = rho is refused for a loop without disturbances.
 
     Such evidence does not prove convergence.
@@ -241,7 +243,7 @@ def _loop(folder: Path, name: str, size: float) -> RegionLoop:
     return RegionLoop(statement, np.eye(1), 4)
 
 
-def test_rates_not_affine_in_disturbance_refused_by_name(
+def test_rates_not_affine_name_the_disturbance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Rates that are not affine in a disturbance are refused by the name of the disturbance.
@@ -257,7 +259,7 @@ def test_rates_not_affine_in_disturbance_refused_by_name(
     assert "declares no disturbance" in capsys.readouterr().err
 
 
-def test_disturbances_between_vertices_are_enclosed(tmp_path: Path) -> None:
+def test_steps_between_ends_of_disturbances_are_detected(tmp_path: Path) -> None:
     """Steps and limits between the ends of a disturbance are detected."""
     part = {"b": "free", "gust": HIGHEST}
     # The step is between the ends -0.1 and 0.1, not at them.
@@ -269,7 +271,7 @@ def test_disturbances_between_vertices_are_enclosed(tmp_path: Path) -> None:
         _loop(tmp_path, "SEEN", 0.15).rates(part)
 
 
-def test_the_rates_have_the_disturbance_at_its_end(certificate: Path, model: Model) -> None:
+def test_rates_at_ends_of_disturbance_are_exact(certificate: Path, model: Model) -> None:
     """Rates at the two ends of the disturbance differ by its analytical effect."""
     content = json.loads(certificate.read_text())
     statement, witness = read_content(content, model)

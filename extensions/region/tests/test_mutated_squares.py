@@ -110,7 +110,7 @@ def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
     assert 0 < accepted_claims < count
 
 
-def test_a_false_claim_of_a_tank_is_found() -> None:
+def test_false_claims_about_the_tank_are_rejected() -> None:
     """`is_true` rejects a level that is too high, extents that are too narrow, and a negative V.
 
     Levels of V above 1.2 exceed the limits.

@@ -44,7 +44,7 @@ def axes_of(figure: Figure) -> Axes:
     return axes
 
 
-def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
+def test_the_picture_shows_set_limits_and_box(region: Region) -> None:
     """The picture shows the set, the obstacles, lost initial conditions and the box."""
     figure = region_figure(region, np.array([1.0, 8.0]))
     figure.canvas.draw()
@@ -68,7 +68,7 @@ def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
     assert np.all(region.V(lost) > 0.25)
 
 
-def test_the_label_states_a_much_larger_box(
+def test_a_much_larger_box_is_stated_in_label(
     region: Region,
 ) -> None:
     """A comparison box much larger than the region is stated in the axis label and lies beyond the

@@ -62,7 +62,7 @@ def test_the_command_accepts_a_quartic_critic(tmp_path: Path) -> None:
     assert LINE in quickly_proved(tmp_path / "pendulum.json", PENDULUM, *words)
 
 
-def test_terms_of_policy_are_those_of_its_critic() -> None:
+def test_policy_terms_follow_from_the_critic() -> None:
     # u = -B'∂V/∂z / 2: the fourth power of the rate gives -2 W B rate³.
     """The terms of a critic's policy follow from u = -B'∂V/∂z / 2.
 
@@ -92,7 +92,7 @@ def test_unsupported_policies_are_refused(basis: str, reason: str) -> None:
         policy_terms(critic_of(basis, [1.4, 0.148, 0.0366, 0.02, 0.01]), ("torque",))
 
 
-def test_the_statement_names_policy_and_checker_has_same(
+def test_the_checker_evaluates_the_stated_policy(
     certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The statement contains the terms of the policy, and the checker evaluates the same policy."""
@@ -134,7 +134,7 @@ def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
     assert kept == []
 
 
-def test_a_policy_that_drives_loop_away_is_refused(certificate: Path, model: Model) -> None:
+def test_a_destabilizing_policy_is_refused(certificate: Path, model: Model) -> None:
     """A certificate changed to a policy that destabilizes the loop is refused."""
     content = json.loads(certificate.read_text())
     content["statement"]["policy"] = {"torque": [[40.0, [3, 0]]]}
@@ -142,7 +142,7 @@ def test_a_policy_that_drives_loop_away_is_refused(certificate: Path, model: Mod
         check_region(*read_content(content, model))
 
 
-def test_flights_from_the_set_converge(certificate: Path, model: Model) -> None:
+def test_flights_from_the_edge_converge(certificate: Path, model: Model) -> None:
     """Flights from the edge of the proved set converge, and the loop has the policy of the critic."""
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)

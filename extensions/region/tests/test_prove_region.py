@@ -9,7 +9,7 @@ import hfa
 from hfa_aircraft.model import Model
 
 
-def test_a_region_is_proved_in_python(model: Model) -> None:
+def test_python_and_the_command_report_equal_regions(model: Model) -> None:
     """A region proved in Python has extents and the command's report.
 
     A gain of another shape and an unstable loop are refused.

@@ -63,7 +63,7 @@ def test_kinks_and_tables_are_proved_on_boxes(
 
 
 @pytest.mark.slow
-def test_a_quartic_is_proved_on_boxes_and_resumed(
+def test_a_resumed_search_proves_a_larger_set(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A second run with --resume continues from the quadratic set and proves a larger set.

@@ -55,7 +55,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
 # Taylor polynomials.
 
 
-def test_taylor_polynomials_enclose_a_function_of_every_operation() -> None:
+def test_taylor_polynomials_enclose_every_operation() -> None:
     """For each operation, the Taylor polynomial with its remainder encloses the function at 200
     random points.
     """
@@ -94,7 +94,7 @@ def _at(polynomial: Polynomial, point: np.ndarray) -> float:
     return total
 
 
-def test_function_is_not_smooth_on_ball_is_undecided() -> None:
+def test_a_nonsmooth_function_is_undecided() -> None:
     """A function that is not smooth on the ball raises Undecided."""
     y = ca.SX.sym("y")
     variable = Taylor(3, Polynomial.linear([arb(1)]), arb(0))
@@ -317,7 +317,7 @@ def test_verify_reports_the_region(tmp_path: Path, capsys: pytest.CaptureFixture
     assert all(word in shown for word in ("proved", "V' >= 0 found", "flight does not converge"))
 
 
-def test_region_in_verdict_needs_one_linear_policy_aircraft(
+def test_verify_region_refuses_a_linear_plant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`hfa verify --region` refuses a linear plant, because it needs an aircraft's equations."""

@@ -27,7 +27,7 @@ def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]
     return ["prove", "region", *PENDULUM, "--policy", str(path)]
 
 
-def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
+def test_the_continuous_policy_equals_the_unsampled_file(tmp_path: Path) -> None:
     """The policy of the proof is the deployment file's policy without sampling.
 
     They are compared at (0.1 rad, -0.3 rad/s). The effects that the proof neglects are stated.
@@ -61,7 +61,7 @@ def test_observed_inputs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "observation.torque depends on an input" in capsys.readouterr().err
 
 
-def test_a_missing_activation_is_given_in_the_file(
+def test_the_message_suggests_a_missing_activation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The message on a missing activation suggests an entry of the file.

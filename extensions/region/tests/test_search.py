@@ -38,7 +38,7 @@ def V(loop: SaturatedLoop) -> PolynomialFunction:
     return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.closed_matrix.T, -Q))
 
 
-def test_f16_with_constant_derivatives_trims_where_tables_do(loop: SaturatedLoop) -> None:
+def test_constant_derivatives_keep_the_f16s_trim(loop: SaturatedLoop) -> None:
     # Stevens and Lewis, Aircraft Control and Simulation: 502 ft/s at sea level, c.g. at 0.35.
     """The F-16 with constant derivatives has the trim of the F-16 with tables."""
     assert loop.trim["speed"] == pytest.approx(502.0)
@@ -77,7 +77,7 @@ def test_largest_level_of_f16_within_limits_is_proved(
     assert beyond is None or beyond.statement.rho <= rho / 0.999
 
 
-def test_function_that_rises_along_loop_is_not_proved(loop: SaturatedLoop) -> None:
+def test_an_increasing_function_is_not_proved(loop: SaturatedLoop) -> None:
     """A function that increases along trajectories is not proved."""
     plant = Plant(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))

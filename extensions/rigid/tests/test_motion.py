@@ -61,7 +61,7 @@ def test_without_moment_angular_momentum_is_constant():
     np.testing.assert_allclose(rate, 0.0, atol=1e-13)
 
 
-def test_a_moment_does_its_work():
+def test_rotational_power_equals_the_moments_power():
     """The rate of the rotational energy equals the power of the moment, M · ω."""
     moment = np.array([1.0, -2.0, 3.0])
 

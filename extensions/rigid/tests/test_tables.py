@@ -9,7 +9,7 @@ from hfa_rigid.tables import Interpolator
 
 
 @pytest.mark.parametrize("shape", [(2,), (7,), (3, 5), (4, 2, 3), (2, 3, 2, 4)])
-def test_values_and_slopes_are_those_of_linear_interpolation(shape):
+def test_tables_equal_scipys_linear_interpolation(shape):
     """Values agree with SciPy's linear interpolation, and slopes with central differences."""
     rng = np.random.default_rng(5)
     breakpoints = [np.sort(rng.uniform(-1.0, 1.0, count)) for count in shape]
@@ -27,7 +27,7 @@ def test_values_and_slopes_are_those_of_linear_interpolation(shape):
         assert float(ca.sum2(slope)) == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-4)
 
 
-def test_derivatives_do_not_grow_with_tables():
+def test_derivative_size_is_independent_of_the_table():
     """The number of instructions for a derivative is independent of the size of the table."""
     counts = []
     for count in (10, 100):
@@ -40,7 +40,7 @@ def test_derivatives_do_not_grow_with_tables():
     assert counts[0] == counts[1]
 
 
-def test_tables_over_the_same_breakpoints_share_the_cell():
+def test_tables_with_equal_breakpoints_share_the_search():
     """Two tables with the same breakpoints share the search for the cell."""
     x = ca.SX.sym("x")
     interpolate = Interpolator()

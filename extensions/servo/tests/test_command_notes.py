@@ -61,7 +61,7 @@ u = 1.0
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_gain_of_matrix_at_kink_comes_with_note(words: str, where: str) -> None:
+def test_a_gain_at_a_kink_is_noted(words: str, where: str) -> None:
     """A gain computed at a kink prints one note with the matrix entry, its value and both slopes.
 
     `hfa design` adds the number of scheduling values with a kink, and the first of these values.

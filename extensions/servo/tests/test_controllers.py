@@ -65,7 +65,7 @@ def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
-def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, name: str) -> None:
+def test_state_feedback_gives_the_exact_gains_poles(published_aircraft: Model, name: str) -> None:
     """The closed loop of a state-feedback design has the poles of A - B K with the game's exact
     K.
     """
@@ -77,7 +77,7 @@ def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, n
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delta", [np.inf, 200.0])
-def test_output_feedback_has_the_poles_of_central_controller(
+def test_output_feedback_gives_the_central_controllers_poles(
     published_aircraft: Model, delta: float
 ) -> None:
     """The closed loop of an output-feedback design has the poles of the central controller's
@@ -121,7 +121,7 @@ def test_impossible_designs_name_angle_and_reason(published_aircraft: Model) -> 
         design_controller(published_aircraft, measured_servo(sensors={"pitch_rate": 1.0}), ANGLES)
 
 
-def test_matrices_are_linear_between_angles_and_constant_beyond(
+def test_controller_matrices_are_interpolated_linearly(
     published_aircraft: Model,
 ) -> None:
     """A controller's matrices are linear between breakpoints and constant beyond the outermost
@@ -185,7 +185,7 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
         controller.refuse_other(hfa.aircraft(parameters=heavier), 0.1, 0.2)
 
 
-def test_a_saved_controller_is_read_back(published_aircraft: Model, tmp_path: Path) -> None:
+def test_a_saved_controller_is_loaded_unchanged(published_aircraft: Model, tmp_path: Path) -> None:
     """A controller that is saved and loaded is equal to the original."""
     saved = small_controller(published_aircraft)
     save_controller(tmp_path / "small.npz", saved)
@@ -195,7 +195,7 @@ def test_a_saved_controller_is_read_back(published_aircraft: Model, tmp_path: Pa
     assert found != small_controller(published_aircraft, name="other")
 
 
-def test_matlab_gets_stacks_with_the_angle_last(published_aircraft: Model, tmp_path: Path) -> None:
+def test_matlab_files_have_the_angle_last(published_aircraft: Model, tmp_path: Path) -> None:
     """In a .mat file, the last axis of each matrix is the angle."""
     controller = small_controller(published_aircraft)
     save_controller(tmp_path / "small.mat", controller)
@@ -249,7 +249,7 @@ def test_the_report_lists_limit_and_checks(published_aircraft: Model, limit: str
     assert (report.data["delta"], report.data["angles"]) == (200.0, rows)
 
 
-def test_a_loop_whose_numbers_overflow_is_none() -> None:
+def test_a_loop_whose_numbers_overflow_is_refused() -> None:
     """The spectral abscissa of a loop whose numbers overflow is refused.
 
     The effectiveness of the actuators is 1e308.
@@ -260,7 +260,7 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
         _ = loop.abscissa
 
 
-def test_path_from_inputs_sensor_once_closed_equations_say(
+def test_a_direct_path_gives_correct_rates(
     published_aircraft: Model,
 ) -> None:
     """With a direct path D from inputs to a sensor, the closed loop has the correct rates.
@@ -304,7 +304,7 @@ def gentle(aircraft: Model, gain: float) -> ScheduledController:
     )
 
 
-def test_controller_does_little_passes_with_abscissa_of_aircraft(
+def test_a_controller_with_very_small_gain_passes(
     published_aircraft: Model,
 ) -> None:
     """A controller with a very small gain passes, with nearly the spectral abscissa of the
@@ -319,7 +319,7 @@ def test_controller_does_little_passes_with_abscissa_of_aircraft(
     assert "PASS, 4 of 4 loops stable" in repr(found)
 
 
-def test_planted_unstable_controller_is_found_with_its_actuator(
+def test_an_unstable_controller_fails_with_worst_actuator(
     published_aircraft: Model,
 ) -> None:
     """A controller that is unstable with some actuators fails. The report names the worst

@@ -34,9 +34,7 @@ PEER = ROOT / "extensions/servo/tests/peer_gains.json"
 
 
 @pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
-def test_exact_gain_of_design_with_names_and_units(
-    name: str, size: int, published_aircraft: Model
-) -> None:
+def test_solve_design_returns_simvfas_gain(name: str, size: int, published_aircraft: Model) -> None:
     """`hfa solve --design` returns the gain of the independent program SimVFA within 2e-5.
 
     Names and units are those of the design.
@@ -62,7 +60,7 @@ def test_the_paper_s_design_is_the_default_game() -> None:
     assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
 
 
-def test_a_critic_of_servo_is_learned_and_certified() -> None:
+def test_a_critic_for_a_design_is_learned_exactly() -> None:
     """A critic learned for a design agrees with the exact solution within 1e-8."""
     learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK, "-o", "servo.npz")
     assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
@@ -98,7 +96,7 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
 
 
 @pytest.mark.slow
-def test_design_with_sensors_is_designed_from_its_measurements() -> None:
+def test_sensors_give_an_output_feedback_controller() -> None:
     """A design with sensors gives an output-feedback controller.
 
     Its delta_min is larger than with state feedback. A delta between the two values is refused.
@@ -161,7 +159,7 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
         ),
     ],
 )
-def test_what_no_controller_can_do_is_one_line(
+def test_an_impossible_design_is_refused(
     sensors: str, changed: dict[str, str], code: int, named: str
 ) -> None:
     """A design that no controller can satisfy is refused with a one-line message.
@@ -172,7 +170,7 @@ def test_what_no_controller_can_do_is_one_line(
 
 
 @pytest.mark.slow
-def test_a_design_becomes_file_that_prints_same_table() -> None:
+def test_a_written_design_prints_the_same_report() -> None:
     """`hfa design FILE` prints the report of a file written by `hfa design -o`, with the same
     matrices.
     """
@@ -195,7 +193,7 @@ def test_a_design_becomes_file_that_prints_same_table() -> None:
     assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.breakpoints)
 
 
-def test_a_controller_in_metres_is_controller_in_feet() -> None:
+def test_controllers_in_si_and_english_units_agree() -> None:
     """A controller designed with --units si equals the converted controller in English units.
 
     A flight with --units si ends in the converted state.

@@ -38,13 +38,13 @@ from hfa_servo.servo_policy import MeasuredOutputs
 DESIGNS = ROOT / "extensions/servo/hfa_servo"
 
 
-def test_every_design_of_package_has_name_and_source() -> None:
+def test_every_design_file_has_name_and_source() -> None:
     """Every design file of the package is listed in `NAMED` and names its source."""
     assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
     assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
 
 
-def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None:
+def test_disturbances_and_actuators_of_designs_are_read(tmp_path: Path) -> None:
     """Intensities of disturbances and data of actuators are read from a design file."""
     own = tmp_path / "own.toml"
     more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
@@ -122,7 +122,7 @@ def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
 
 @pytest.mark.parametrize("name", PEER)
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
-def test_the_peer_s_settings_give_peer_s_gains(
+def test_settings_of_simvfa_give_its_gain(
     published_aircraft: Model, name: str, degrees: str
 ) -> None:
     """The exact gain for the settings of the program SimVFA equals SimVFA's gain within 2e-5."""
@@ -132,7 +132,7 @@ def test_the_peer_s_settings_give_peer_s_gains(
 
 
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
-def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
+def test_density_of_simvfa_gives_six_equal_digits(degrees: str) -> None:
     """At the altitude with SimVFA's air density, gains agree with SimVFA in all six stored digits.
 
     At 40,000 ft, some digits differ.
@@ -150,7 +150,7 @@ def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
             assert (np.abs(ours - theirs) <= half_units).all() == digits
 
 
-def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Game) -> None:
+def test_the_paper_design_equals_the_papers_game(published_aircraft: Model, game: Game) -> None:
     """The game of the design `paper` has the matrices and delta of the paper's game."""
     built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
@@ -159,7 +159,7 @@ def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Gam
     assert published_game(game.A, game.B).delta == 200.0
 
 
-def test_loop_of_servo_brings_integrated_outputs_to_zero(
+def test_integrated_outputs_of_a_servo_reach_zero(
     published_aircraft: Model,
 ) -> None:
     """With a constant disturbance of the inputs, a servo's integrated outputs are 0 in steady
@@ -204,7 +204,7 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
+def test_updraft_columns_agree_with_finite_differences(dynamics: str) -> None:
     """The column of E for an updraft agrees with finite differences, also in the rows of
     integrals.
     """
@@ -220,7 +220,7 @@ def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
     assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
 
 
-def test_sensors_states_or_outputs_in_order_of_names(
+def test_sensor_rows_follow_the_order_of_names(
     published_aircraft: Model,
 ) -> None:
     """The rows of C and D of a design model are those of its sensors, in their order.
@@ -271,7 +271,7 @@ def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> No
         design_at(published_aircraft, at_once, 11.0)
 
 
-def test_output_and_short_period_part_may_both_named(
+def test_an_output_and_its_part_are_sensors(
     published_aircraft: Model,
 ) -> None:
     """An output and its short-period part may both be sensors of a design.
@@ -285,7 +285,7 @@ def test_output_and_short_period_part_may_both_named(
     assert built.C[0, 1] == built.C[1, 1]
 
 
-def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> None:
+def test_integrals_the_inputs_cannot_change_are_refused(published_aircraft: Model) -> None:
     """Integrated outputs whose steady values the inputs cannot change independently are refused."""
     one = replace(
         simvfa_design("simvfa-1"),
@@ -359,7 +359,7 @@ def test_unusable_designs_are_refused(make: Callable[[], object], message: str) 
 
 @pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
 @pytest.mark.parametrize("value", [3, "text", [1.0]])
-def test_value_in_place_of_table_of_variant_named(entry: str, value: object) -> None:
+def test_a_number_in_place_of_table_is_refused(entry: str, value: object) -> None:
     """A number given in place of a table, such as `[newton] weights = 3`, is refused by name."""
     table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
     data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}

@@ -73,7 +73,7 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
 @pytest.mark.parametrize(
     "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
-def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
+def test_delta_min_is_at_most_slycots_gain(seed: int) -> None:
     """delta_min is at most the gain of the closed loop with slycot's controller.
 
     At δ = 1.001 delta_min, the loop with the project's controller has a gain below δ. If slycot
@@ -95,7 +95,7 @@ def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
-def test_X_Y_solve_general_equations_to_sixty_digits(seed: int) -> None:
+def test_x_and_y_equal_60_digit_solutions(seed: int) -> None:
     """X and Y satisfy the general Riccati equations (Theorem 17.1) and equal 60-digit solutions.
 
     The tolerance is 1e-10. In the equations, R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0).
@@ -140,7 +140,7 @@ def test_state_feedback_equals_the_game(game: Game) -> None:
 
 
 @pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.slow), 5])
-def test_state_feedback_limit_measuring_every_state_ever_better(seed: int) -> None:
+def test_state_feedback_is_the_limit_of_measurements(seed: int) -> None:
     """delta_min of state feedback is the limit of delta_min for measurements of all states.
 
     The noise of the measurements tends to 0. The plant has cross terms and D11. delta_min is at
@@ -183,7 +183,7 @@ def test_d22_does_not_change_the_closed_loop() -> None:
 @pytest.mark.parametrize(
     "part", ["Ak", *(pytest.param(x, marks=pytest.mark.slow) for x in ("Bk", "Ck", "Dk"))]
 )
-def test_a_planted_error_in_the_controller_is_seen(
+def test_a_planted_controller_error_is_not_certified(
     monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
     """A controller with one matrix wrong by 1 % (planted fault) is not certified."""
@@ -200,7 +200,7 @@ def test_a_planted_error_in_the_controller_is_seen(
         solve_plant(plant, delta)
 
 
-def test_a_gain_that_is_too_large_is_seen() -> None:
+def test_peak_gain_finds_a_narrow_resonance() -> None:
     """`peak_gain` finds the peak 1/(2 ζ) of a resonance with ζ = 1e-7."""
     A = np.array([[0.0, 1.0], [-1.0, -2e-7]])
     B = np.array([[0.0], [1.0]])
@@ -294,7 +294,7 @@ def test_plants_of_public_issues_are_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize("reach", [0.0, 0.1])
-def test_an_integrator_without_disturbance_is_named_through_dust(reach: float) -> None:
+def test_an_integrator_without_disturbance_is_named(reach: float) -> None:
     """The message names the integrator of 1.6 / (s (s² + 4.8 s + 1.7)) that no disturbance reaches.
 
     The plant has weights of S and K S, and rounding errors of 1e-16 to 1e-15 in A, as in the
@@ -326,7 +326,7 @@ def test_an_integrator_without_disturbance_is_named_through_dust(reach: float) -
 
 @pytest.mark.parametrize("size", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
-def test_plants_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
+def test_public_plants_with_noise_agree_with_slycot(system: Any, size: float) -> None:
     """With noise added, delta_min of the plants from public issues agrees with slycot."""
     plant = with_noise(system(), size)
     smallest = plant.minimum_delta().value
@@ -402,7 +402,7 @@ def test_modes_without_a_solution_are_named(changes: dict[str, Any], words: str)
             solve(plant)
 
 
-def test_rounding_of_a_double_integrator_is_no_reach() -> None:
+def test_rounding_does_not_make_an_integrator_controllable() -> None:
     """Rounding errors that move a double integrator's poles to ±3e-8 do not make it controllable.
 
     The message names the eigenvalue 0 that the disturbance does not reach.
@@ -528,7 +528,7 @@ def by_hand(delta: float) -> tuple[float, float]:
     )
 
 
-def test_a_scalar_plant_by_hand() -> None:
+def test_a_scalar_plant_equals_hand_computed_values() -> None:
     """X, Y and the controller of a scalar plant equal values computed by hand."""
     X, Y = by_hand(3.0)
     found: Any = solve_plant(scalar(), 3.0)
@@ -539,7 +539,7 @@ def test_a_scalar_plant_by_hand() -> None:
 
 
 @pytest.mark.parametrize("size", [pytest.param(1e-14, marks=pytest.mark.slow), 1e14])
-def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
+def test_the_smallest_delta_scales_with_the_cost(size: float) -> None:
     """If the cost output z is scaled by a factor, delta_min is scaled by the same factor."""
     plant = random_plant(8)
     expected = smallest_of(8).value
@@ -549,7 +549,7 @@ def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
     assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
 
 
-def test_smallest_delta_of_scalar_plant_and_its_report() -> None:
+def test_scalar_smallest_delta_agrees_with_closed_form() -> None:
     """delta_min of a scalar plant agrees with the closed form and is printed in the report.
 
     A smaller delta is refused with the condition that fails.
@@ -580,7 +580,9 @@ def test_smallest_delta_of_scalar_plant_and_its_report() -> None:
     assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, None, 0.0)
 
 
-def test_both_equations_to_sixty_digits(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
+def test_both_riccati_solutions_equal_60_digit_solutions(
+    servo: tuple[Game, np.ndarray, GeneralizedPlant],
+) -> None:
     """Both Riccati solutions of the servo agree with solutions in 60 digits."""
     game, C, plant = servo
     found: Any = solve_plant(plant, 200.0)
@@ -609,7 +611,7 @@ def test_infinite_delta_gives_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlan
     assert found.coupling == 0.0
 
 
-def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
+def test_accurate_measurements_approach_state_feedback(game: Game) -> None:
     """With measurements of all states, delta_min approaches that of the state-feedback game.
 
     The noise of the measurements tends to 0. At the lowest noise, X equals P of the state-feedback
@@ -628,7 +630,7 @@ def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_units_of_states_over_16_decades_change_nothing(seed: int) -> None:
+def test_units_over_16_decades_keep_delta_min(seed: int) -> None:
     """Changing the units of the states by 16 decades changes neither delta_min nor the coupling.
 
     X, Y and the controller are converted.

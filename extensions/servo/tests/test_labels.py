@@ -95,7 +95,7 @@ def test_labels_of_a_plant_name_its_states() -> None:
     assert np.array_equal(hfa.lqr(A, B, Q.iloc[::-1], R).K, hfa.lqr(linear, weights.Q, R).K)
 
 
-def test_labels_that_are_not_names_are_positions() -> None:
+def test_default_labels_are_read_by_position() -> None:
     """Arrays with default labels are read by position, and inputs with names in any order."""
     linear = _point().linearize()
     gain = pandas.DataFrame(np.array(_solution().K))

@@ -63,7 +63,7 @@ def exact(name: str) -> tuple[Game, Solution]:
 
 @pytest.mark.parametrize("starts", [2, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SIZES)
-def test_every_start_ends_certified_at_exact_solution_time(name: str, starts: int) -> None:
+def test_learning_settles_from_every_initial_critic(name: str, starts: int) -> None:
     """From every random initial critic, learning settles within 10 s at the exact P and K.
 
     The errors are at most 1e-8.

@@ -51,7 +51,7 @@ def random_plant(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0, None])
-def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
+def test_gamma_min_agrees_with_hankel_norm_and_slicot(degrees: float | None) -> None:
     """gamma_min agrees with Glover and McFarlane's γ² = 1/(1 - ‖[N M]‖_H²) and with SLICOT's
     SB10AD.
 
@@ -121,7 +121,7 @@ def test_loop_robustness_is_gamma_and_errors_are_found() -> None:
     assert not robust_check(A, B, C, found._replace(H=0.2 * found.H)).ok
 
 
-def test_mode_that_is_not_seen_has_no_controller() -> None:
+def test_an_unobservable_unstable_mode_is_refused() -> None:
     """A plant with an unstable unobservable mode is refused."""
     with pytest.raises(NoSolutionError, match="no robust controller"):
         robust_controller(np.diag([1.0, -1.0]), np.ones((2, 1)), np.array([[0.0, 1.0]]))
@@ -140,7 +140,7 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
 
 @pytest.mark.parametrize("angles", [(1, 20), pytest.param(range(21), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
-def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) -> None:
+def test_every_servo_loop_has_the_required_margins(dynamics: str, angles: Sequence[int]) -> None:
     """At every integer angle, each loop of the servo has margins of at least 6 dB and 45 deg.
 
     All loops tolerate 20 ms of delay, also in all inputs at once.
@@ -154,7 +154,7 @@ def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) ->
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
+def test_the_servo_tolerates_half_effectiveness_and_20_ms(dynamics: str) -> None:
     """The servo is stable with half the effectiveness and 20 ms of delay in every input.
 
     The delay is a Padé approximant of order 3, whose error is below 1e-6 up to 20 rad/s.
@@ -186,7 +186,7 @@ def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
             assert replace(loop, A=A, B=B, C=C).abscissa < 0.0
 
 
-def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> None:
+def test_margins_put_a_pole_on_the_axis(published_aircraft: Model) -> None:
     """If one input or sensor is changed by its gain or phase margin, a pole is on the imaginary
     axis.
     """
@@ -216,7 +216,7 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
         assert np.isnan(w) or min(both) < 1e-9
 
 
-def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) -> None:
+def test_the_phase_margin_equals_the_textbooks(published_aircraft: Model) -> None:
     """The loop 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s.
 
     Its gain margin is infinite.
@@ -233,7 +233,7 @@ def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) 
         assert each.gain == np.inf
 
 
-def test_model_answers_command_and_loop_feels_none_of(
+def test_states_with_model_actuators_equal_the_model(
     published_aircraft: Model,
 ) -> None:
     """With the actuators of the reference model, the aircraft's states equal those of this model.
@@ -264,7 +264,7 @@ def test_model_answers_command_and_loop_feels_none_of(
     assert np.abs(own[n + len(INPUTS) :]).max() < 1e-9 * np.abs(state).max()
 
 
-def test_names_and_filter_of_the_controller() -> None:
+def test_a_loop_shaping_controller_has_its_filter() -> None:
     """A loop-shaping controller has the names, the command filter and the checks of its design."""
     controller = servo("published", (11.0,))
     assert (controller.measurements, controller.inputs) == (("pitch_rate", "dihedral", A_Z), INPUTS)
@@ -343,7 +343,7 @@ def pencil_of(
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
-def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
+def test_two_surfaces_give_right_half_plane_zeros(dynamics: str, degrees: float) -> None:
     """The plant from two surfaces to dihedral and A_z has a pair of right-half-plane zeros at 0.67
     rad/s.
 

@@ -67,7 +67,7 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
         linear.step("throtle")
 
 
-def test_other_attributes_are_those_of_python_control() -> None:
+def test_linear_models_have_python_controls_attributes() -> None:
     """A linear model has the attributes of python-control's StateSpace, with named inputs and
     outputs.
     """
@@ -91,7 +91,7 @@ def test_other_attributes_are_those_of_python_control() -> None:
     assert pytest.approx(expm(0.1 * linear.A)) == held.A
 
 
-def test_functions_of_matrices_take_those_of_the_model() -> None:
+def test_methods_of_models_call_python_control() -> None:
     """A linear model's method ctrb() calls python-control's ctrb(A, B) with the matrices of the
     model.
 
@@ -108,7 +108,7 @@ def test_functions_of_matrices_take_those_of_the_model() -> None:
         assert "\n" not in str(error.value)
 
 
-def test_transfer_functions_have_the_response_of_the_model() -> None:
+def test_transfer_functions_equal_the_models_response() -> None:
     """A transfer function has the frequency response of the model.
 
     It needs one input and one output.
@@ -202,7 +202,7 @@ def test_functions_are_methods_of_their_first_argument() -> None:
         MODEL.linearise  # noqa: B018
 
 
-def test_words_of_other_tools_are_attributes_of_results() -> None:
+def test_attribute_names_of_other_tools_are_accepted() -> None:
     """Attribute names of other tools, such as SciPy's `success`, return the equivalent attribute.
 
     A name without an equivalent is refused with a suggestion.
@@ -304,7 +304,7 @@ def test_a_gain_closes_a_linear_loop() -> None:
         linear.margins(-solution.K)
 
 
-def test_values_of_a_model_are_the_points() -> None:
+def test_environments_and_assess_accept_model_values() -> None:
     """environment(model, dihedral=...) and assess(point, FILE) use the trims at the given
     values.
     """
@@ -320,7 +320,7 @@ def test_values_of_a_model_are_the_points() -> None:
         hfa.environment(MODEL, sped=170.0)
 
 
-def test_prove_chooses_by_its_arguments() -> None:
+def test_prove_selects_the_statement_by_its_arguments() -> None:
     """hfa.prove(game, K) proves statements on a critic. hfa.prove(game) proves the exact
     solution.
     """
@@ -339,7 +339,7 @@ def test_prove_chooses_by_its_arguments() -> None:
         hfa.design  # noqa: B018
 
 
-def test_a_point_brings_its_model() -> None:
+def test_fly_accepts_a_point_or_a_model() -> None:
     """point.fly(K) starts from this point, and model.fly(K) from the model's default trim."""
     point = find_operating_point(MODEL, dihedral=0.2)
     K = hfa.lqr(point, np.eye(6), np.eye(5)).K
@@ -362,7 +362,7 @@ def test_arguments_of_different_types_in_any_order() -> None:
         hfa.verify("x.npz", K)
 
 
-def test_a_file_name_is_a_model() -> None:
+def test_a_file_name_is_accepted_as_a_model() -> None:
     """A text `FILE.py:NAME` is accepted as a model."""
     named = hfa.trim("examples/navion.py:NAVION", speed=180.0)
     assert named.model.name == "Navion"
@@ -370,7 +370,7 @@ def test_a_file_name_is_a_model() -> None:
         hfa.trim("nothing")
 
 
-def test_a_model_trims_itself() -> None:
+def test_a_models_trim_can_be_called() -> None:
     """`model.trim` is a mapping of declared values and can be called to find a trim."""
     assert MODEL.trim(dihedral=0.2) == find_operating_point(MODEL, dihedral=0.2)
     assert MODEL.trim({"dihedral": 0.2}) == find_operating_point(MODEL, dihedral=0.2)
@@ -389,7 +389,7 @@ def test_scenario_keywords_are_accepted() -> None:
         hfa.fly(MODEL, point, gust=5)
 
 
-def test_a_linear_model_is_its_matrices() -> None:
+def test_a_linear_model_unpacks_into_its_matrices() -> None:
     """A linear model unpacks into A, B, C and D. python-control refuses the model itself."""
     linear = _linear()
     A, B, C, D = linear
@@ -410,7 +410,7 @@ def test_a_linear_model_is_its_matrices() -> None:
     assert linear.initial(x0=[0, 0.1, 0, 0, 0, 0])[0].shape[1] == 6
 
 
-def test_modes_are_a_table_and_a_method() -> None:
+def test_modes_are_an_attribute_method_and_table() -> None:
     """`modes` is an attribute, a method and a table."""
     modes = _linear().modes
     assert modes() is modes
@@ -422,7 +422,7 @@ def test_modes_are_a_table_and_a_method() -> None:
         modes.dampin  # noqa: B018
 
 
-def test_sweeps_and_flights_are_tables_and_curves() -> None:
+def test_sweeps_and_flights_have_table_methods() -> None:
     """Sweeps and flights have the methods of a pandas table, and their variables can be plotted
     by name.
     """
@@ -445,7 +445,7 @@ def test_sweeps_and_flights_are_tables_and_curves() -> None:
     pyplot.close("all")
 
 
-def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
+def test_results_are_saved_and_loaded(tmp_path: Path) -> None:
     """hfa.save and hfa.load write and read linear models, solutions and points.
 
     hfa.load also reads deployments and aircraft.
@@ -480,7 +480,7 @@ def test_a_solution_plots_its_poles() -> None:
     pyplot.close("all")
 
 
-def test_keywords_read_the_file_of_a_critic(folder: Path) -> None:
+def test_verify_accepts_a_critic_file_and_keywords(folder: Path) -> None:
     """verify(game, FILE, activation="tanh") returns the verdict on the network in this file."""
     game = hfa.paper.published_game(_linear())
     K = hfa.solve_game(game).K
@@ -520,7 +520,7 @@ def test_keywords_change_a_game() -> None:
         hfa.solve_game(game, gama=400.0)
 
 
-def test_file_keys_and_degrees_are_attributes() -> None:
+def test_file_keys_and_degrees_are_available_as_attributes() -> None:
     """Keys of files and angles in degrees are attributes.
 
     Quantities that are not angles have no degrees.
@@ -554,7 +554,7 @@ def test_training_runs_are_plotted_and_converted() -> None:
     pyplot.close("all")
 
 
-def test_eigenvalues_are_a_method_too() -> None:
+def test_eigenvalues_are_an_attribute_and_a_method() -> None:
     """`eigenvalues` is an attribute and a method, and equals `hfa.eigenvalues`."""
     linear = _linear()
     assert linear.eigenvalues() is not None
@@ -564,7 +564,7 @@ def test_eigenvalues_are_a_method_too() -> None:
         hfa.model  # noqa: B018
 
 
-def test_errors_name_the_call_that_was_meant() -> None:
+def test_errors_name_the_correct_call() -> None:
     """The error for a wrong call names the call to use instead.
 
     Examples are single loops, closed loops and trained policies.

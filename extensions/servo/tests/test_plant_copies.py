@@ -96,7 +96,7 @@ def agree(one: DeltaMin, other: DeltaMin) -> bool:
     return max(one.refused, other.refused) <= most
 
 
-def test_smallest_delta_of_slycot_and_of_every_copy() -> None:
+def test_the_smallest_delta_agrees_with_slycot() -> None:
     """For a plant with poles from 0.1 to 25,000 rad/s, delta_min agrees with slycot.
 
     A transformed copy of the plant has the same delta_min.
@@ -130,7 +130,7 @@ def test_copies_agree_above_and_below_the_smallest_delta() -> None:
     assert (found["changed"], found["open"]) == (0, 0)
 
 
-def test_what_cancels_in_turned_axes_hides_nothing() -> None:
+def test_rotated_coordinates_keep_the_smallest_delta() -> None:
     """In rotated coordinates, delta_min of a plant lies between 1.2845 and 1.2846.
 
     The plant has poles from 8e-4 to 5,148 rad/s.
@@ -141,7 +141,7 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
         assert conditions(copy.problem, 1.2845).exists is False, copy.kind
 
 
-def test_a_turned_plant_is_solved_as_given_one() -> None:
+def test_rotated_coordinates_keep_the_coupling() -> None:
     """A plant with poles from 2e-4 to 1000 rad/s has the same coupling in rotated coordinates.
 
     The loop with the controller attains the gain.
@@ -158,7 +158,7 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
         assert found.coupling == pytest.approx(given.coupling, rel=1e-8)
 
 
-def test_axes_are_left_as_they_were_entered() -> None:
+def test_a_change_of_coordinates_is_reversible() -> None:
     """A change of coordinates and its inverse change matrices by at most 1e-14 of the largest
     entry.
     """
@@ -182,7 +182,7 @@ def test_axes_are_left_as_they_were_entered() -> None:
     )
 
 
-def test_sizes_are_those_of_the_parts_that_cancel() -> None:
+def test_magnitudes_include_canceling_terms() -> None:
     """If u = -N⁺ C x cancels 1e6 in A and leaves 1, the magnitude of the terms of A is 2e6 and not
     1.
 
@@ -216,7 +216,7 @@ def test_the_closed_loop_gain_is_below_delta() -> None:
 
 
 @pytest.mark.slow
-def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
+def test_smallest_deltas_of_171_plants_agree_with_slycot() -> None:
     """For 171 plants, the brackets of delta_min of the plant, its copies and slycot overlap.
 
     No bracket is wider than 1 %, and at most 20 of 684 are wider than the tolerance.

@@ -86,7 +86,7 @@ def test_outputs_are_those_of_the_linear_model(
         outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
 
 
-def test_in_moving_air_accelerometer_feels_alpha_through_air(
+def test_an_updraft_changes_measured_acceleration(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """An updraft w changes the measured acceleration by F w, for the derivative F in the linear
@@ -112,7 +112,7 @@ def test_in_moving_air_accelerometer_feels_alpha_through_air(
     )  # an updraft w changes alpha by w / V
 
 
-def test_flight_on_linear_model_is_loop_written_out(
+def test_the_linear_prediction_equals_a_numpy_integration(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """The linear prediction of a flight equals an integration of the same closed loop in NumPy."""
@@ -145,7 +145,7 @@ def test_flight_on_linear_model_is_loop_written_out(
     assert own_modes == pytest.approx(2.0)
 
 
-def test_anti_windup_input_is_what_was_not_applied(
+def test_the_anti_windup_term_requires_saturation(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """Without saturation, the anti-windup term W (u_applied - u) has no effect.
@@ -171,7 +171,7 @@ TIMES = np.array([1.0, 4.0, 9.0])
 VALUES = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 
 
-def test_signal_same_at_one_time_at_many_expression() -> None:
+def test_a_waveform_is_equal_in_all_forms() -> None:
     """A waveform has the same values at one time, at several times, and as an expression."""
     rng = np.random.default_rng(2)
     constant, slope, sine, cosine = rng.normal(size=(4, 3))
@@ -195,7 +195,7 @@ def steps(damping: float = 2.0) -> CommandSteps:
 
 
 @pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
-def test_the_closed_form_solves_the_equation_of_filter(damping: float) -> None:
+def test_filtered_commands_agree_with_numerical_integration(damping: float) -> None:
     """The closed form of filtered commands agrees with a numerical integration of the command
     filter.
     """

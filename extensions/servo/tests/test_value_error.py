@@ -37,7 +37,7 @@ def test_the_error_of_a_value_bounds_changes() -> None:
         assert max(changes) >= 1e-2 * bound, number
 
 
-def test_an_unstabilizing_value_has_no_bound() -> None:
+def test_a_value_that_does_not_stabilize_is_unbounded() -> None:
     """The bound is infinite for a P that does not stabilize."""
     one = np.eye(1)
     form = NormalForm.of(Game(0.0 * one, one, one, one, one, 2.0))

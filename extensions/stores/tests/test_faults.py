@@ -27,7 +27,7 @@ SWEEP = (
 
 
 @pytest.mark.slow
-def test_job_filled_disk_goes_on_when_there_room(
+def test_a_job_that_filled_disk_is_resumed(
     small_disk: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """A job that fills the disk is refused in one line. It can be resumed after the disk is

@@ -27,7 +27,7 @@ SLOW = pytest.mark.slow
         (signal.SIGKILL, -signal.SIGKILL, None),
     ],
 )
-def test_run_ended_leaves_no_worker_no_temporary_folder(
+def test_an_ended_run_leaves_no_workers_or_folders(
     tmp_path: Path, number: signal.Signals, code: int, said: str | None
 ) -> None:
     """A run that a signal ends leaves no worker process and no temporary folder."""
@@ -38,6 +38,6 @@ def test_run_ended_leaves_no_worker_no_temporary_folder(
 
 @proc
 @pytest.mark.slow
-def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
+def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
     """A run that is ended at random moments and resumed gives identical bits."""
     comes_to_the_same_bits(tmp_path, THREE_CHUNKS)

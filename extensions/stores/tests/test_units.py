@@ -7,6 +7,6 @@ from pathlib import Path
 from units_of_outputs import assert_store_in_metres
 
 
-def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
+def test_stores_in_si_and_english_units_agree(tmp_path: Path) -> None:
     """A store in metric units contains the converted numbers of a store in English units."""
     assert_store_in_metres("sweep", "--dihedral", "5,15", name="states", folder=tmp_path)

@@ -41,7 +41,7 @@ def test_every_task_has_its_result(count: int) -> None:
     assert _gone()
 
 
-def test_error_of_task_raised_and_no_worker_left() -> None:
+def test_an_error_in_a_task_is_raised() -> None:
     """An error in a task is raised, and no worker process is left."""
     with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
         list(run(_square, ((key, (-key,)) for key in (0, 3))))
@@ -56,7 +56,7 @@ def test_an_abandoned_job_leaves_no_worker() -> None:
     assert _gone()
 
 
-def test_worker_that_dies_ends_job_in_one_line() -> None:
+def test_a_dead_worker_is_reported() -> None:
     """The death of a worker is reported in one line that suggests --resume, and no worker is
     left.
     """
@@ -86,7 +86,7 @@ def test_no_worker_starts_without_free_file_handles() -> None:
 
 
 @pytest.mark.slow
-def test_task_kills_workers_of_cluster_is_one_line() -> None:
+def test_a_cluster_returns_all_results() -> None:
     """A cluster returns all results.
 
     A task that kills the workers of a cluster raises NoSolutionError.

@@ -106,7 +106,7 @@ def test_stored_results_have_names_and_units(made: Path) -> None:
     assert dataset.square.attrs == {"units": "ft"}
 
 
-def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path: Path) -> None:
+def test_two_processes_write_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
     """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
@@ -152,7 +152,7 @@ if __name__ == "__main__":
 """
 
 
-def test_kill_loses_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
+def test_a_killed_run_keeps_finished_chunks(made: Path, tmp_path: Path) -> None:
     """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
@@ -215,7 +215,7 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
         fill_store(row_job(), path, resume=True)
 
 
-def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_path: Path) -> None:
+def test_a_store_is_not_overwritten_by_another_job(path: Path, tmp_path: Path) -> None:
     """An existing store is not overwritten, and not continued by another job, schema or version."""
     with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
         fill_store(row_job(), path)
@@ -239,9 +239,7 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
     assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
 
 
-def test_store_appears_whole_and_takes_no_folder_beside(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_no_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """If the disk is full, no store is left. A similarly named folder is not removed."""
     import xarray
 
@@ -357,7 +355,7 @@ class Runs:
 RUNS = pickle.dumps(Runs())
 
 
-def test_nothing_in_store_of_another_format_is_run(
+def test_a_store_in_another_format_is_refused(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A store in another format is refused, and its pickles are not loaded."""
@@ -399,7 +397,7 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_chunk_is_of_something_else_is_computed_again(
+def test_a_foreign_chunk_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
     """A chunk that belongs to another job, chunk or array is computed again.
@@ -442,7 +440,7 @@ def refusal(path: Path) -> str:
 @pytest.mark.parametrize(
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
-def test_random_changes_of_metadata_refused_in_one_line(made: Path, path: Path, count: int) -> None:
+def test_random_changes_of_metadata_are_refused(made: Path, path: Path, count: int) -> None:
     """At least 80 % of stores with a random change of a metadata file are refused, each in one
     line.
 

@@ -44,7 +44,7 @@ pytestmark = pytest.mark.usefixtures("folder")
         ("gain.json", {"K": np.ones((5, 6)), "delta": 200.0, "certificate": {"ok": True}}),
     ],
 )
-def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) -> None:
+def test_parts_of_a_critic_file_are_read(name: str, content: dict[str, Any]) -> None:
     """W, P and K of a critic file are read under their names and aliases."""
     parts = single_parts(entries_in(stored(name, **content)), UNNAMED, None)
     expected = {"W": content.get("W", content.get("weights"))}
@@ -70,7 +70,7 @@ def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None
     assert "\n" not in str(refusal.value)
 
 
-def test_messages_on_suffixes_list_those_of_packages() -> None:
+def test_messages_list_the_suffixes_of_packages() -> None:
     """The message on an unknown suffix also lists the suffixes that installed packages read."""
     with pytest.raises(BadInputError, match=r"^K\.abc: the suffix '\.abc' is unknown") as refusal:
         critic_in("K.abc", GAME)
@@ -110,7 +110,7 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
         ({"t": TIMES, "W": W, "K": K.reshape(3, 2)}, True),
     ],
 )
-def test_rows_with_times_are_one_critic_each(
+def test_each_history_row_becomes_a_critic(
     suffix: str, content: dict[str, Any], has_gain: bool
 ) -> None:
     """Each row of a history file becomes a critic with its time and weights.
@@ -125,7 +125,7 @@ def test_rows_with_times_are_one_critic_each(
 
 
 @pytest.mark.parametrize("times", [{}, {"t": TIMES}])
-def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
+def test_one_row_is_read_as_one_critic(times: dict[str, Any]) -> None:
     """A file with one row of weights and P is read as one critic with this P and without a time."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
     (critic,) = critics_in(stored("h.npz", W=W[0], P=P, **times), GAME)
@@ -133,7 +133,7 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
     np.testing.assert_array_equal(critic.P, P)
 
 
-def test_the_file_names_the_basis_unless_somebody_does() -> None:
+def test_the_files_basis_applies_unless_another_is_named() -> None:
     """The basis named in a critic file applies unless the caller names another basis.
 
     The file contains W, once or over time.
@@ -186,7 +186,7 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
         ({"times": TIMES, "K": np.ones((1, 2))}, "with W .rows of weights., P or K"),
     ],
 )
-def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
+def test_a_wrong_history_is_refused(content: dict[str, Any], said: str) -> None:
     """A history of a critic with wrong shapes or times is refused, and the message states the
     reason.
     """

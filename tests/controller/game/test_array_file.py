@@ -52,7 +52,7 @@ def read(content: bytes | str, name: str = "a.mat") -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("content", [mat("4", **PLAIN), *(path.read_bytes() for path in FILES)])
-def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
+def test_numbers_and_texts_equal_those_of_loadmat(content: bytes) -> None:
     """The .mat reader returns the same numbers and texts as SciPy's loadmat."""
     arrays = read(content)
     for name, value in scipy.io.loadmat(io.BytesIO(content)).items():
@@ -61,7 +61,7 @@ def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
             np.testing.assert_array_equal(arrays[name], expected)
 
 
-def test_cells_of_text_and_structures() -> None:
+def test_text_cells_and_structures_are_read() -> None:
     """Text cells, structures and sparse matrices are read. Cells of mixed types are omitted."""
     arrays = read(mat(**PLAIN, **TREES))
     np.testing.assert_array_equal(arrays["sparse"], TREES["sparse"].toarray())
@@ -111,7 +111,7 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
         read(sparse)
 
 
-def test_matrices_without_names_have_those_of_their_files() -> None:
+def test_unnamed_matrices_are_named_after_their_files() -> None:
     """The array in A.npy is named A, and is read together with the array B of B.npy in the same
     folder.
 
@@ -160,7 +160,9 @@ def of(**texts: str) -> dict[str, Any]:
         ({"A": HEADED[0], "B": HEADED[1]}, NAMES),
     ],
 )
-def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, list[str]]) -> None:
+def test_csv_matrices_are_read_with_optional_names(
+    texts: dict[str, str], names: dict[str, list[str]]
+) -> None:
     """A and B are read from .csv files with or without names of rows and columns."""
     arrays = of(**texts)
     np.testing.assert_array_equal(arrays.pop("A"), A)
@@ -187,7 +189,7 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
         ({"A": ""}, "A has no numbers"),
     ],
 )
-def test_what_is_no_matrix_is_said(texts: dict[str, str], said: str) -> None:
+def test_csv_files_without_a_matrix_are_refused(texts: dict[str, str], said: str) -> None:
     """.csv files that do not contain a matrix are refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
         of(**texts)

@@ -16,7 +16,7 @@ def linear() -> LinearModel:
     return hfa.linearize(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}))
 
 
-def test_weights_by_name_are_diagonals(linear: LinearModel) -> None:
+def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
     """Weights given by name are placed on the diagonals, and the game keeps the names."""
     weights = dict.fromkeys(linear.inputs, 2.0)
     game = hfa.game(linear, Q={"speed": 0.01, "pitch": 3.0}, R=weights, delta=250.0)
@@ -27,7 +27,7 @@ def test_weights_by_name_are_diagonals(linear: LinearModel) -> None:
     assert np.array_equal(game.E, np.eye(6))
 
 
-def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
+def test_lists_of_weights_are_diagonals(linear: LinearModel) -> None:
     """Lists and vectors of weights are the diagonals of Q and R."""
     game = hfa.game(linear, Q=[1, 2, 3, 4, 5, 6], R=np.full(5, 2.0))
     assert np.array_equal(game.Q, np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
@@ -35,7 +35,7 @@ def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
     assert hfa.Game(game.A, game.B, game.E, [1, 0, 0, 0, 0, 0], [1] * 5, 300.0).Q[0, 0] == 1.0
 
 
-def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> None:
+def test_the_default_cost_of_nominal_deviations_is_1(linear: LinearModel) -> None:
     """The default Q of a game is diag(1/nominal²). A deviation of nominal size then costs 1."""
     nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
     assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
@@ -58,7 +58,7 @@ def test_a_game_has_the_disturbances_of_the_model() -> None:
         ({"Q": [1.0, "2"]}, "Q is a list; give an array of numbers"),
     ],
 )
-def test_a_weight_that_does_not_fit_is_named(
+def test_a_wrong_weight_is_named(
     linear: LinearModel, weights: dict[str, object], words: str
 ) -> None:
     """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""

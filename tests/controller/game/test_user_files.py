@@ -53,7 +53,7 @@ def test_every_format_gives_the_same_game() -> None:
         assert stored_problem.provenance == block
 
 
-def test_what_is_missing_comes_from_the_paper() -> None:
+def test_missing_entries_are_taken_from_the_paper() -> None:
     """If a file of the paper's aircraft lacks Q, R and delta, the paper's values are used.
 
     A warning at the line of the call states this.
@@ -66,7 +66,7 @@ def test_what_is_missing_comes_from_the_paper() -> None:
     assert caught[0].filename == __file__
 
 
-def test_the_papers_game_in_meters() -> None:
+def test_the_papers_game_is_converted_to_meters() -> None:
     """For a plant in metres, the paper's Q and E are converted from feet.
 
     A plant with other state names has no default for Q. A plant without names that has its own Q
@@ -88,7 +88,7 @@ def test_the_papers_game_in_meters() -> None:
         assert load_game("weighed.npz") == Game(**MODEL, E=np.eye(6), **weights, delta=math.inf)
 
 
-def test_an_argument_counts_before_the_file() -> None:
+def test_arguments_override_entries_of_the_file() -> None:
     """Arguments Q, R and delta override the entries of the plant file.
 
     The text "inf" is read as delta = inf.

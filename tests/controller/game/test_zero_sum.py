@@ -56,12 +56,12 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
 @pytest.mark.parametrize(
     "R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]]
 )
-def test_weights_of_very_different_size_are_definite(R: Any) -> None:
+def test_an_r_of_very_different_entries_is_accepted(R: Any) -> None:
     """An R whose entries differ by factors up to 1e40, or which is almost singular, is accepted."""
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
-def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
+def test_a_game_without_disturbance_gives_the_lqr(tmp_path: Path) -> None:
     """Without E and delta, the solution is the LQR and can be saved. A game without R is refused."""
     solution = solve_game(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
     np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
@@ -172,7 +172,7 @@ def test_gradient_has_second_order_remainder(functions: Basis) -> None:
     assert taylor_slope(functions.psi, gradient, z) < 1.5
 
 
-def test_many_states_at_once_are_each_state_alone() -> None:
+def test_states_evaluated_together_equal_single_states() -> None:
     """A basis evaluated at many states equals its values at each state, bit for bit."""
     Z = np.random.default_rng(2).normal(size=(7, 6))
     for functions in ALL:
@@ -209,7 +209,7 @@ def test_weights_and_matrix_agree_in_any_units() -> None:
         (np.zeros((2, 2)), True),
     ],
 )
-def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: bool) -> None:
+def test_semidefiniteness_is_decided_in_any_units(matrix: Any, semidefinite: bool) -> None:
     """`is_semidefinite` and `Game` decide correctly for matrices with entries of very different
     size.
     """

@@ -52,7 +52,7 @@ from studies.update_law.integral_rl import probing_flight
         ),
     ],
 )
-def test_published_models_settle_within_any_predefined_time(
+def test_published_games_are_learned_by_predefined_times(
     name: str, predefined_time: float, tick: float, start: float
 ) -> None:
     """Both published games are learned to 1e-11 by the predefined time, for each tested tick."""
@@ -68,7 +68,7 @@ def test_published_models_settle_within_any_predefined_time(
 
 
 @pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
-def test_random_starts_end_at_the_solution(starts: int) -> None:
+def test_random_initial_weights_converge_to_the_solution(starts: int) -> None:
     """Learning from random initial weights, stabilizing or not, converges to the exact solution."""
     stabilizing = 0
     for index in range(starts):
@@ -84,7 +84,7 @@ def test_random_starts_end_at_the_solution(starts: int) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
-def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
+def test_richer_bases_learn_a_quadratic_value(name: str) -> None:
     """With a richer basis, the learned weights of functions that are not quadratic are nearly 0.
 
     They are below 1e-9 of the largest weight.
@@ -99,7 +99,7 @@ def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(24, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
+def test_random_games_are_solved_or_refused_correctly(scaled: bool, games: int) -> None:
     """The law finds P of random games to 1e-7 if a solution exists, and refuses all other games."""
     rng = np.random.default_rng(5)
     solved = refused = 0
@@ -118,7 +118,7 @@ def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) ->
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
+def test_without_disturbance_the_law_finds_the_lqr(name: str) -> None:
     """With infinite delta the law finds the LQR solution."""
     game, exact = lq(name)
     assert_exact(learn(game, tick=0.1), exact)
@@ -128,7 +128,7 @@ def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
 @pytest.mark.parametrize(
     "degrees", [5, *(pytest.param(i, marks=pytest.mark.slow) for i in range(21) if i != 5)]
 )
-def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
+def test_the_law_converges_at_every_dihedral_angle(dynamics: str, degrees: int) -> None:
     """The law finds the exact solution at each dihedral angle for both variants of the dynamics."""
     game = game_at(degrees, dynamics)
     assert_exact(learn(game), solve_game(game))
@@ -192,7 +192,7 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
         assert abscissa(game.A - game.S_control @ QUADRATIC.matrix(weights)) < discount
 
 
-def test_discount_only_where_the_start_does_not_stabilize() -> None:
+def test_a_stable_plant_needs_no_initial_discount() -> None:
     """From zero weights, the initial discount is 0 for a stable plant.
 
     For an unstable plant, it is the spectral abscissa of A plus 0.5 1/s. From weights of 100, it is
@@ -211,7 +211,7 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
 # Data that the law uses.
 
 
-def test_learning_reads_the_recorded_data_and_not_A() -> None:
+def test_learning_depends_on_the_recorded_data_only() -> None:
     """A game with another A and the same recorded data gives bit-identical learned weights.
 
     `check_critic` accepts the result only for the game with the true A.
@@ -230,7 +230,7 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("duration", [5.0, pytest.param(20.0, marks=pytest.mark.slow)])
-def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
+def test_one_probing_flight_contains_enough_data(name: str, duration: float) -> None:
     """The states recorded in one probing flight are enough to learn the exact solution."""
     game, exact = published(name)
     for seed in range(2):
@@ -270,7 +270,7 @@ ETA = 0.8
 
 
 @pytest.mark.parametrize("start", [1e-3, 0.5, 3.0, 40.0])
-def test_step_is_exact(start: float) -> None:
+def test_a_step_of_the_scalar_law_is_exact(start: float) -> None:
     """A step `after` of the scalar law equals a numerical integration while y > 0.
 
     The law is y' = -k (y^(1-η) + y^(1+η)).
@@ -290,7 +290,7 @@ def test_step_is_exact(start: float) -> None:
 
 @pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
 @pytest.mark.parametrize("eta", [0.2, 0.8])
-def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
+def test_the_scalar_law_reaches_zero_in_time(start: float, eta: float) -> None:
     """The scalar law reaches 0 by θT from any initial value.
 
     From large initial values, it does not reach 0 much earlier.
@@ -349,7 +349,7 @@ def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
 @pytest.mark.parametrize(
     "margin", [1e-1, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-4, 1e-8)), 1e-12]
 )
-def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
+def test_weights_near_instability_converge_to_the_solution(margin: float) -> None:
     """Learning from initial weights at the edge of stability converges to the exact solution."""
     for seed in range(4):
         game, exact = published(PUBLISHED[seed % 2])

@@ -24,7 +24,9 @@ def short_run(seed: int = 4, **more: Any) -> TrainingRun:
     return learn(published("published-5")[0], seed=seed, tick=0.1, predefined_time=8.0, **more)
 
 
-def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_progress_callback_receives_increasing_fractions(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """The progress callback of `learn` receives increasing fractions up to 1 with one-line
     messages.
 
@@ -44,7 +46,7 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
     assert capsys.readouterr() == ("", "")
 
 
-def test_the_seed_decides_every_bit() -> None:
+def test_equal_seeds_give_identical_bits() -> None:
     """Training runs with equal seeds are bit-identical. Another seed changes the weights."""
     first = short_run()
     same = short_run()
@@ -63,7 +65,7 @@ def test_a_run_returns_the_last_critic() -> None:
     assert pytest.approx(result.K, rel=1e-9) == critic.K
 
 
-def test_results_are_plain_json() -> None:
+def test_a_training_run_is_strict_json() -> None:
     """A training run is written as strict JSON with its matrices and settings.
 
     Its report states the units of the weights.
@@ -95,7 +97,7 @@ def test_the_default_number_of_samples_is_enough() -> None:
         learn(game, samples=54)
 
 
-def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stored_rows_include_first_and_last(monkeypatch: pytest.MonkeyPatch) -> None:
     """If a history is too long, evenly spaced rows are stored, with the first and the last row."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
@@ -191,7 +193,7 @@ def assert_learned(game: Game, share: float, tick: float) -> None:
 
 
 @pytest.mark.parametrize(("seed", "states"), [(9, 6), (7, 8)])
-def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
+def test_games_with_many_disturbances_are_learned(seed: int, states: int) -> None:
     """Games with a single input and as many disturbances as states are learned."""
     rng = np.random.default_rng(seed)
     eye = np.eye(states)

@@ -22,7 +22,7 @@ def worst_condition(stack: Stack) -> float:
     return float(np.linalg.cond(rows))
 
 
-def test_random_pool_follows_its_box_and_seed() -> None:
+def test_random_states_fill_the_box_reproducibly() -> None:
     """Random states fill the given box and are reproduced by the seed. The drifts are A z."""
     game = stable_game()
     pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
@@ -94,7 +94,7 @@ def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("functions", ["quadratic", "paper"])
-def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
+def test_rounding_does_not_change_the_chosen_samples(name: str, functions: str) -> None:
     """The same samples are chosen from a pool whose states are changed by rounding.
 
     The states of a pool differ in this way between processors.
@@ -112,7 +112,7 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
         )
 
 
-def test_pivoting_finds_the_rich_moments() -> None:
+def test_pivoted_qr_chooses_samples_of_full_rank() -> None:
     """Pivoted QR chooses samples of full rank 21 from a free response of 20 s.
 
     Evenly spaced samples have a rank below 15, because the fast modes decay early.
@@ -134,7 +134,7 @@ def test_poor_stacks_are_refused() -> None:
         choose(record(game, in_a_plane), QUADRATIC, 30)
 
 
-def test_excitation_of_a_known_stack() -> None:
+def test_excitation_measures_equal_hand_computed_values() -> None:
     """Rank, smallest eigenvalue and condition number of three samples equal hand-computed
     values."""
     regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
@@ -235,7 +235,7 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
         ) < 1e-12 * np.linalg.norm(exact)
 
 
-def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
+def test_bellman_residuals_equal_the_discounted_riccati_residual() -> None:
     """Each Bellman residual equals z'R z, for the residual R of the discounted Riccati equation."""
     game, exact = published(PUBLISHED[0])
     equations = build(game)

@@ -140,7 +140,7 @@ def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
     assert named(nowhere)["residual"].reason == "P has entries that are not finite"
 
 
-def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
+def test_a_hamiltonian_on_the_axis_is_detected() -> None:
     """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it by 1e-8."""
     critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
@@ -167,7 +167,7 @@ STABLE: dict[str, Any] = {
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_the_value_is_exactly_0() -> None:
+def test_a_costless_stable_plant_has_zero_value() -> None:
     """A stable plant without cost has the certified solution P = K = 0 and delta_min 0."""
     data = answer("solve", "--model", stored("plant.npz", **STABLE))
     assert np.array_equal(data["P"], np.zeros((2, 2)))
@@ -178,7 +178,7 @@ def test_the_value_is_exactly_0() -> None:
 
 
 @pytest.mark.parametrize("key", ["P", "K"])
-def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
+def test_verify_accepts_only_0_for_zero_gains(key: str) -> None:
     """If the optimal P and K are 0, `hfa verify` accepts 0 and refuses entries of 0.001."""
     plant = stored("plant.npz", **STABLE)
     shape = (2, 2) if key == "P" else (1, 2)
@@ -198,7 +198,7 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
     }
 
 
-def test_a_value_without_stabilization_is_another() -> None:
+def test_a_costless_unstable_plant_has_stabilizing_value() -> None:
     """For an unstable plant without cost, the certified solution is the stabilizing P = 2 a / s.
 
     P = 0 also satisfies the Riccati equation.
@@ -265,7 +265,7 @@ def least_singular_value(matrix: np.ndarray, shift: float) -> float:
     return float(np.linalg.svd(shifted, compute_uv=False)[-1])
 
 
-def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
+def test_axis_distance_of_defective_eigenvalues_is_off_resonance() -> None:
     """The distance to the axis of three coupled oscillators of 1 rad/s is attained at 0.991 rad/s.
 
     At the frequencies of the eigenvalues the singular value is larger.
@@ -284,7 +284,7 @@ def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
     assert frequency == pytest.approx(0.991, abs=1e-3)
 
 
-def test_one_mode_on_the_axis_is_seen() -> None:
+def test_one_mode_on_the_axis_is_detected() -> None:
     """One mode on the imaginary axis among 29 damped ones is detected."""
     rng = np.random.default_rng(0)
     turn = np.linalg.qr(rng.standard_normal((60, 60)))[0]
@@ -293,7 +293,7 @@ def test_one_mode_on_the_axis_is_seen() -> None:
     assert spectrum(turn @ damped @ turn.T).axis_distance() <= 1e-15
 
 
-def test_the_frequency_belongs_to_the_distance() -> None:
+def test_the_frequency_of_the_distance_is_returned() -> None:
     """The frequency returned with the distance to the axis is not that of the least damped mode.
 
     It is the frequency at which the distance is attained.

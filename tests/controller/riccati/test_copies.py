@@ -69,7 +69,7 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
     return counts
 
 
-def test_copies_agree_whether_a_value_exists() -> None:
+def test_copies_agree_on_existence() -> None:
     """For 128 copies of games near delta_min, existence is decided as for the original games."""
     changed = changed_verdicts(random_games(8), 4)
     assert changed["copies"] == 128
@@ -77,7 +77,7 @@ def test_copies_agree_whether_a_value_exists() -> None:
 
 
 @pytest.mark.slow
-def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
+def test_ten_thousand_copies_agree_on_existence() -> None:
     """For none of 20,000 copies of games near delta_min, the verdict changes.
 
     At most 20 verdicts are undecided.
@@ -91,7 +91,7 @@ def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
 @pytest.mark.parametrize(
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
-def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
+def test_copies_have_the_same_smallest_delta(name: str) -> None:
     """All copies of a game have the same smallest delta.
 
     They have a solution 0.1 % above the smallest delta, and none 0.1 % below it.
@@ -105,7 +105,7 @@ def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
         assert not is_solved(copy.problem.with_delta(0.999 * smallest.value)), copy.kind
 
 
-def test_a_copy_is_of_its_kind() -> None:
+def test_a_copy_differs_and_has_converted_solution() -> None:
     """Each copy has another A than the original game, and the converted solution of the original
     game.
 

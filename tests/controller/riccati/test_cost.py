@@ -16,13 +16,13 @@ from controller.riccati.meaning import cost_check, cost_matrix, meaning_checks
 from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
 
 
-def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
+def test_cost_is_exact_to_1e12(game: Game) -> None:
     """The value z'Pz equals the cost computed from the Lyapunov equation to 1e-12."""
     for initial in (INITIAL, np.array([-3.0, 0.1, -0.2, 0.3, 0.05, -0.4])):
         assert cost_check(game, solve_game(game).P, initial).value < 1e-12
 
 
-def test_a_value_off_by_a_millionth_is_noticed(
+def test_a_value_off_by_a_millionth_fails(
     first: tuple[Game, np.ndarray],
 ) -> None:
     """A P with a relative error of 1e-6 fails the cost check."""
@@ -30,7 +30,7 @@ def test_a_value_off_by_a_millionth_is_noticed(
     assert not cost_check(game, P * (1.0 + 1e-6), INITIAL).ok
 
 
-def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
+def test_destabilizing_policies_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
     """Policies that do not stabilize fail the cost check, and their cost matrix is refused."""
     game, P = first
     check = cost_check(game, -P, INITIAL)
@@ -40,7 +40,7 @@ def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> N
         cost_matrix(game, -game.gain(P), game.disturbance_gain(P))
 
 
-def test_cost_of_a_scalar_policy_in_closed_form() -> None:
+def test_scalar_policy_cost_equals_closed_form() -> None:
     """The cost of given policies in a scalar game equals its closed form."""
     game = Game(
         [[-1.0]], [[1.0]], [[1.0]], [[2.0]], [[3.0]], 2.0
@@ -82,7 +82,7 @@ NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 
 @pytest.mark.parametrize("size", [1e-3, 1e-1, 0.3])
 @pytest.mark.parametrize("delta", [200.0, math.inf])
-def test_loss_agrees_with_the_cost_equation(size: float, delta: float) -> None:
+def test_loss_gives_the_value_of_fixed_gain(size: float, delta: float) -> None:
     """P* + D is the value of the game in which u = -K z is fixed and only the disturbance is free.
 
     P* is the optimal value, and D the computed loss of K.
@@ -107,7 +107,7 @@ def test_loss_grows_with_the_squared_error() -> None:
     assert 0.0 < single.mean < single.worst
 
 
-def test_a_start_costs_what_is_reported() -> None:
+def test_no_initial_condition_exceeds_the_reported_cost() -> None:
     """The excess costs of a gain from 4,000 random initial conditions are at most the reported
     worst one.
 
@@ -131,7 +131,7 @@ def test_a_start_costs_what_is_reported() -> None:
     assert lost.mean() == pytest.approx(cost.mean, rel=0.1)
 
 
-def test_the_exact_critic_costs_nothing() -> None:
+def test_the_exact_gain_has_no_excess_cost() -> None:
     """The exact gain costs 0 % above the optimum.
 
     It has the L2 gain and the axis distance of the optimum.
@@ -142,7 +142,7 @@ def test_the_exact_critic_costs_nothing() -> None:
     assert cost.distance == cost.exact_distance > 0.0
 
 
-def test_a_gain_beyond_delta_costs_without_bound() -> None:
+def test_a_gain_beyond_delta_has_infinite_cost() -> None:
     """The excess cost is infinite if the L2 gain is above delta, if K destabilizes, and if K is
     nan."""
     tight = GAME.with_delta(151.0)
@@ -154,7 +154,7 @@ def test_a_gain_beyond_delta_costs_without_bound() -> None:
         assert lost.to_dict()["cost_lost_worst_percent"] is None
 
 
-def test_a_game_that_costs_nothing() -> None:
+def test_zero_gain_is_optimal_without_state_cost() -> None:
     """In a game without state cost, zero gain is 0 % above the optimum."""
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
     assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0

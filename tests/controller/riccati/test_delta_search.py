@@ -44,7 +44,7 @@ def test_a_solution_below_ends_the_refusal() -> None:
     assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
 
 
-def test_an_open_answer_is_neither_refused_nor_good() -> None:
+def test_the_bracket_contains_undecided_deltas() -> None:
     """If existence is undecided for deltas from 0.4 to 2, the bracket of the smallest delta
     contains this interval.
     """
@@ -58,7 +58,7 @@ def test_an_open_answer_is_neither_refused_nor_good() -> None:
     assert ending == Answer(None, "rounding")
 
 
-def test_a_solution_within_what_is_open_is_found() -> None:
+def test_the_smallest_delta_is_found_despite_undecided_deltas() -> None:
     """The smallest delta is found although existence is undecided for larger deltas, from 1 to
     9.
     """
@@ -70,7 +70,7 @@ def test_a_solution_within_what_is_open_is_found() -> None:
     assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
 
 
-def test_all_good_and_none_good_are_named() -> None:
+def test_the_bracket_is_zero_if_all_deltas_solve() -> None:
     """If every delta has a solution, the bracket is (0, 0).
 
     If no delta has a solution, the error states the reason.
@@ -84,7 +84,7 @@ def test_all_good_and_none_good_are_named() -> None:
         smallest_delta(lambda _: Answer(None, "near the axis"), 1.0, 1e-6)
 
 
-def test_the_gain_shown_is_attained() -> None:
+def test_no_delta_below_the_stated_gain_solves() -> None:
     """No delta below the gain that a refusal states has a solution, according to a 60-digit
     reference.
     """
@@ -102,7 +102,7 @@ def test_the_gain_shown_is_attained() -> None:
     assert shown >= 2
 
 
-def test_a_refusal_names_what_shows_it() -> None:
+def test_a_refusal_states_its_evidence() -> None:
     """The refusal of a delta states its evidence: the least gain from the disturbance, or an
     indefinite P.
     """
@@ -128,7 +128,9 @@ def chain(rates: list[float], coupling: float) -> Game:
     ("rates", "coupling"),
     [([-1e8, 1e-2, -3.0], 1e-6), ([-1e7, -2.0, 1e-3], 1e-4), ([-1e9, 1e-4], 1e-8)],
 )
-def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupling: float) -> None:
+def test_a_stiff_controllable_plant_is_not_called_uncontrollable(
+    rates: list[float], coupling: float
+) -> None:
     """A stiff plant whose modes are all controllable is solved, or refused because of rounding.
 
     No message calls a mode unreachable or states the eigenvalue 0.
@@ -154,7 +156,9 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
 
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
-def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
+def test_a_slow_controllable_mode_is_not_called_uncontrollable(
+    reach: float, unreached: bool
+) -> None:
     """In rotated coordinates, a slow mode counts as unreachable only if the input does not affect
     it.
 
@@ -168,7 +172,7 @@ def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> N
 
 
 @pytest.mark.parametrize("length", [2, 5, 30])
-def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
+def test_the_last_input_affects_every_chained_integrator(length: int) -> None:
     """An input at the last integrator of a chain affects every state.
 
     An input at the first integrator does not.
@@ -180,7 +184,7 @@ def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
-def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
+def test_an_uncontrollable_unstable_mode_is_refused(seed: int) -> None:
     """A game with an uncontrollable unstable mode is refused.
 
     Rounding of the entries makes the mode slightly controllable. The units of the states differ by
@@ -202,7 +206,7 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
-def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
+def test_certificates_state_the_distance_to_uncontrollability(apart: float) -> None:
     """For two close unstable modes and one input, the certificate states the distance to
     uncontrollability.
 
@@ -218,7 +222,7 @@ def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> N
     assert checks["reach"] == least or checks["reach"] > CLEAR_REACH
 
 
-def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
+def test_both_derivations_agree_near_the_smallest_delta() -> None:
     """Games with a delta 1e-5 above the smallest delta are certified. Both derivations agree."""
     rng = np.random.default_rng(5)
     for _ in range(4):
@@ -240,7 +244,7 @@ def refusal_of(solve: Callable[[], object]) -> str:
     return ""
 
 
-def test_an_unreached_mode_is_named_in_any_units() -> None:
+def test_an_uncontrollable_mode_is_named_in_any_units() -> None:
     """The message names an unreachable mode in any units, also if the plant has a fast mode."""
     for seed in range(5):
         rng = np.random.default_rng(seed)

@@ -11,7 +11,7 @@ from controller.riccati.double_double import product_of_doubles
 
 
 @pytest.mark.parametrize("n", [0, 1, 6, 100])
-def test_product_has_twice_the_digits(n: int) -> None:
+def test_products_have_twice_the_digits(n: int) -> None:
     """The error of each entry is at most 2^-104 of the product of two numbers.
 
     The numbers are the largest magnitudes in the row of the first matrix and in the column of the

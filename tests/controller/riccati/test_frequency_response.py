@@ -20,7 +20,7 @@ from controller.riccati.normal_form import NormalForm
 from hfa import Game, solve_game
 
 
-def test_both_methods_put_the_gain_below_delta(game: Game) -> None:
+def test_the_l2_gain_is_below_delta_by_both(game: Game) -> None:
     """The L2 gain with the game's policy is below delta by both methods, and the methods agree."""
     K = solve_game(game).K
     gain = bounded_real_gain(game, K)
@@ -42,7 +42,7 @@ def test_gain_agrees_with_python_control(game: Game) -> None:
     )
 
 
-def test_first_order_loop_has_its_known_gain() -> None:
+def test_first_order_l2_gain_equals_closed_form() -> None:
     """The L2 gain of a first-order loop equals its closed form."""
     game = Game([[-1.0]], [[2.0]], [[3.0]], [[4.0]], [[5.0]], 10.0)
     exact = 3.0 * math.sqrt(4.0 + 5.0 * 0.25) / 2.0  # u = -z/2
@@ -52,7 +52,7 @@ def test_first_order_loop_has_its_known_gain() -> None:
 
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
-def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
+def test_swept_resonance_gain_equals_closed_form(damping: float) -> None:
     """The sweep finds the resonance gain 1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
@@ -85,7 +85,7 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
         assert not failed_names(gain_checks(game, K))
 
 
-def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
+def test_a_weak_policy_fails_the_gain_check(first: tuple[Game, np.ndarray]) -> None:
     """A policy with 1 % of the exact gain fails the check of the L2 gain."""
     game, P = first
     checks = gain_checks(game, 0.01 * game.gain(P))
@@ -93,7 +93,7 @@ def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None
     assert "is not below delta = 200" in checks[0].reason
 
 
-def test_a_sweep_that_misses_the_peak_is_noticed(
+def test_a_sweep_that_misses_the_peak_fails(
     first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sweep that returns too small a gain fails the comparison of the two methods."""
@@ -119,7 +119,7 @@ def test_smallest_delta_bounds_the_gain() -> None:
         tried += 1
 
 
-def test_a_very_stiff_loop_has_the_swept_gain() -> None:
+def test_both_methods_find_a_stiff_loops_gain() -> None:
     """Both methods find the known L2 gain of a very stiff loop, whose slow mode is hidden by
     rounding.
     """
@@ -130,7 +130,7 @@ def test_a_very_stiff_loop_has_the_swept_gain() -> None:
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e6])
-def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
+def test_both_methods_are_right_in_stiff_loops(factor: float) -> None:
     """In a stiff loop, both methods agree with the L2 gain computed with 50 digits at the peak."""
     game = game_models()["published-15"]
     K = factor * solve_game(game).K

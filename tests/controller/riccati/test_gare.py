@@ -86,7 +86,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert solve_game(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
-def test_delta_to_infinity_gives_lqr(game: Game) -> None:
+def test_infinite_delta_gives_the_lqr(game: Game) -> None:
     """The solution for delta = inf is python-control's LQR.
 
     For large delta, the difference of P from the LQR solution is of order 1/delta².
@@ -105,14 +105,14 @@ def test_delta_to_infinity_gives_lqr(game: Game) -> None:
     assert math.log10(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.01)
 
 
-def test_value_falls_as_the_disturbance_pays_more(game: Game) -> None:
+def test_p_decreases_with_growing_delta(game: Game) -> None:
     """P decreases, as a symmetric matrix, when delta grows."""
     values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
     for cheaper, dearer in itertools.pairwise(values):
         assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
 
 
-def test_scalar_game_in_closed_form() -> None:
+def test_scalar_solutions_equal_the_closed_form() -> None:
     """P of scalar games equals the root of their quadratic equation."""
     for a, s in ((-1.0, 0.75), (2.0, 0.75), (-1.0, -0.3), (-1.0, 0.0)):
         delta = 1.0 / math.sqrt(1.0 - s)
@@ -125,7 +125,7 @@ def test_scalar_game_in_closed_form() -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def test_double_eigenvalue_and_no_cost_at_all() -> None:
+def test_a_defective_plant_without_cost_has_zero_value() -> None:
     """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
     game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
     assert not solve_game(game).P.any()
@@ -138,7 +138,7 @@ def test_an_unstable_costless_mode_is_stabilized() -> None:
     assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 
 
-def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
+def test_every_delta_gives_lqr_without_disturbance(game: Game) -> None:
     """With E = 0, the solution for delta = 1e-3 is the LQR, and delta / delta_min is infinite."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
     assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
@@ -174,7 +174,7 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
         ),
     ],
 )
-def test_problem_without_lqr_solution_names_the_mode(
+def test_a_missing_lqr_solution_names_the_mode(
     A: object, B: object, Q: object, message: str
 ) -> None:
     """If no LQR solution exists, a one-line message names the responsible mode."""
@@ -189,9 +189,7 @@ def test_problem_without_lqr_solution_names_the_mode(
 @pytest.mark.parametrize("size", [5e-324, 1e-150])
 @pytest.mark.parametrize("weight", [1.0, 1e-310])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_denormal_numbers_end_in_a_solution_or_line(
-    size: float, weight: float, sign: float
-) -> None:
+def test_denormal_numbers_give_a_solution_or_error(size: float, weight: float, sign: float) -> None:
     """Denormal numbers give a certified solution or a one-line error."""
     A = np.random.default_rng(0).standard_normal((3, 3)) + sign * 3.0 * np.eye(3)
     game = Game(A, size * np.ones((3, 2)), np.eye(3), weight * np.eye(3), np.eye(2), 1e3)
@@ -213,7 +211,7 @@ def test_denormal_numbers_end_in_a_solution_or_line(
         {"delta": 1e-49},
     ],
 )
-def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> None:
+def test_extreme_numbers_give_a_solution_or_error(change: dict[str, float]) -> None:
     """Extremely large or small numbers give a certified solution or a one-line error."""
     parts = {
         "A": np.diag([1.0, -1.0]),
@@ -242,7 +240,7 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
 
 
 @pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
-def test_minimum_delta_of_random_games(games: int) -> None:
+def test_minimum_deltas_of_random_games_are_bracketed(games: int) -> None:
     """For random games, a solution exists at the upper end of the bracket of delta_min and not at
     the lower.
     """
@@ -255,7 +253,7 @@ def test_minimum_delta_of_random_games(games: int) -> None:
 
 
 @pytest.mark.parametrize("games", [8, pytest.param(40, marks=pytest.mark.slow)])
-def test_existence_is_decided_as_by_the_reference(games: int) -> None:
+def test_existence_agrees_with_the_reference_solver(games: int) -> None:
     """The decision on existence agrees with the reference solver for random games of both kinds."""
     rng = np.random.default_rng(12)
     verdicts = [0, 0]

@@ -38,7 +38,7 @@ def test_every_model_has_its_own_solution(dynamics):
         assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
 
 
-def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
+def test_the_schur_form_resolves_contradicting_methods(monkeypatch):
     """If the doubling method contradicts the eigenvectors, the Schur form and refined doubling
     decide.
     """
@@ -55,7 +55,7 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
     assert solve_games(A, B, like).certified.all()
 
 
-def test_the_game_loops_bound_is_close_from_above():
+def test_the_spectral_abscissa_bound_is_close():
     """The bound of the spectral abscissa of A - S X exceeds the computed value by at most 0.1 %.
 
     The games have up to twelve states, with rows of A of very different size.
@@ -73,7 +73,7 @@ def test_the_game_loops_bound_is_close_from_above():
         assert (bound <= 0.999 * abscissa).all()
 
 
-def test_the_axis_distance_is_that_of_all_eigenvectors():
+def test_half_the_eigenvectors_give_the_axis_distance():
     """The bound of the axis distance from half of the eigenvectors equals that from all
     eigenvectors.
 
@@ -124,7 +124,7 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
     assert min(accepted, refused) >= 2 * count // 3
 
 
-def test_a_batch_refuses_what_is_refused_alone():
+def test_a_batch_refuses_the_same_games():
     """Near the smallest delta, a batch refuses the same games as `solve_game`, for the same
     reasons.
     """

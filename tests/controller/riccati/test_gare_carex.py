@@ -92,7 +92,7 @@ def known() -> Iterator[tuple[str, Game, np.ndarray]]:
 @pytest.mark.parametrize(
     ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known()]
 )
-def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
+def test_known_carex_solutions_are_certified(game: Game, X: np.ndarray) -> None:
     """P agrees with the closed form. An error of 1e-6 planted in P is detected."""
     P = solve_game(game).P
     assert np.abs(P - X).max() <= EXACT * np.abs(X).max()
@@ -101,7 +101,7 @@ def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("n", [3, 8, 21])
-def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
+def test_the_corner_of_an_integrator_chain_is_exact(n: int) -> None:
     """In example 17, a chain of integrators, the corner entry of P is sqrt(q r).
 
     The condition number grows as 10^n.
@@ -171,7 +171,7 @@ def remainder(game: Game, P: np.ndarray) -> float:
     [pytest.param(nearly_singular_weight(small), id=f"8, {small:g}") for small in (1.0, 1e-3, 1e-6)]
     + [pytest.param(printed(5), id="5")],
 )
-def test_an_unknown_solution_is_met_to_sixty_digits(game: Game) -> None:
+def test_unknown_carex_solutions_agree_with_60_digits(game: Game) -> None:
     """Without a closed form, P agrees with the 60-digit reference to 1e-12 in balanced units.
 
     An error of 1e-9 planted in P is detected.
@@ -192,7 +192,7 @@ def filed(number: int) -> Game:
 
 
 @pytest.mark.parametrize("number", _FILES)
-def test_equations_of_30_to_100_states_are_met(number: int) -> None:
+def test_large_games_satisfy_their_riccati_equations(number: int) -> None:
     """P of a game with 30 to 100 states satisfies its Riccati equation to 1e-12 and stabilizes.
 
     An error of 1e-9 planted in P is detected.
@@ -215,7 +215,7 @@ def test_equations_of_30_to_100_states_are_met(number: int) -> None:
     ],
     ids=["3", "4", "11"],
 )
-def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object) -> None:
+def test_a_q_with_negative_eigenvalue_is_refused(A: object, B: object, Q: object) -> None:
     """A Q with a negative eigenvalue is refused.
 
     In examples 3 and 4 of the collection, the printed, rounded Q has one.

@@ -272,7 +272,7 @@ def _bracket(sample: Sample) -> str:
     return "right" if smallest.value <= smallest.refused * (1.0 + 2.0 * CLOSE) else "wrong"
 
 
-def test_a_game_of_each_structure() -> None:
+def test_one_game_of_each_structure_is_decided_correctly() -> None:
     """One game of each structure is accepted or refused correctly."""
     verdicts = Counter(_verdict(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert not {"refused wrongly", "refused at the edge"} & set(verdicts)
@@ -280,7 +280,7 @@ def test_a_game_of_each_structure() -> None:
 
 
 @pytest.mark.slow  # quicker: test_gare_degenerate.py
-def test_smallest_delta_of_each_structure() -> None:
+def test_the_bracket_is_right_for_each_structure() -> None:
     """For one game of each structure, the bracket of delta_min is right.
 
     It is missing only if no delta has a solution.
@@ -291,7 +291,7 @@ def test_smallest_delta_of_each_structure() -> None:
 
 
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
-def test_games_with_a_barely_reached_mode(count: int) -> None:
+def test_barely_controllable_games_are_rarely_refused_wrongly(count: int) -> None:
     """At most 1 % of the games with a barely controllable mode are refused wrongly or near the
     edge.
 
@@ -304,7 +304,7 @@ def test_games_with_a_barely_reached_mode(count: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
-def test_two_thousand_games(seed: int) -> None:
+def test_two_thousand_games_are_decided_correctly(seed: int) -> None:
     """Of 1,000 games at most 0.5 % are refused wrongly, and at most 0.5 % near the edge of
     existence.
 

@@ -54,7 +54,7 @@ def chain(n: int, delta: float = 1000.0) -> Game:
 
 
 @pytest.mark.parametrize("n", [2, 5, 8, 12])
-def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
+def test_rotated_chains_of_integrators_are_solved(n: int) -> None:
     """Chains of n integrators in random coordinates are solved. An error of 1e-11 planted in P is
     detected.
     """
@@ -68,7 +68,7 @@ def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
 
 @pytest.mark.parametrize("value", [-1.0, 0.0, 0.5])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_defective_plant(value: float, seed: int) -> None:
+def test_a_defective_plant_is_solved(value: float, seed: int) -> None:
     """A plant with one Jordan block of size 4 is solved.
 
     Its eigenvalue is to the left of the imaginary axis, on the axis, or to the right.
@@ -78,7 +78,7 @@ def test_a_defective_plant(value: float, seed: int) -> None:
 
 
 @pytest.mark.parametrize("rank", [1, 2, 3, 4])
-def test_Q_of_every_rank(rank: int) -> None:
+def test_q_of_every_rank_is_solved(rank: int) -> None:
     """A game is solved for a Q of each rank from 1 to 4."""
     rng = np.random.default_rng(rank)
     C = rng.standard_normal((rank, 4))
@@ -116,7 +116,7 @@ def test_an_undamped_mode_needs_weight_in_Q(
                 solve_game(elsewhere(unseen, seed))
 
 
-def test_units_over_16_decades_change_nothing() -> None:
+def test_units_over_16_decades_keep_the_result() -> None:
     """Units of states, inputs and cost between 1e-8 and 1e8 do not change the result."""
     rng = np.random.default_rng(4)
     A = rng.standard_normal((5, 5))
@@ -143,7 +143,7 @@ def test_units_over_16_decades_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("reach", [3e-6, 1e-8, 1e-11])
-def test_a_barely_reached_mode_has_a_bounded_pole(
+def test_a_barely_controllable_mode_has_true_bounds(
     reach: float,
 ) -> None:
     """If the input barely affects an unstable mode, the stated error bound of the slowest pole is
@@ -193,7 +193,7 @@ def test_a_poles_bound_is_its_largest_rounding_change() -> None:
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
-def test_a_mode_reached_by_rounding_is_named(reach: float) -> None:
+def test_a_mode_controllable_by_rounding_is_named(reach: float) -> None:
     """A game is refused if the input reaches an unstable mode by no more than rounding.
 
     The message names the mode.
@@ -222,7 +222,7 @@ def slow_mode(rate: float, weight: float, seed: int) -> Game:
 
 
 @pytest.mark.parametrize("seed", [1, 3])  # in these coordinates the first P is inaccurate
-def test_a_slow_mode_with_hardly_any_cost(seed: int) -> None:
+def test_a_slow_mode_with_small_weight_is_solved(seed: int) -> None:
     """A game with a slow mode and its relative weight 1e-14 is solved.
 
     Rounding of the entries cannot move the pole -1e-5 to the axis.

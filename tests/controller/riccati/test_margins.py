@@ -19,7 +19,7 @@ from controller.riccati.margins import ABOVE, best_scaling, scaled_norm
 from hfa import Game, NoSolutionError, solve_game
 
 
-def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
+def test_margins_of_lqr_equal_the_textbook_values(game: Game) -> None:
     """Each loop of an LQR with diagonal R tolerates gain factors from 1/2 to inf and a phase shift
     of 60 deg."""
     K = solve_game(game.with_delta(math.inf)).K
@@ -29,7 +29,7 @@ def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
         assert margin.phase >= 60.0 - 1e-9
 
 
-def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
+def test_loop_margins_are_the_limits_of_stability(game: Game) -> None:
     """The loop is stable 0.1 % inside each gain and phase margin, and unstable 0.1 % outside it."""
     K = solve_game(game).K
     for i, margin in enumerate(loop_margins(game, K)):
@@ -61,7 +61,7 @@ def test_single_loop_disk_margin_agrees_with_python_control() -> None:
     assert disk.phase == pytest.approx(phase, rel=1e-3)
 
 
-def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
+def test_factors_within_the_disk_margin_keep_stability(game: Game) -> None:
     """The loop is stable for random complex factors on the inputs within the disk of the margin."""
     K = solve_game(game).K
     alpha = disk_margin(game, K).disk
@@ -96,7 +96,7 @@ def test_disk_margin_is_tight(game: Game) -> None:
 @pytest.mark.parametrize("size", [2, 8])
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
-def test_structured_bound_reaches_known_values(size: int, scale: float, draws: int) -> None:
+def test_the_structured_bound_equals_known_values(size: int, scale: float, draws: int) -> None:
     """The upper bound of μ for a unitary matrix in other units is 1, times the scale of the matrix.
 
     For a triangular matrix the bound is the largest diagonal entry.
@@ -191,7 +191,7 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
     return float(np.linalg.eigvals(game.A - (game.B * factors) @ K).real.max())
 
 
-def test_metres_leave_unitless_margins_alone(game: Game) -> None:
+def test_units_do_not_change_the_margins(game: Game) -> None:
     """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged. K changes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
@@ -217,7 +217,7 @@ def test_metres_leave_unitless_margins_alone(game: Game) -> None:
     assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K depends on the units
 
 
-def test_a_third_order_loop_in_closed_form() -> None:
+def test_margins_of_third_order_loop_equal_closed_form() -> None:
     """The margins of L = 4 / (s + 1)³ equal their closed form.
 
     L(i √3) = -1/2, and |L| = 1 at ω² = 4^(2/3) - 1.
@@ -232,7 +232,7 @@ def test_a_third_order_loop_in_closed_form() -> None:
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
-def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
+def test_gain_and_phase_margins_equal_python_control(name: str, factor: float) -> None:
     """Gain and phase margins of each loop, with the other loops closed, agree with
     python-control."""
     game = game_models()[name]
@@ -274,7 +274,7 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
     assert together[1:] == pytest.approx(alone[1:], rel=SAME_FORMULA)
 
 
-def test_two_complex_loci_have_no_gain_at_rest() -> None:
+def test_two_complex_loci_have_no_gain_margin() -> None:
     """Two loops with complex loci have no gain margin. Every common factor leaves the loops stable.
 
     The loop is L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1).
@@ -290,7 +290,7 @@ def test_two_complex_loci_have_no_gain_at_rest() -> None:
     assert (margin.gain_low, margin.gain_high) == (0.0, math.inf)
 
 
-def test_two_curves_that_change_places_are_no_crossing() -> None:
+def test_loci_that_change_places_do_not_cross() -> None:
     """Two loci on either side of the real axis that change places do not count as a crossing."""
 
     def loci(omega: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from trim.sweeps.sweep import run_points
 
 
 @pytest.mark.parametrize("compile_code", [False, True])
-def test_a_sweep(compile_code: bool) -> None:
+def test_concurrent_sweeps_equal_sequential_sweeps(compile_code: bool) -> None:
     """Five sweeps computed in concurrent threads equal those computed one after the other."""
 
     def chunk(number: int) -> Rows:

@@ -63,7 +63,7 @@ def test_every_operation_has_the_same_bits() -> None:
     np.testing.assert_array_equal(rows(*few)[0], expected[0][:20])
 
 
-def test_matrices_constants_and_empty_arguments() -> None:
+def test_columns_support_matrices_constants_and_empty_arguments() -> None:
     """Evaluation by columns supports matrices, constant results and empty arguments."""
     x, nothing = ca.SX.sym("x", 2, 3), ca.SX.sym("nothing", 0)
     function = ca.Function("matrix", [x, nothing], [x.T, ca.DM([[1.0, 2.0]]), ca.SX(0, 1)])
@@ -74,7 +74,7 @@ def test_matrices_constants_and_empty_arguments() -> None:
     assert found[2].shape == (2101, 0)
 
 
-def test_a_function_called_inside_stays_a_call() -> None:
+def test_nested_functions_are_evaluated_by_rows() -> None:
     """A Function that calls another Function is evaluated by rows."""
     x = ca.SX.sym("x", 2)
     inner = ca.Function("inner", [x], [ca.sin(x[::-1])], {"never_inline": True})

@@ -107,7 +107,7 @@ def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
 
 @needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "flipped"])
-def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
+def test_a_damaged_library_is_compiled_again(cache: Path, damage: str) -> None:
     """A damaged library in the cache is compiled again.
 
     The load of a damaged library could end the process with a bus error.
@@ -125,7 +125,7 @@ def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
 
 
 @needs_compiler
-def test_the_cache_is_closed_to_others(cache: Path) -> None:
+def test_the_cache_is_private_to_its_owner(cache: Path) -> None:
     """The cache folder and its libraries are accessible only to their owner."""
     cache.mkdir(mode=0o777, parents=True)
     before = os.umask(0)  # with this mask, the compiler would create files that everyone can write
@@ -138,7 +138,7 @@ def test_the_cache_is_closed_to_others(cache: Path) -> None:
 
 
 @needs_compiler
-def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
+def test_a_linked_cache_is_left_unchanged(cache: Path, tmp_path: Path) -> None:
     """If the cache folder is a link, its target is not changed."""
     target = tmp_path / "target"
     target.mkdir(mode=0o755)

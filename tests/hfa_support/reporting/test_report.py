@@ -46,7 +46,7 @@ def report(drawn: list[str]) -> Report:
     )
 
 
-def test_empty_lines_stand_between_parts_only() -> None:
+def test_empty_lines_separate_parts_only() -> None:
     """The text of a report has a blank line between parts, but not inside a tuple of parts."""
     assert (
         report([]).text() == "Title & more\nof it\n\nfirst\n\nInner\n\n"
@@ -85,7 +85,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert drawn == ["drawn"]
 
 
-def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
+def test_json_and_files_contain_the_data(tmp_path: Path) -> None:
     """.json, .npz, .mat and .csv files contain the data or records. Another suffix is refused."""
     made = report([]).with_data(more=[1])
     expected = {
@@ -124,7 +124,7 @@ def test_a_toned_cell_has_color_and_class() -> None:
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
-def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
+def test_control_characters_in_names_are_escaped(name: str, tmp_path: Path) -> None:
     """Control characters in a name are escaped in text, Markdown and HTML."""
     made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
     for text in (made.text(), made.markdown(), made.html()):
@@ -136,7 +136,7 @@ def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
     )  # a cell is one line
 
 
-def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
+def test_names_become_no_formulas_links_or_columns(tmp_path: Path) -> None:
     """A user's name never becomes a spreadsheet formula, or a link, tag or column in Markdown."""
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
@@ -152,7 +152,7 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
     assert "=cmd\\|" in markdown
 
 
-def test_checks_judge_and_give_reasons() -> None:
+def test_checks_pass_at_limits_and_give_reasons() -> None:
     """A check passes at an inclusive limit, fails for nan, and has a reason only if it fails."""
     assert at_most("x", 1.0, 1.0, "too large") == Check("x", 1.0, 1.0, True, "")
     assert at_most("x", 1.1, 1.0, "too large") == Check("x", 1.1, 1.0, False, "too large")
@@ -165,7 +165,7 @@ def test_checks_judge_and_give_reasons() -> None:
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
-def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
+def test_a_picture_contains_its_provenance(suffix: str, tmp_path: Path) -> None:
     """A picture file contains its provenance, and saving the figure again gives equal bytes."""
     paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
     for path in paths:
@@ -201,7 +201,7 @@ def test_a_name_with_dollar_signs_is_no_formula(
     assert [label.get_parse_math() for label in axes.get_xticklabels()] == [False, False]
 
 
-def test_stacks_in_mat_files_have_numbers_last(tmp_path: Path) -> None:
+def test_the_last_axis_in_mat_files_numbers_matrices(tmp_path: Path) -> None:
     """In a .mat file, N matrices (N, rows, columns) are stored as (rows, columns, N)."""
     stack = np.arange(24.0).reshape(4, 2, 3)
     data = {"array": stack, "lists": stack.tolist(), "inner": {"deep": stack}, "flat": stack[0]}

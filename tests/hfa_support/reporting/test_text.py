@@ -17,7 +17,7 @@ from hfa_support.reporting.text import (
 )
 
 
-def test_radians_become_degrees() -> None:
+def test_angles_are_printed_in_degrees() -> None:
     """Angles and angular rates are printed in degrees. Other units are unchanged."""
     angle = math.radians(15.0)
     assert in_degrees(angle) == 15.0
@@ -36,13 +36,15 @@ def test_radians_become_degrees() -> None:
         (2e15, ("2.0000e+15", "1.0000e+15")),
     ],
 )
-def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str, ...]) -> None:
+def test_extreme_matrices_are_printed_with_significant_digits(
+    largest: float, cells: tuple[str, ...]
+) -> None:
     """Very small and very large matrices are printed with significant digits."""
     table = matrix_table("K", ("u1",), ("x1", "x2"), np.array([[largest, largest / 2.0]]))
     assert table.rows == [("u1", *cells)]
 
 
-def test_a_small_entry_does_not_look_like_zero() -> None:
+def test_a_small_entry_is_not_printed_as_zero() -> None:
     """A small matrix entry is not printed as zero, but rounding errors are."""
     entries = np.array([[155.6092, -2.6e-5, 4.9e-5, 5.1e-5, 1e-17, -0.0, 0.0]])
     table = matrix_table("B", ("alpha",), ("a", "b", "c", "d", "e", "f", "g"), entries)
@@ -50,7 +52,7 @@ def test_a_small_entry_does_not_look_like_zero() -> None:
     assert table.rows == [("alpha", "155.6092", *small, "0.0000", "0.0000", "0.0000")]
 
 
-def test_wide_tables_continue_below() -> None:
+def test_wide_tables_are_continued_below() -> None:
     """Columns beyond the width are printed in a block below, which repeats the first column."""
     header = ("mode", "eigenvalue", "damping")
     rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
@@ -63,7 +65,7 @@ def test_wide_tables_continue_below() -> None:
     assert columns(header, rows, width=5).count("-69.4807 ± 10.2273i") == 1
 
 
-def test_a_paragraph_is_broken_between_words_alone() -> None:
+def test_lines_are_wrapped_only_at_blanks() -> None:
     """Lines are wrapped only at blanks, not at an underscore."""
     text = "the unknowns speed_of_sound and alpha\nbind"
     assert wrapped(text, 14) == "the unknowns\nspeed_of_sound\nand alpha\nbind"

@@ -24,7 +24,7 @@ EXAMINED = ROOT / "studies" / "best_flights" / "results" / "examination.json"
 STORED = ROOT / "studies" / "best_flights" / "results" / "best_flights.json"
 
 
-def test_stored_linear_models_are_todays() -> None:
+def test_stored_linear_models_are_current() -> None:
     """The A and B stored by the study equal those of the current aircraft.
 
     Flights are stored for every dihedral angle within each set of limits.
@@ -41,7 +41,7 @@ def test_stored_linear_models_are_todays() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [2, 5])
-def test_a_flight_is_found_again(index: int) -> None:
+def test_a_new_search_gives_the_stored_costs(index: int) -> None:
     """A new search gives the stored costs of a best flight and of the policies."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
@@ -54,7 +54,7 @@ def test_a_flight_is_found_again(index: int) -> None:
     assert lqr.cost == pytest.approx(stored["exact_lqr"]["cost"], rel=1e-3)
 
 
-def test_stored_examination_is_what_the_page_shows() -> None:
+def test_the_page_shows_the_stored_flights() -> None:
     """The table in docs/optimize.md follows from the stored flights of the examination.
 
     The stored flights meet its requirements. The costs by SciPy agree within 1 %, the costs on
@@ -73,7 +73,7 @@ def test_stored_examination_is_what_the_page_shows() -> None:
         assert row["found"] >= 0.95 * row["starts"]
 
 
-def test_a_wrong_cost_is_noticed() -> None:
+def test_a_wrong_cost_is_detected() -> None:
     """SciPy confirms the cost of a flight of the pendulum. With changed states, the costs
     differ.
     """

@@ -38,7 +38,7 @@ def flown_over(coefficient: float) -> FlownAbove:
     return flown_above(problem, bound, 500)
 
 
-def test_flights_are_above_a_true_bound() -> None:
+def test_no_flight_costs_less_than_a_bound() -> None:
     """No flight costs less than a bound of 0.999 times the least cost."""
     flown = flown_over(0.999)
     assert flown.flights >= 500
@@ -46,12 +46,12 @@ def test_flights_are_above_a_true_bound() -> None:
     assert flown.least == pytest.approx(1.0 / 0.999, abs=0.01)
 
 
-def test_a_bound_one_percent_high_is_found() -> None:
+def test_flights_below_a_false_bound_are_counted() -> None:
     """Flights that cost less than a bound of 1.01 times the least cost are counted."""
     assert flown_over(1.01).below > 100
 
 
-def test_the_navion_is_that_of_the_tutorial() -> None:
+def test_the_navion_equals_the_tutorials_navion() -> None:
     """The Navion of the study has the four states of the tutorial's Navion."""
     assert navion_of_the_tutorial().linear == ("speed", "alpha", "pitch", "pitch_rate")
 
@@ -69,7 +69,9 @@ def test_the_flexible_aircraft_equals_the_paper() -> None:
 
 
 @pytest.mark.slow
-def test_the_study_proves_and_flies(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_study_proves_a_bound_and_simulates(
+    tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The study proves a bound for the van der Pol oscillator and simulates 100 trajectories."""
     words = ["--aircraft", "van der Pol", "--starts", "2", "--flights", "100", "-o", str(tmp_path)]
     assert main(words) == 0

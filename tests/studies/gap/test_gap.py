@@ -17,7 +17,7 @@ from studies.gap.training import BUDGETS, Run
 STORED = ROOT / "studies" / "gap" / "results" / "gap.json"
 
 
-def test_actions_reach_the_nearer_limit_at_most() -> None:
+def test_actions_stay_within_the_nearer_limit() -> None:
     """At the ends of the action range, all inputs are within the limits, and one end is at a
     limit.
     """
@@ -33,7 +33,7 @@ def test_actions_reach_the_nearer_limit_at_most() -> None:
         assert min(ends) == pytest.approx(signal.min) or max(ends) == pytest.approx(signal.max)
 
 
-def test_a_departed_flight_is_no_success() -> None:
+def test_a_departed_flight_is_not_counted_as_staying() -> None:
     """A flight that leaves the envelope is not counted as staying. It is excluded from the cost
     ratios.
 
@@ -52,7 +52,7 @@ def test_a_departed_flight_is_no_success() -> None:
     assert counted["over_lqr"] == {"median": 4.0, "worst": 6.0}
 
 
-def test_another_setting_trains_anew(tmp_path: Path) -> None:
+def test_incomplete_training_is_not_finished(tmp_path: Path) -> None:
     """A training run does not count as finished if its policy is missing or its record is not
     valid.
     """
@@ -63,7 +63,7 @@ def test_another_setting_trains_anew(tmp_path: Path) -> None:
     assert run.trained() is None
 
 
-def test_stored_results_have_every_aircraft() -> None:
+def test_stored_results_contain_every_aircraft() -> None:
     """The stored results contain every aircraft and algorithm, with consistent counts."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert [one["aircraft"] for one in data["aircraft"]] == [task.name for task in TASKS]
@@ -76,7 +76,7 @@ def test_stored_results_have_every_aircraft() -> None:
     assert max(each["seed"] for one in data["aircraft"] for each in one["policies"]) < SEED
 
 
-def test_the_linear_optimum_is_flown_again() -> None:
+def test_new_lqr_simulations_give_the_stored_costs() -> None:
     """New simulations of the LQR on the pendulum give the stored cost ratios."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     again = judged(TASKS[0], [])

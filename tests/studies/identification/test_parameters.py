@@ -81,7 +81,7 @@ def identified() -> tuple[Fit, list[float]]:
     return identify(seed=0)
 
 
-def test_all_rough_starts_fit_print_well_rounding_allows(
+def test_all_initial_guesses_give_the_same_fit(
     identified: tuple[Fit, list[float]],
 ) -> None:
     """All rough initial guesses lead to the same fit. Its errors are as small as rounding
@@ -138,7 +138,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
 
 
 @pytest.mark.parametrize("matrix_row_column", THIRD, ids="-".join)
-def test_one_entry_changed_by_hundredth_cannot_be_fitted(
+def test_one_changed_entry_prevents_a_fit(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
     """If one printed entry at 5 deg is changed by 0.01, no parameters fit all entries.
@@ -182,7 +182,7 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
         (lambda x: 0.0, 1 / 6, 1.2, 1.22),
     ],
 )
-def test_of_coupling_two_terms_needed_square_changes_nothing(
+def test_two_terms_of_the_coupling_are_needed(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
     """If one of two terms of the hinge coupling is changed, some printed entry cannot be fitted.
@@ -200,7 +200,7 @@ def test_of_coupling_two_terms_needed_square_changes_nothing(
     assert lowest < fit(published_models(), variant).largest < highest
 
 
-def test_expected_sum_is_what_drawn_rounding_errors_leave(
+def test_the_expected_sum_equals_the_simulated_mean(
     parameters: Parameters, identified: tuple[Fit, list[float]]
 ) -> None:
     """The expected sum of squares of a fit equals the mean for simulated rounding errors.
@@ -299,7 +299,7 @@ def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Pa
 
 
 @pytest.mark.parametrize(("density", "half_units"), [(THIN, (0.0, 1.0)), (1.0, (100.0, 200.0))])
-def test_released_constants_in_their_thinner_air_print_paper(
+def test_released_constants_need_their_thinner_air(
     parameters: Parameters, density: float, half_units: tuple[float, float]
 ) -> None:
     """The constants of the released simulation reproduce the printed entries only in thinner air.

@@ -16,7 +16,7 @@ from studies.identification.parameters import ALTERNATIVES
 
 
 @pytest.mark.slow
-def test_it_writes_the_committed_parameters(
+def test_the_study_writes_the_packaged_parameters(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The study writes the packaged parameters, standard errors and notes, also as JSON."""

@@ -10,7 +10,7 @@ from studies.jsbsim.dynamics import slopes, thrust_miss, trimmed
 
 
 @pytest.mark.slow
-def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
+def test_slopes_and_thrust_agree_with_jsbsim() -> None:
     """For the T38, 71 of 72 entries of A and B agree within 1e-6, and the thrust within 1e-12."""
     model, point = trimmed("T38")
     agree, entries, _ = slopes("T38", model, point)
@@ -19,7 +19,7 @@ def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
 
 
 @pytest.mark.slow
-def test_aircraft_with_other_fuel_not_taken_for_same() -> None:
+def test_other_fuel_changes_the_linear_model() -> None:
     """With half of the fuel in one tank, more than ten entries of A and B differ from JSBSim's."""
     model, _ = trimmed("T38")
     fuel = dict(zip(model.parameters, model.p, strict=True))["tank0"]

@@ -22,7 +22,7 @@ from studies.jsbsim.identified import (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_bands_hold_slopes_of_jsbsim(name: str) -> None:
+def test_bands_contain_the_derivatives_of_jsbsim(name: str) -> None:
     """More than 90 % of the 95 % bands contain the derivatives of JSBSim's linearization.
 
     The same is true for this project's linearization. No band of the pitch damping contains 1.1

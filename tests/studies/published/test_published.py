@@ -26,12 +26,12 @@ STALE = "run python -m studies.published"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", PATHS, ids=[path.stem for path in PATHS])
-def test_a_row_is_what_the_command_makes(path: Path) -> None:
+def test_a_new_check_gives_the_stored_row(path: Path) -> None:
     """A new check of each published solution gives its stored row."""
     assert row_of(path) in load_results(), STALE
 
 
-def test_results_have_every_file_and_page_is_theirs() -> None:
+def test_results_contain_every_file() -> None:
     """results.csv contains every file, and docs/published.md shows its counts."""
     rows = load_results()
     assert results_of(rows) == RESULTS.read_text("utf-8"), STALE
@@ -51,7 +51,9 @@ def test_results_have_every_file_and_page_is_theirs() -> None:
         ("-20.4658", "-20.4568", "one entry of the answer: K13 is printed -20.4568"),
     ],
 )
-def test_a_digit_decides_the_verdict(right: str, wrong: str, verdict: str, tmp_path: Path) -> None:
+def test_a_changed_digit_changes_the_verdict(
+    right: str, wrong: str, verdict: str, tmp_path: Path
+) -> None:
     """One changed digit in a published solution changes its verdict."""
     path = tmp_path / "suspension.toml"
     path.write_text(SUSPENSION.read_text("utf-8").replace(right, wrong, 1), "utf-8")

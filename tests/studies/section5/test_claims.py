@@ -98,7 +98,7 @@ def test_the_stored_results_are_those_of_this_configuration() -> None:
 
 
 @pytest.mark.slow
-def test_the_results_come_out_again(tmp_path: Path) -> None:
+def test_a_new_run_reproduces_the_stored_results(tmp_path: Path) -> None:
     """A new run of the study reproduces all stored verdicts.
 
     The numbers of this project's laws agree within 1e-6. The paper's law chatters. Its numbers
@@ -173,7 +173,7 @@ TABLES = [{"a": 1.0, "b": 4.0, "c": np.inf}, *[{"a": 2.0, "b": 3.0, "c": np.inf}
         ({"ratio": "rms_error", "of": ["a", "b"], "to": "5 deg"}, 4.0 / 3.0),
     ],
 )
-def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], value: float) -> None:
+def test_measures_use_the_declared_flights_and_names(said: dict[str, Any], value: float) -> None:
     """The measure of a claim is computed from the flights and names in its declaration.
 
     A flight that leaves the envelope raises an error with its name.
@@ -215,7 +215,7 @@ def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, ver
     assert found["findings"][EXACT]["value"] == (2.0 if np.isinf(lost_at) else None)
 
 
-def test_claims_about_print_are_those_of_printed_matrices() -> None:
+def test_claims_about_print_use_the_printed_matrices() -> None:
     """Claims about the paper's printed numbers are evaluated with the printed matrices."""
     at_15, at_5 = published_models()
     about = {
@@ -248,7 +248,7 @@ def test_claims_about_print_are_those_of_printed_matrices() -> None:
         (INTEGRAL, False, 0.5, False),  # not a law of this project
     ],
 )
-def test_flight_fails_when_it_lost_or_critic_refused(
+def test_a_flight_that_leaves_the_envelope_fails(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
     """A flight of this project's laws fails if it leaves the envelope.
@@ -267,7 +267,9 @@ def test_flight_fails_when_it_lost_or_critic_refused(
 
 
 @pytest.mark.slow
-def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_section_is_simulated_stored_and_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A short section is simulated, stored and drawn.
 
     With --resume, the section is simulated again only if one of its files is damaged.

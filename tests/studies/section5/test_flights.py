@@ -67,7 +67,7 @@ def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
     return law_of(setting, setting.case(5.0), law, predefined_time, False, reference)[0].held_inputs
 
 
-def test_the_signals_are_those_that_the_paper_prints() -> None:
+def test_the_signals_equal_the_papers_formulas() -> None:
     """Disturbance, noise and reference at 3 s equal the formulas in the paper."""
     t = 3.0
     configuration = section5_configuration()
@@ -94,7 +94,7 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
         (5.0, EXACT_FF, {}, (0.009, 0.073, 0.102)),
     ],
 )
-def test_tracking_is_what_another_study_found(
+def test_tracking_errors_agree_with_another_study(
     dihedral: float, law: str, changes: dict[str, Any], expected: tuple[float, float, float]
 ) -> None:
     """The rms tracking errors with the printed matrices agree with those of an independent study.
@@ -178,7 +178,7 @@ def test_the_law_as_printed_overflows_at_once() -> None:
     assert record.metrics["learning"]["facts"]["alpha2"] > 1e20
 
 
-def test_modified_law_learns_in_flight_and_can_frozen() -> None:
+def test_the_modified_law_learns_during_the_flight() -> None:
     """The modified law learns during the flight. In Section 5.3 it stops learning at T_w."""
     free, frozen = (flown(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3"))
     assert free.held
@@ -190,7 +190,7 @@ def test_modified_law_learns_in_flight_and_can_frozen() -> None:
     np.testing.assert_array_equal(free.critic.weights[:50], frozen.critic.weights[:50])
 
 
-def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
+def test_the_certified_law_ends_with_exact_gain() -> None:
     """The certified law applies a baseline gain first, and at the end the exact gain."""
     setting = make_setting(section5_configuration(BRIEF))
     forward = constants_of(setting, CERTIFIED_FF, 0.5)
@@ -204,7 +204,7 @@ def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
     np.testing.assert_allclose(record.inputs[-1], -exact @ record.errors[-1], rtol=1e-6)
 
 
-def test_integral_learning_applies_start_until_it_has_data() -> None:
+def test_integral_learning_ends_with_the_lqr_gain() -> None:
     """Integral learning applies the baseline gain until it has data, and finally the LQR gain."""
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
@@ -215,7 +215,7 @@ def test_integral_learning_applies_start_until_it_has_data() -> None:
     assert np.linalg.norm(constants(1999)[:30].reshape(6, 5).T - lq) < 1e-6 * np.linalg.norm(lq)
 
 
-def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
+def test_uncertainty_changes_the_plant_only() -> None:
     """The uncertainty changes the plant but not the policy.
 
     Noise is added to the measured error.
@@ -256,7 +256,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
         ("{} with the opposite command of the dihedral", (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)),
     ],
 )
-def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
+def test_the_document_states_alphas_error_for_signs(said: str, changes: Any) -> None:
     """docs/experiments.md states the error of alpha for each choice of the signs that are not
     printed.
     """

@@ -125,7 +125,7 @@ def test_the_right_sides_are_equal(
         )
 
 
-def test_another_law_is_seen() -> None:
+def test_another_law_is_detected() -> None:
     """The comparison of weight rates detects another exponent η and a missing reference."""
     law = law_with()
     z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
@@ -173,7 +173,7 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
         )
 
 
-def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game) -> None:
+def test_a_constant_reference_gives_constant_feedforward(game: Game) -> None:
     """A constant reference has a constant feedforward. A free motion of the plant as reference
     has none.
     """
@@ -187,7 +187,7 @@ def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game
     assert not exosystem_feedforward(game, P, free).any()
 
 
-def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
+def test_references_without_a_bounded_response_are_refused(game: Game) -> None:
     """A reference that grows faster than the closed loop decays is refused, as is a wrong P."""
     P = solve_game(game).P
     exploding = Exosystem(np.array([[0.3]]), np.ones((6, 1)), np.ones(1))
@@ -260,7 +260,7 @@ def test_costs_of_exact_policies_equal_the_value(game: Game) -> None:
     assert tracking.total(tracking.fly(end, feedforward=1.01)) > tracking.total(flight) + 1e-3
 
 
-def test_leaving_the_feedforward_costs_to_second_order() -> None:
+def test_deviations_change_the_cost_to_second_order() -> None:
     """A deviation from the exact policies changes the cost to second order.
 
     The input u + ε v increases the cost by ε² ∫ v'R v. The disturbance d + ε g changes it by

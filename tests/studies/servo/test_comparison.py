@@ -41,7 +41,7 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_a_case_is_flown_kept_and_resumed(
+def test_a_case_is_simulated_stored_and_resumed(
     tmp_path: Path,
     published_aircraft: Model,
     monkeypatch: pytest.MonkeyPatch,
@@ -135,7 +135,7 @@ THEIRS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
-def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model, case: str) -> None:
+def test_new_simulations_reproduce_the_stored_results(published_aircraft: Model, case: str) -> None:
     """New simulations reproduce the stored results, and SimVFA's published errors within 1e-3."""
     flights = {flight.law: flight for flight in fly_case(published_aircraft, CASES[case], {})}
     for (where, law), theirs in THEIRS.items():
@@ -151,7 +151,7 @@ def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model,
 
 
 @pytest.mark.slow
-def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
+def test_the_largest_gust_is_the_limit(published_aircraft: Model) -> None:
     """A flight stays within the envelope in the largest gust found, but not in one 1 ft/s
     stronger.
     """
@@ -167,7 +167,7 @@ def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -
         ) == lost
 
 
-def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
+def test_a_loop_is_unstable_beyond_its_delay_margin(published_aircraft: Model) -> None:
     """The servo loop is stable with 0.98 times its delay margin and unstable with 1.02 times.
 
     The delay is approximated by Padé's approximant at all inputs.
@@ -189,7 +189,7 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
+def test_the_servo_loop_tolerates_20_ms(dynamics: str) -> None:
     """The servo loop is stable with 20 ms of delay, and unstable with 20 times the gain.
 
     The loop is tested with full and half effectiveness of the actuators.
@@ -211,7 +211,7 @@ def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
         ),
     ],
 )
-def test_the_stored_requirements_are_of_the_shipped_design(
+def test_the_designed_servo_has_the_stored_margins(
     dynamics: str, places: list[tuple[int, float]]
 ) -> None:
     """The designed servo has the stored gain and phase margins.
@@ -236,7 +236,7 @@ def test_the_stored_requirements_are_of_the_shipped_design(
     assert A_Z in tables[0].rows[0].loops
 
 
-def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
+def test_unsteady_air_makes_the_servo_loop_unstable() -> None:
     """SimVFA's servo loop is stable with the dynamics `published` and `newton`, but not
     `unsteady`.
     """

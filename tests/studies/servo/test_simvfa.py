@@ -72,7 +72,7 @@ def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, o
         )
 
 
-def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) -> None:
+def test_the_controller_consists_of_model_and_correction(published_aircraft: Model) -> None:
     """The controller consists of the reference model with gain, correction and integrals."""
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
     model = level_model(published_aircraft, ANGLES[1])
@@ -335,7 +335,7 @@ def by_equations_3(
     ("kind", "expected", "states", "ones"),
     [(AdaptiveDegree2, by_equations_2, 10, 2), (AdaptiveDegree3, by_equations_3, 12, 6)],
 )
-def test_an_adaptive_law_is_what_its_equations_say(
+def test_an_adaptive_law_agrees_with_its_equations(
     kind: Any, expected: Any, states: int, ones: int
 ) -> None:
     """An adaptive law agrees with its equations at a random memory and for random models.

@@ -10,7 +10,7 @@ pytest.importorskip("hfa_identify")
 from studies.sidpac.__main__ import DEVIATIONS, PRINTED, bounds, identified
 
 
-def test_bounds_of_scipy_are_the_printed_ones() -> None:
+def test_bounds_of_scipy_equal_the_printed_ones() -> None:
     """Cramér-Rao bounds from SciPy's simulation agree with the printed ones within 2 %.
 
     If the initial state is unknown, the bounds are not smaller.

@@ -28,7 +28,7 @@ def stable_learning(**changes: Any) -> IntegralLearning:
     )
 
 
-def test_integrals_are_those_of_the_flight() -> None:
+def test_recorded_integrals_agree_with_simpsons_rule() -> None:
     """The recorded integrals of a flight agree with Simpson's rule on a fine grid."""
     from scipy.integrate import simpson
 
@@ -49,7 +49,7 @@ def test_integrals_are_those_of_the_flight() -> None:
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
-def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
+def test_each_iteration_evaluates_the_previous_policies(form: str) -> None:
     """Each iteration of the learning computes the value of the previous policies."""
     law = stable_learning(form=form, iterations=4)
     weights = run(law).history["weights"]
@@ -59,7 +59,7 @@ def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
+def test_a_stable_plant_is_learned_from_zero(seed: int) -> None:
     """For a stable plant, learning from zero weights converges to the exact P and K."""
     game, exact = published("published-5")
     result = learn_by_integrals(game, seed)
@@ -84,7 +84,7 @@ def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
-def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
+def test_an_unmeasured_disturbance_biases_the_gain(form: str) -> None:
     """A disturbance that is not measured causes an error of the learned gain."""
     game, _ = published("published-5")
     exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
@@ -95,7 +95,7 @@ def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
     assert learn_by_integrals(game, form=form, disturbance_measured=False, disturbance=0.0).settled
 
 
-def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_learning_does_not_depend_on_a(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the same recorded data, another A does not change the learned weights."""
     from dataclasses import replace
 
@@ -125,7 +125,7 @@ def test_data_without_a_result_are_refused() -> None:
         law.advance(7, memory)
 
 
-def test_probing_flight_obeys_the_plant() -> None:
+def test_the_probing_flight_agrees_with_dop853() -> None:
     """The probing flight agrees with SciPy's DOP853 for z' = A z + B u(t) + E d(t)."""
     from scipy.integrate import solve_ivp
 

@@ -51,7 +51,7 @@ def random_sample(seed: int = 0, samples: int = 9, size: int = 4) -> Sample:
     return Sample(rng.normal(size=(samples, size)), rng.normal(size=samples))
 
 
-def test_residual_and_regressor_are_those_of_the_paper() -> None:
+def test_residual_and_regressor_equal_the_papers_equations() -> None:
     """σ and e agree with Eq. (29) to (33) for explicit û and d̂ of arbitrary policies."""
     game = stable_game()
     functions = basis("quadratic+quartic", 2)
@@ -70,7 +70,7 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
     assert found[1][0] == pytest.approx(e, rel=1e-12)
 
 
-def test_direction_is_the_printed_sum() -> None:
+def test_the_update_direction_equals_the_printed_sum() -> None:
     """The update direction equals the printed sum, and the normalizations their formulas."""
     sample = random_sample()
     gamma = 0.01
@@ -87,7 +87,7 @@ def test_direction_is_the_printed_sum() -> None:
     assert normaliser(np.array([[3.0, 4.0]]), "root") == pytest.approx([np.sqrt(26.0)])
 
 
-def test_gains_are_those_of_the_theorem() -> None:
+def test_gains_equal_the_formulas_of_theorem_1() -> None:
     """The gains α equal the formulas of Theorem 1. For rank-deficient samples they are inf."""
     regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
     gains = theorem_gains(regressors, gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
@@ -123,7 +123,7 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
     assert np.linalg.norm(second) > 0.01 * np.linalg.norm(residuals)
 
 
-def test_explicit_steps_stable_below_limit_and_not_above() -> None:
+def test_explicit_steps_are_stable_below_the_limit() -> None:
     """Explicit Euler steps are stable below the step limit and unstable above it.
 
     The limit approaches 0 as the residuals approach 0.
@@ -190,7 +190,7 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
         run(law_of(game, stack_policies=policies))
 
 
-def test_defaults_are_those_of_the_paper() -> None:
+def test_defaults_equal_the_printed_settings() -> None:
     """The default settings of the law equal those printed in the paper."""
     printed = published_data()["critic"]
     chosen = PublishedSettings()
@@ -203,7 +203,7 @@ def test_defaults_are_those_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])
-def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
+def test_stored_policies_converge_within_the_theorems_time(kind: str) -> None:
     """With stored policies, the law converges to their value within the time of Theorem 1.
 
     The value of the stored policies differs from the value of the game by 10 to 100 %.
@@ -226,7 +226,7 @@ def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
     assert own[result.times >= 0.9 * 5.0 / 2.0].max() < 1e-8 * own[0]
 
 
-def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
+def test_reevaluated_policies_converge_from_a_stabilizing_start() -> None:
     """With re-evaluated policies and a stabilizing start, the law converges to the game's P."""
     game, exact = published(PUBLISHED[1])
     start = tuple(
@@ -238,7 +238,7 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
     assert relative_error(result.P, exact.P) < 1e-9
 
 
-def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
+def test_a_flight_equals_explicit_euler_steps() -> None:
     """A training run in flight with chosen gains α equals Euler steps written out in this test.
 
     The run does not settle. Its diagnostics contain the chosen gains and λ₀.

@@ -40,7 +40,7 @@ def assert_same_outcome(found: dict[str, Any], stored: dict[str, Any]) -> None:
             assert run["K_error"] == pytest.approx(other["K_error"], rel=0.05)
 
 
-def test_the_stored_table_is_todays_and_whole() -> None:
+def test_the_stored_table_is_current_and_complete() -> None:
     """The stored rows have the current settings, and their summaries follow from their runs."""
     assert tuple(COMMITTED) == tuple(ROWS)
     of = references()
@@ -62,14 +62,14 @@ def test_the_stored_table_is_todays_and_whole() -> None:
 
 
 @pytest.mark.slow
-def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
+def test_a_new_run_reproduces_every_row(tmp_path: Path) -> None:
     """A new run of the study reproduces every stored row."""
     assert main(["-o", str(tmp_path)]) == 0
     for row in json.loads((tmp_path / "published_study.json").read_text())["rows"]:
         assert_same_outcome(row, COMMITTED[row["name"]])
 
 
-def test_another_outcome_is_seen() -> None:
+def test_another_outcome_is_detected() -> None:
     """The comparison of a stored with a new row detects a changed overflow, certificate, error
     or gain.
     """
@@ -115,7 +115,7 @@ def test_the_document_shows_the_stored_numbers() -> None:
     assert shown == table(STORED["rows"]).splitlines()[2:]
 
 
-def test_the_causes_that_document_gives_are_in_runs() -> None:
+def test_stored_runs_agree_with_the_documents_causes() -> None:
     """The stored runs agree with the causes stated in README.md."""
     runs = [row["runs"] for row in COMMITTED.values()]
     assert sum(map(len, runs)) == 136

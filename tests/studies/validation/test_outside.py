@@ -41,7 +41,7 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
     assert sum(entry.half_unit > 1e-6 for entry in validation.entries) == 27
 
 
-def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
+def test_newton_fails_the_released_eigenvalues(parameters: Parameters) -> None:
     """The `newton` dynamics fail the checks of the eigenvalues at 30 ft/s and of a third printed
     model.
     """
@@ -61,7 +61,7 @@ def test_first_principles_are_not_what_was_released(parameters: Parameters) -> N
         ("inertia_pitch", 1.01, "third_printed_model_half_units"),
     ],
 )
-def test_a_wrong_parameter_is_seen(
+def test_a_wrong_parameter_fails_its_check(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
     """A wrong parameter fails the check that is expected for it, and every failed check has a
@@ -73,7 +73,7 @@ def test_a_wrong_parameter_is_seen(
     assert all(check.reason for check in failed)
 
 
-def test_a_wrong_number_of_theirs_is_seen(
+def test_a_wrong_eigenvalue_fails_its_check(
     published_aircraft: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A wrong eigenvalue of the released simulation fails only the check of this eigenvalue."""
@@ -86,7 +86,7 @@ def test_a_wrong_number_of_theirs_is_seen(
     assert failed[0].reason.endswith("1/s at 0 deg")
 
 
-def test_half_units_of_printed_and_exact_entries(
+def test_the_tolerance_is_half_a_unit(
     published_aircraft: Model,
 ) -> None:
     """The tolerance of an entry printed with decimals is half a unit of its last digit.
@@ -108,7 +108,7 @@ def test_half_units_of_printed_and_exact_entries(
     assert planted[exact].half_units > 1000.0
 
 
-def test_the_simulations_values_pass_in_its_air() -> None:
+def test_released_parameters_pass_with_their_air_density() -> None:
     """The parameters of the released simulation pass with the air density of this simulation.
 
     In the standard atmosphere, they fail four checks.
@@ -229,7 +229,7 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     "degrees",
     [pytest.param(each, marks=[pytest.mark.slow] if each != 15 else []) for each in ANGLES],
 )
-def test_inertia_is_off_at_one_angle_is_seen(
+def test_an_inertia_error_at_one_angle_is_detected(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
     """Errors at one angle of 2e-5 in the hinge inertia and 3e-4 in the pitch inertia are

@@ -19,7 +19,9 @@ from studies.validation.__main__ import validation
         ("--dynamics unsteady", BAD_INPUT),
     ],
 )
-def test_the_study(words: str, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_exit_code_agrees_with_the_verdict(
+    words: str, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The exit code of the study agrees with the verdict in its JSON data."""
     assert run_alone(validation, "python -m studies.validation", words.split()) == code
     text = capsys.readouterr().out

@@ -119,7 +119,7 @@ def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bo
         ("lift_outer", "updraft_outer"),
     ],
 )
-def test_one_wrong_entry_is_seen_in_its_row(
+def test_one_wrong_entry_is_detected_in_its_row(
     published_aircraft: Model, row: str, column: str
 ) -> None:
     """An error planted in one entry of the linear model lowers the remainder's order in its row

@@ -35,7 +35,7 @@ def response(transfer: Transfer) -> np.ndarray:
     return transfer.gain * np.prod(s - transfer.zeros, axis=1) / np.prod(s - transfer.poles, axis=1)
 
 
-def test_transfer_functions_have_the_models_response(model: LinearModel) -> None:
+def test_transfer_functions_equal_the_models_response(model: LinearModel) -> None:
     """The frequency response of each transfer function equals that of the linear model.
 
     A change of the zeros by 1e-4 is detected.
@@ -59,7 +59,7 @@ def test_transfer_functions_have_the_models_response(model: LinearModel) -> None
     assert reached >= 6
 
 
-def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
+def test_zeros_equal_those_of_slicot(model: LinearModel) -> None:
     """Transmission zeros equal those computed by SLICOT, for one to three inputs and outputs."""
     pytest.importorskip("slycot")
     for size in (1, 2, 3):
@@ -118,7 +118,7 @@ def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
 # Models of fewer states.
 
 
-def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
+def test_residualized_models_equal_python_controls(model: LinearModel) -> None:
     """A residualized model equals python-control's and keeps the static gain.
 
     At low frequency, a residualized model is more accurate than a truncated one.
@@ -144,7 +144,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
     assert errors[0] < 0.1 * errors[1]
 
 
-def test_what_cannot_be_done_is_said() -> None:
+def test_impossible_residualization_is_refused() -> None:
     """Residualization with a singular A22 or of all states is refused.
 
     A Bode plot without inputs, or in which no input affects an output, is refused, too.
@@ -161,7 +161,7 @@ def test_what_cannot_be_done_is_said() -> None:
         bode_figure(navion)
 
 
-def test_a_bode_plot_holds_six_outputs_at_most() -> None:
+def test_a_bode_plot_shows_at_most_six_outputs() -> None:
     """A Bode plot of seven outputs shows the first six and lists the omitted output.
 
     The frequency range covers all modes. The phase changes by less than 45 deg between two
@@ -185,7 +185,7 @@ def test_a_bode_plot_holds_six_outputs_at_most() -> None:
     assert max(np.abs(np.diff(phase)).max() for phase in phases) < 45.0
 
 
-def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
+def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> None:
     """`hfa linearize --bode` reports the transfer functions of the model, also in SI units."""
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
     words = "linearize", "--dihedral", "10", "--bode", *chosen

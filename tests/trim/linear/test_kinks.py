@@ -72,7 +72,7 @@ def test_a_kink_has_the_mean_slope(name: str) -> None:
 
 
 @pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
-def test_a_knot_hit_by_rounding_has_the_mean(offset: float) -> None:
+def test_a_knot_up_to_rounding_has_mean_slope(offset: float) -> None:
     """If a trim is at the knot of a table except for rounding, A contains the mean slope."""
     assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-13)
 

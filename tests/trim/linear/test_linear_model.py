@@ -64,7 +64,7 @@ def test_every_printed_entry_is_regenerated(
 
 @PRINTED
 @pytest.mark.parametrize("name", IDENTIFIED)
-def test_a_parameter_one_percent_off_is_seen(
+def test_a_parameter_one_percent_off_is_detected(
     parameters: Parameters, published: PublishedModel, name: str
 ) -> None:
     """If one parameter is changed by 1 %, some entry has an error above three half units."""
@@ -72,7 +72,7 @@ def test_a_parameter_one_percent_off_is_seen(
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
-def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
+def test_eigenvalues_at_5_degrees_equal_quoted_ones(published_aircraft: Model) -> None:
     """Eigenvalues at 5 deg agree with -7.11, -0.019 and -4.82 ± 18.66i of Ma and Peng (2021).
 
     They agree to the last digit. The fourth pair of that paper, 0.016 ± 0.64i, is not an eigenvalue
@@ -88,7 +88,7 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 # Comparison with the printed matrices.
 
 
-def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
+def test_only_trims_at_printed_angles_are_assigned(aircraft: Model) -> None:
     """Trims at 15 and 5 deg are recognized as those of a printed model. A trim at 10 deg is not."""
     matches = [
         printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
@@ -185,7 +185,7 @@ def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> Operatin
     return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
 
 
-def test_select_takes_rows_and_columns_by_name(
+def test_select_returns_rows_and_columns_by_name(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """`select` returns the rows and columns of the named states, with their units and offsets."""

@@ -76,7 +76,7 @@ def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
 
 
 @pytest.mark.parametrize("slow", [-1e-9, 1e-6])
-def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
+def test_a_slow_eigenvalue_is_not_zero(slow: float) -> None:
     """A slow eigenvalue that exceeds rounding is not replaced by 0."""
     basis = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
     A = basis @ np.diag([-3.0, -1.0, slow]) @ np.linalg.inv(basis)
@@ -105,7 +105,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
-def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
+def test_modes_contain_each_eigenvalue_once(aircraft: Model, degrees: float) -> None:
     """The modes contain each eigenvalue of A once, in order of frequency, with different names."""
     model = level_model(aircraft, float(np.radians(degrees)))
     modes = modes_of(model.A, model.states, hfa.aircraft().modes)
@@ -164,7 +164,7 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
 @pytest.mark.parametrize(
     "model", [F16.with_parameters(xcg=0.3), NAVION], ids=lambda model: model.name
 )
-def test_printed_modes_and_load_factors(model: Model) -> None:
+def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
     """Handling qualities follow from the modes, and n/alpha from nonlinear trims."""
     point = trimmed(model)
     qualities = values(model, point)

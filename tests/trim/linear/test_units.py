@@ -42,7 +42,7 @@ def test_columns_in_other_units_are_named() -> None:
         ("kg", "kg/h", "h, but level in kg; flow in kg/h"),
     ],
 )
-def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
+def test_a_report_states_the_unit_of_time(level: str, flow: str, words: str) -> None:
     """The report of a model in minutes or hours states its unit of time."""
     model = tank(level, flow)
     linear = linearize(model, find_operating_point(model, usual_condition(model)))
@@ -53,6 +53,6 @@ def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
     assert units["A", "level", "level"] == f"({level}/{time})/({level})"
 
 
-def test_a_navion_is_in_feet() -> None:
+def test_the_navions_report_is_in_feet() -> None:
     """The report of the Navion states rad, ft and s."""
     assert units_in_words(linearize(NAVION, trimmed(NAVION))).startswith("rad, ft, s")

@@ -42,7 +42,7 @@ MODEL = Model(
         ({"thrust": 1.0}, {"thrust": 1.0}),
     ],
 )
-def test_the_first_alternative_replaces_another(
+def test_an_alternative_replaces_another_of_its_group(
     imposed: dict[str, float], in_terms_of_speed: dict[str, float]
 ) -> None:
     """An imposed alternative variable, knots or mach, is replaced by the first of its group,
@@ -51,7 +51,7 @@ def test_the_first_alternative_replaces_another(
     assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
 
 
-def test_to_impose_an_alternative_sets_the_others_free() -> None:
+def test_imposing_an_alternative_frees_the_others() -> None:
     """If mach is to be imposed, speed is removed from the imposed variables."""
     imposed = {"speed": 7.0, "thrust": 1.0}
     assert without_alternatives(MODEL, imposed, ["mach"]) == {"thrust": 1.0}

@@ -30,7 +30,7 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["point.json"]
 
 
-def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_path: Path) -> None:
+def test_data_of_a_loaded_point_contain_residuals(point: OperatingPoint, tmp_path: Path) -> None:
     """The report of an operating point read from a file prints its states and inputs.
 
     The data of the report also contain the residuals.
@@ -64,7 +64,7 @@ def test_wrong_files_are_refused(
     assert words in refusal(lambda file: OperatingPoint.load(file, hfa.aircraft()), path)
 
 
-def test_the_paper_s_condition_is_the_default() -> None:
+def test_the_papers_condition_is_the_default() -> None:
     """The condition "paper" equals the default of `level_flight`."""
     loaded = load_condition("paper").at(0.2)
     default = level_flight(0.2)
@@ -73,7 +73,7 @@ def test_the_paper_s_condition_is_the_default() -> None:
 
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
-def test_the_peers_conditions_have_its_angles(
+def test_trims_at_released_conditions_have_released_angles(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
     """Trims at the conditions of the released simulation have the angles of attack of this
@@ -103,7 +103,7 @@ def test_the_peers_conditions_have_its_angles(
         ("inpose = 3", "unknown entry inpose; did you mean impose?"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_a_faulty_condition_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
     """A faulty condition file is refused, and the message names the fault."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")

@@ -50,7 +50,7 @@ def circle(scale: float) -> tuple[Model, TrimCondition]:
         ),
     ],
 )
-def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> None:
+def test_points_alone_and_together_give_equal_results(kind: type[TrimSystem]) -> None:
     """Newton's method gives the same result for a point alone and among forty points."""
     system = f16_system(kind)
     c = system.constants(len(SPEEDS), {"speed": SPEEDS})
@@ -65,7 +65,7 @@ def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> N
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
-def test_the_c_code_takes_the_same_steps() -> None:
+def test_compiled_equations_converge_to_the_same_points() -> None:
     """Compiled equations converge to the same points as interpreted ones."""
     c = f16_system().constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(f16_system().start, (len(SPEEDS), 1))
@@ -84,7 +84,7 @@ def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
     np.testing.assert_allclose(z, np.sqrt([[2.0, 2.0]]), rtol=1e-12)
 
 
-def test_trials_can_be_kept_within_the_limits() -> None:
+def test_bounded_steps_remain_within_the_limits() -> None:
     """With `bounded`, Newton's method remains within the limits of the unknowns.
 
     Without `bounded`, the solution is beyond the limits.
@@ -109,7 +109,7 @@ def test_a_singular_step_has_the_least_norm() -> None:
     assert np.isnan(steps[2]).all()
 
 
-def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
+def test_an_input_without_effect_is_no_unknown() -> None:
     """An input without effect keeps its initial value and is not an unknown."""
 
     def equations(x, u, p, w):
@@ -124,7 +124,7 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
-def test_c_code_flags_a_singular_jacobian() -> None:
+def test_c_code_reports_a_singular_jacobian() -> None:
     """The C code reports a singular Jacobian, and Python then takes the step of least norm.
 
     The Jacobian is singular at x = -y.

@@ -43,9 +43,7 @@ def effort(point: OperatingPoint) -> float:
 
 
 @pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (5.0, 0.0), (20.0, 0.0), (15.0, 1.0)])
-def test_the_papers_condition_level_and_in_a_climb(
-    aircraft: Model, degrees: float, climb: float
-) -> None:
+def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: float) -> None:
     """The paper's trims are found in level flight and in a climb, from two initial points."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = find_operating_point(aircraft, condition)
@@ -140,7 +138,7 @@ def test_least_effort_stays_within_limits(
 # No solution.
 
 
-def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
+def test_nearly_equal_limits_impose_a_value(aircraft: Model) -> None:
     """Limits of an unknown that differ by one rounding have the effect of an imposed value."""
     alpha = 0.05
     ends = (alpha, np.nextafter(alpha, 1.0))
@@ -188,7 +186,7 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
         assert f"{name} by {value:.3g}" in str(error)
 
 
-def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
+def test_an_equation_without_unknowns_is_named(aircraft: Model) -> None:
     """The message names an equation that no unknown affects, and its residual."""
     with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
         find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
@@ -262,7 +260,7 @@ def test_contradictions_are_refused() -> None:
 # Extreme cases: a Jacobian without full rank, wings at 0 and nearly 90 deg, no air.
 
 
-def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
+def test_a_control_without_effect_is_named(aircraft: Model) -> None:
     """The message on a failed trim names an aileron without effect.
 
     If the aileron has an effect, the message does not name it.
@@ -306,7 +304,7 @@ def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: fl
 
 
 @pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
-def test_without_air_it_falls(aircraft: Model, dihedral: float) -> None:
+def test_without_air_the_aircraft_falls(aircraft: Model, dihedral: float) -> None:
     """Without air, loads are 0, V' = -g sin γ and V γ' = -g cos γ for any control deflection."""
     p = hfa_model.parameters_of(aircraft)
     x = State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
@@ -348,7 +346,7 @@ def strong(published_aircraft: Model) -> Model:
 
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
-def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> None:
+def test_trim_points_agrees_with_a_single_trim(strong: Model, gamma: float, alpha: float) -> None:
     """`trim_points` and a single trim agree on whether the pitch angle exceeds its limit."""
     values = np.radians([[gamma, alpha]])
     chunk = trim_points(strong, ("gamma", "alpha"), values)
@@ -365,7 +363,7 @@ def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> 
         assert chunk.status[0] == BEYOND_LIMITS
 
 
-def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
+def test_the_pitch_limit_is_checked_with_free_angles(strong: Model) -> None:
     """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
     checked.
     """
@@ -380,7 +378,7 @@ def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
         find_operating_point(strong, both, lifted)
 
 
-def test_a_missing_condition_is_the_models_trim() -> None:
+def test_a_missing_condition_uses_the_models_trim() -> None:
     """Without a condition, the trim that the model declares is computed."""
     model = hfa.aircraft()
     assert (
@@ -419,7 +417,7 @@ def test_an_operating_point_lists_its_names() -> None:
     assert dict(point) == {name: point[name] for name in names}
 
 
-def test_input_that_moves_nothing_is_named():
+def test_a_free_variable_without_effect_is_named():
     """A free variable that does not occur in the equations is named in the message."""
     model = Model(
         "coasting",

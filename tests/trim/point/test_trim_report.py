@@ -60,7 +60,7 @@ def test_every_variable_has_limits_and_a_margin(
     )
 
 
-def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
+def test_a_binding_limit_is_listed_first(published_aircraft: Model) -> None:
     """The limit at which a variable of the trim is saturated is listed first.
 
     The outer elevator is at its limit of -2 deg, while the least effort would need -2.8 deg.
@@ -80,7 +80,7 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
     )
 
 
-def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Model) -> None:
+def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) -> None:
     """A residual 1 % above its tolerance fails only its own equation. A residual 1 % below
     passes.
     """
@@ -105,7 +105,7 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Mod
             assert failed == ([name] if verdict == "FAIL" else [])
 
 
-def test_the_report_has_loads_of_each_panel(
+def test_the_report_contains_loads_of_each_panel(
     published_aircraft: Model,
 ) -> None:
     """The report contains the loads on the aircraft and on each panel."""
@@ -130,7 +130,7 @@ def test_the_report_has_loads_of_each_panel(
 
 
 @pytest.mark.parametrize("command", ["trim", pytest.param("linearize", marks=pytest.mark.slow)])
-def test_a_trim_that_fails_is_data_too(command: str) -> None:
+def test_a_failed_trim_has_json_data(command: str) -> None:
     """The JSON of a failed trim contains the nearest point within limits, the limit and the cause.
 
     The limit is the one that prevents the trim. The exit code is 1, and the message of the JSON
@@ -148,7 +148,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
     assert not data["equations"]["speed"]["ok"]
 
 
-def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
+def test_pitch_limits_bound_a_free_gamma(published_aircraft: Model) -> None:
     """The pitch angle in a trim follows from alpha and gamma. Its limits bound a free gamma."""
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)

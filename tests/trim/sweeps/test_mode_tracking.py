@@ -45,7 +45,7 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])
-def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
+def test_eigenvalues_equal_at_a_point_cross(seed: int) -> None:
     """Two eigenvalues that are equal at a grid point (s = 1) cross there."""
     shapes = np.random.default_rng(seed).normal(size=(3, 3))
     nominal = [hfa.aircraft().states[name].nominal for name in STATES]
@@ -57,7 +57,7 @@ def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
     np.testing.assert_allclose(tracked, expected, atol=1e-7)
 
 
-def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
+def test_nearly_parallel_shapes_keep_their_columns() -> None:
     """Two modes whose shapes are 4 deg apart and turn by 4 deg keep their columns through a
     crossing.
 
@@ -95,7 +95,7 @@ def test_similar_shapes_are_paired_by_eigenvalues() -> None:
     )
 
 
-def test_a_pair_is_followed_as_a_pair() -> None:
+def test_a_complex_pair_is_tracked_as_one_mode() -> None:
     """A complex pair that becomes two real eigenvalues is tracked as one mode.
 
     At 502 ft/s the short period of the F-16 is real, on both sides of the phugoid pair.
@@ -108,7 +108,7 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 
 @pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
-def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
+def test_equally_good_orders_begin_with_lower_eigenvalue(real: tuple[float, float]) -> None:
     """Where a complex pair becomes two real eigenvalues, the lower one is first in both orders.
 
     Both orders fit equally well there.
@@ -124,7 +124,7 @@ def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]
 
 
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
-def test_a_grid_is_followed_from_neighbour_to_neighbour(
+def test_modes_are_paired_between_grid_neighbors(
     published_aircraft: Model, sizes: tuple[int, ...]
 ) -> None:
     """Between neighbors of a grid, modes are paired as in a sweep of these two points alone."""

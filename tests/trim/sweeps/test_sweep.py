@@ -61,7 +61,7 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None:
+def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
     """Each point of a sweep equals its single trim and linear model.
 
     If a point has no trim, the sweep and the single trim give the same reason.
@@ -121,7 +121,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
         ({"speed": []}, LEVEL_FLIGHT, "give a list of numbers"),
     ],
 )
-def test_what_no_trim_takes_no_sweep_takes(
+def test_a_sweep_refuses_what_a_trim_refuses(
     published_aircraft: Model, grid, condition, words: str
 ) -> None:
     """A sweep refuses unknown names, values out of range, masked entries and empty grids."""
@@ -155,9 +155,7 @@ def over_two(published_aircraft: Model) -> Sweep:
     return sweep(published_aircraft, grid, condition=release(LEVEL_FLIGHT, free=("alpha",)))
 
 
-def test_every_eigenvalue_of_every_point_is_shown_once(
-    published_aircraft: Model, over_two: Sweep
-) -> None:
+def test_every_eigenvalue_is_printed_once(published_aircraft: Model, over_two: Sweep) -> None:
     """The report prints every eigenvalue of every point once.
 
     Beyond 28 deg the pair of the short period becomes two real eigenvalues. Two modes may also
@@ -175,7 +173,7 @@ def test_every_eigenvalue_of_every_point_is_shown_once(
                 )
 
 
-def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
+def test_modes_vary_smoothly_over_two_variables(over_two: Sweep) -> None:
     """In a sweep over two variables, the modes vary smoothly with the speed."""
     fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
     assert over_two.mode_names[0] == "short period (fast)"
@@ -286,7 +284,7 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
 @pytest.mark.parametrize(
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
-def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
+def test_many_points_equal_their_single_trims(dynamics, compile_code, variables, condition):
     """Results of many points equal those of single trims, with and without compiled code.
 
     Compared are states, inputs, A and B.
@@ -306,7 +304,7 @@ def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, vari
         np.testing.assert_allclose(points.B[i], model.B, rtol=1e-9, atol=1e-8)
 
 
-def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
+def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
     """Points of a sweep are equal bit for bit in sweeps with few and with many other points.
 
     This is also true if a parameter varies from point to point.
@@ -328,7 +326,7 @@ def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
     )
 
 
-def test_each_point_carries_its_status(aircraft: Model) -> None:
+def test_each_point_has_the_expected_status(aircraft: Model) -> None:
     """Each point has the expected status, and A is finite if and only if the point is trimmed.
 
     The stored eigenvalues of A are sorted, fastest first, and nan without a trim. Speeds are in
@@ -359,7 +357,7 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
     assert np.isnan(rows["eigenvalues"][:4]).all()
 
 
-def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) -> None:
+def test_points_with_spare_unknowns_equal_single_trims(published_aircraft: Model) -> None:
     """With more unknowns than equations, each point equals its single trim bit for bit.
 
     Both are trims of least effort.
@@ -459,7 +457,7 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
     assert dataset.status.attrs["flag_meanings"].split() == ["trimmed", "beyond_limits", "no_trim"]
 
 
-def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
+def test_a_plan_returns_slices_of_the_whole(parameters: Parameters) -> None:
     """Rows 10 to 12 of a plan equal these rows of the whole plan. The last variable varies fastest."""
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
@@ -484,7 +482,7 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
         )
 
 
-def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
+def test_a_store_equals_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
     """A store contains the condition of the sweep, and the same A as the sweep in memory.
 
     A store cannot be resumed with another condition, limit, initial guess or order of variables.

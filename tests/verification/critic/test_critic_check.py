@@ -72,7 +72,7 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
 
 
-def test_a_costless_states_value_may_be_0() -> None:
+def test_a_state_without_cost_may_have_zero_value() -> None:
     """The exact value passes for a state without cost, whose value is 0."""
     A = np.diag([-1.0, -2.0])
     B = np.array([[1.0], [0.0]])
@@ -106,7 +106,7 @@ def test_a_gain_alone_passes(game: Game) -> None:
     assert not any(row.name.startswith(("P_", "riccati")) for row in check.checks)
 
 
-def test_the_limit_is_the_limit() -> None:
+def test_the_error_limit_decides() -> None:
     """An error of 1e-5 in P fails at the default error limit and passes at a limit of 2e-5."""
     game = game_in(1.0, 1.0)
     P = value(game)
@@ -168,7 +168,7 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
     ("factors", "settled"),
     [((1.1, 1.0), 1.0), ((1.0, 1.0 + 1e-6), math.inf), ((1, 1), 0.0), ((1, np.nan), math.inf)],
 )
-def test_a_runs_settling_time_is_computed_anew(
+def test_the_settling_time_of_a_run_is_recomputed(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
     """The check computes the settling time of a training run itself.
@@ -194,7 +194,7 @@ def test_a_runs_settling_time_is_computed_anew(
 @pytest.mark.filterwarnings(
     "ignore:Input"
 )  # SciPy warns of a Lyapunov equation that is singular within rounding
-def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
+def test_critics_that_overflow_or_are_nan_fail(game: Game) -> None:
     """Critics of size 1e40 to 1e300, and weights with nan or inf, fail without an exception."""
     for size in (1e40, 1e60, 1e300):  # finite, but P S P is not
         for candidate in (
@@ -296,7 +296,7 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
 
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
-def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
+def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | None) -> None:
     """The box about a trim extends to the nearer limit of each state.
 
     If a state is at or beyond a limit, no box exists.
@@ -344,7 +344,7 @@ def test_the_report_shows_the_farthest_entries(game: Game) -> None:
         pytest.param(1e8, 1e-3, [-1.0, 0.0, 1.0 + 1e-4], 4, marks=pytest.mark.slow),
     ],
 )
-def test_a_wrong_part_is_seen(
+def test_a_wrong_row_or_column_is_detected(
     state: float, of_input: float, factors: list[float], count: int
 ) -> None:
     """A wrong factor on any row or column of K, and a wrong entry of P, are detected.
@@ -381,7 +381,7 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
 
 
 @RICHER
-def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -> None:
+def test_every_wrong_nonquadratic_weight_is_detected(game: Game, name: str) -> None:
     """Every wrong weight of a basis function that is not quadratic is detected, even without
     effect.
 
@@ -412,7 +412,7 @@ def test_a_small_wrong_entry_is_refused(game: Game) -> None:
     assert not {"P_rel_error", "P_balanced_error", "riccati_residual"} & failures
 
 
-def test_every_entry_is_seen(game: Game) -> None:
+def test_a_small_change_of_any_entry_is_detected(game: Game) -> None:
     """A relative change of 1e-5 in any entry of P or K is detected."""
     for name, exact in (("P", value(game)), ("K", gain(game))):
         for i, j in np.ndindex(exact.shape):
@@ -428,7 +428,7 @@ def test_every_entry_is_seen(game: Game) -> None:
 
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
-def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
+def test_bounds_are_valid_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
     """Sampled errors of V, ∂V/∂z and both policies in the box do not exceed their computed
     bounds.
     """
@@ -476,7 +476,7 @@ Names = tuple[str, ...]
         (LINEAR_STATES, tuple("abcde"), (), None),
     ],
 )
-def test_names_and_units_decide(
+def test_the_box_requires_equal_names_and_units(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
     """The box of typical deviations is used only for a plant with the aircraft's names and
@@ -525,7 +525,7 @@ def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
         (np.where(TIMES == 10.0, 1e-2, 1e-10), "W", None, math.inf),
     ],
 )
-def test_a_history_passes_where_it_settles_in_time(
+def test_a_history_passes_if_it_settles_in_time(
     game: Game, sizes: np.ndarray, of: str, predefined_time: float | None, settled: float
 ) -> None:
     """A history of critics passes if its errors settle before the predefined time.
@@ -550,7 +550,7 @@ def test_a_history_passes_where_it_settles_in_time(
         )
 
 
-def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
+def test_settling_time_includes_errors_of_nonquadratic_weights(game: Game) -> None:
     """The settling time includes errors of V in weights that affect neither P nor K."""
     functions = basis("quadratic+quartic", 6)
     weights = np.tile(functions.weights(value(game)), (len(TIMES), 1))
@@ -566,7 +566,7 @@ def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
 ROUNDING_SHOWN = 1e-12
 
 
-def test_our_own_run_is_a_timed_history(game: Game) -> None:
+def test_settling_time_of_a_history_equals_the_runs(game: Game) -> None:
     """`check_history` finds the settling time that the training run reports.
 
     The figure of the verdict contains the error lines. Differences by rounding are stated in the

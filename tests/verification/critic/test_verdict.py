@@ -73,14 +73,14 @@ def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
         assert ("not stabilizing" in line) == unstable
 
 
-def test_the_l2_gain_is_no_error_at_agreement(game: Game) -> None:
+def test_the_l2_gain_is_not_an_error(game: Game) -> None:
     """For an exact critic, the L2 gain does not count as its largest error."""
     verdict = check_critic(game, from_gain(game, gain(game)), limit=game.delta)
     assert verdict.value_of("l2_gain") > 100.0
     assert verdict.largest_error < 1e-12
 
 
-def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
+def test_rounding_differences_are_reported_as_rounding(game: Game) -> None:
     """For an exact critic, the report states that all entries differ by rounding only."""
     exact = check_critic(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
@@ -89,7 +89,7 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
 # Networks: searched states, and simulations.
 
 
-def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
+def test_no_network_error_exceeds_the_reported_one(game: Game) -> None:
     """The errors of a network's V at random states, and at the worst states found, are at most the
     reported one.
     """
@@ -111,7 +111,7 @@ def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
         assert abs(error) / size <= errors["value"] * (1.0 + 1e-12)
 
 
-def test_a_network_flies_within_control_limits() -> None:
+def test_networks_saturate_at_the_control_limits() -> None:
     """In flights of a network on the nonlinear plant, the inputs are saturated at the control
     limits.
     """

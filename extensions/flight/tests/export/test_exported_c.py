@@ -80,7 +80,7 @@ def test_exported_rates_equal_the_model(
         np.testing.assert_allclose(dx, known, rtol=1e-14, atol=0)
 
 
-def test_exported_policy_and_constants(folder: Path, aircraft: Model) -> None:
+def test_exported_code_contains_the_models_numbers(folder: Path, aircraft: Model) -> None:
     """The exported policy, the matrix A and the comments of the header contain the numbers, units
     and text of the model.
     """
@@ -103,7 +103,7 @@ def test_exported_policy_and_constants(folder: Path, aircraft: Model) -> None:
 @pytest.mark.parametrize(
     "aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True
 )
-def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
+def test_the_example_loop_runs_with_static_memory(folder: Path) -> None:
     """The example 100 Hz loop runs. The library calls only math functions and has little static
     memory.
     """
@@ -132,7 +132,7 @@ def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["navion.py:NAVION", pytest.param("f16.py:F16", marks=pytest.mark.slow)]
 )
-def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
+def test_exported_rates_of_other_aircraft_equal_the_model(name: str, tmp_path: Path) -> None:
     """The exported C code of the Navion and of the F-16 gives the model's rates at 50 random
     states.
 
@@ -160,7 +160,7 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
         assert list(ran(tmp_path, EXAMPLE, SOURCE)) == list(model.states)
 
 
-def test_operation_that_c_does_not_have_is_named() -> None:
+def test_an_operation_without_c_equivalent_is_named() -> None:
     """The error for an operation without a C equivalent, here erf, names the operation."""
     x = ca.SX.sym("x")
     with pytest.raises(
@@ -280,7 +280,9 @@ def test_exported_controller_equals_the_simulated_one(
     assert limited > 100
 
 
-def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: Path) -> None:
+def test_a_step_multiplies_states_by_the_exponential(
+    controller: ScheduledController, law_folder: Path
+) -> None:
     """Without measurements, limits and commands, a step of 10 ms multiplies the states by exp(0.01
     A).
 
@@ -303,7 +305,7 @@ def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: 
     assert "0.001 s or less" in (law_folder / LAW_HEADER).read_text("utf-8")
 
 
-def test_the_footprint_is_static_and_names_are_there(law_folder: Path) -> None:
+def test_the_controllers_c_code_uses_static_memory(law_folder: Path) -> None:
     """The controller's C code uses little static memory and calls only math functions.
 
     The header contains names, units and the range of the schedule.

@@ -104,7 +104,7 @@ def flown(aircraft: Model, point: OperatingPoint, law: Policy, **happens: Any) -
     return np.asarray(flight.states[::100] + np.array(point.states))
 
 
-def test_60_seconds_in_fmpy_equal_the_product(unit: Unit) -> None:
+def test_60_seconds_in_fmpy_equal_the_simulation(unit: Unit) -> None:
     """FMPy and the product simulate equal states for 60 s, in co-simulation and in model exchange."""
     assert len(unit.known) == 601
     for kind, solver in (("CoSimulation", {}), ("ModelExchange", {"relative_tolerance": 1e-12})):
@@ -121,7 +121,7 @@ def test_60_seconds_in_fmpy_equal_the_product(unit: Unit) -> None:
     assert abs(unit.known[-1, 0] - unit.known[0, 0]) > 0.1  # it moved
 
 
-def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Path) -> None:
+def test_fmpys_validator_accepts_the_fmu(unit: Unit, tmp_path: Path) -> None:
     """FMPy's validator accepts the FMU and reports a planted wrong unit."""
     path = unit.path
     assert fmpy.validation.validate_fmu(str(path)) == []
@@ -142,7 +142,7 @@ def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Pa
     assert fmpy.validation.validate_fmu(str(tmp_path / "wrong.fmu"))
 
 
-def test_a_state_is_kept_and_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
+def test_saved_fmu_states_are_restored(unit: Unit, tmp_path: Path) -> None:
     """A saved state of the FMU is restored. Wrong calls and a wrong GUID are refused."""
     path = unit.path
     states = len(unit.loop.states)
@@ -176,14 +176,14 @@ def test_a_state_is_kept_and_wrong_guid_refused(unit: Unit, tmp_path: Path) -> N
 
 
 @needs_gcc
-def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
+def test_fmu_sources_compile_without_warnings(unit: Unit, tmp_path: Path) -> None:
     """The C sources in the FMU compile without warnings."""
     with zipfile.ZipFile(unit.path) as archive:
         archive.extractall(tmp_path)
     compiled(tmp_path / "sources", "-Wno-shadow", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE)
 
 
-def test_a_model_interpolated_over_two_variables_is_fmu(tmp_path: Path) -> None:
+def test_the_fmu_of_a_sweep_agrees_with_scipy(tmp_path: Path) -> None:
     """The FMU of a sweep over two variables agrees with SciPy's integration between grid points.
 
     The integration uses A and B interpolated by the product.

@@ -23,7 +23,7 @@ def model() -> InterpolatedModel:
     return InterpolatedModel(sweep(hfa.aircraft(), GRID))
 
 
-def test_models_are_exact_at_breakpoints_bilinear_between(model: InterpolatedModel) -> None:
+def test_models_are_exact_at_breakpoints_and_bilinear_between(model: InterpolatedModel) -> None:
     """The interpolated model is the exact one at breakpoints and bilinear between them."""
     exact = level_model(hfa.aircraft(), float(GRID["dihedral"][2]))
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
@@ -42,7 +42,7 @@ def test_models_are_exact_at_breakpoints_bilinear_between(model: InterpolatedMod
 
 
 @needs_gcc
-def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
+def test_exported_c_equals_the_interpolated_model(model: InterpolatedModel, folder: Path) -> None:
     """The generated C code gives the product's interpolated model at random and grid points.
 
     Beyond the grid, A equals A at the nearest end of the grid.
@@ -67,7 +67,7 @@ def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
     np.testing.assert_array_equal(function([0.5, 80.0])[2], function([eta[-1], 76.0])[2])
 
 
-def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> None:
+def test_the_error_decreases_quadratically_with_the_step(model: InterpolatedModel) -> None:
     """Halving the grid step reduces the error at the middles of the cells about four times."""
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []

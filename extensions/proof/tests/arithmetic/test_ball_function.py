@@ -92,7 +92,7 @@ def test_balls_equal_the_functions_in_doubles() -> None:
         )
 
 
-def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_planted_wrong_operation_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     """An operation with a relative error of 1e-9 is detected, for each operation of the model."""
     function = rates_function(VARIANTS["published"])
     point = model_at(15.0).point
@@ -138,7 +138,7 @@ ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
         *((lambda x: x**0.3, each) for each in (ABOUT_0, arb(0))),
     ],
 )
-def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], at: Any) -> None:
+def test_an_undecided_branch_raises_undecided(expression: Callable[[Any], Any], at: Any) -> None:
     """A function with an undecided branch at the argument raises Undecided.
 
     An argument of exactly 0 does not count as positive.
@@ -148,7 +148,7 @@ def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], 
         BallFunction(ca.Function("f", [x], [expression(x)]))([at])
 
 
-def test_series_are_derivatives() -> None:
+def test_power_series_equal_casadi_derivatives() -> None:
     """Power series evaluated in ball arithmetic have the derivatives of CasADi."""
     x = ca.SX.sym("x")
     expression = (

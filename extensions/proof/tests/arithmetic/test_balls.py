@@ -19,7 +19,7 @@ from hfa_proof.arithmetic.taylor_model import TaylorModel
 
 
 @pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
-def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
+def test_pivots_equal_those_of_gaussian_elimination(off: float, second: float) -> None:
     """Pivots are those of Gaussian elimination, and a matrix is definite if all are positive."""
     found = pivots(matrix([[2.0, off], [off, 2.0]]))
     assert (found is None) == (second == 0.0)
@@ -27,14 +27,14 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
     assert found is None or [float(each) for each in found] == [2.0, second]
 
 
-def test_intervals_about_0_hold_the_whole_radius() -> None:
+def test_symmetric_intervals_contain_the_whole_ball() -> None:
     """`symmetric` returns an interval about 0 that contains a whole ball, including its radius."""
     assert symmetric(arb(1, 0.1)).contains(arb(1.09))
     assert symmetric(arb(-2, 0.1)).contains(arb(-2.09))
 
 
 @pytest.mark.parametrize("slope", [-1.75, -1.25, -0.75, -0.25, 0.25, 0.75, 1.25, 1.75])
-def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
+def test_corners_bound_the_minimum_of_a_parabola(slope: float) -> None:
     """The lowest corner of the Taylor model slope s + s² is at most the minimum of the parabola.
 
     The minimum is at s = -slope / 2.
@@ -44,7 +44,7 @@ def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
-def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
+def test_the_remainder_is_of_third_order(dynamics: str) -> None:
     """If a box is halved, the remainder of the Taylor models decreases by a factor from 6 to 12."""
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(12.0, dynamics).point
@@ -111,7 +111,7 @@ def test_taylor_models_contain_a_hundred_thousand_random_points(dynamics: str) -
         assert escaped(dynamics, 5_000, seed) == 0
 
 
-def test_errors_of_parameters_are_carried_to_first_order() -> None:
+def test_parameter_errors_are_propagated_to_first_order() -> None:
     """Parameter errors are propagated to first order, and their products are in the remainder.
 
     The function is (1 + 0.1 s + 0.2 t_1 - 0.1 t_2)² / (3 - 0.2 s + 0.3 t_2) at random points.
@@ -139,7 +139,7 @@ def test_errors_of_parameters_are_carried_to_first_order() -> None:
     )
 
 
-def test_number_over_taylor_model_taylor_model_over_number() -> None:
+def test_quotients_of_taylor_models_contain_the_values() -> None:
     """The Taylor models of 2 / (3 + s / 5) and (3 + s / 5) / 2 contain the values at random s."""
     model = TaylorModel(arb(3), arb(0.2))
     for found, exact in (

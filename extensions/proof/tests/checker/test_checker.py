@@ -40,7 +40,7 @@ def test_a_certificate_is_verified_and_reported(kind: str, tmp_path: Path) -> No
     assert report.data["statement_sha256"][:16] in report.text()
 
 
-def test_statement_is_read_back_as_it_was_written() -> None:
+def test_a_written_statement_is_read_unchanged() -> None:
     """A statement that is written and read again equals the original."""
     for kind in PROOFS:
         own = certificate(kind)
@@ -49,7 +49,7 @@ def test_statement_is_read_back_as_it_was_written() -> None:
 
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
-def test_a_missing_box_is_refused_or_open(name: str, tmp_path: Path) -> None:
+def test_a_missing_box_is_refused_unless_declared_open(name: str, tmp_path: Path) -> None:
     """A certificate without one box is refused, unless its statement declares this interval open."""
     own = copy.deepcopy(certificate("rate"))
     boxes = own["witness"]["motion"]["boxes"] if name == "motion" else own["witness"][name]
@@ -107,7 +107,7 @@ def test_a_missing_certificate_is_refused(tmp_path: Path) -> None:
         check_certificate(tmp_path / "none.json")
 
 
-def test_where_alpha_is_free_derivative_follows_pitch_with(
+def test_the_trim_jacobian_with_free_alpha_is_exact(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """If alpha is free in the trim, the Jacobian of the trim equations equals central differences.
@@ -150,7 +150,7 @@ def test_where_alpha_is_free_derivative_follows_pitch_with(
     np.testing.assert_allclose(slopes, differences, rtol=1e-3, atol=1e-3 * scale)
 
 
-def test_the_root_lies_where_newton_s_step_leads() -> None:
+def test_the_enclosed_root_contains_the_offset() -> None:
     """The enclosed root of x² = 2 about 1.4 contains the offset sqrt(2) - 1.4, and not 0.
 
     A radius that does not contain the root is refused.

@@ -325,7 +325,7 @@ def test_limits_of_outputs_are_checked(load: float) -> None:
         _check_limits(flight, {"load": arb(load)})
 
 
-def test_an_equation_within_rounding_of_0_counts() -> None:
+def test_an_equation_within_rounding_of_0_is_refused() -> None:
     """A trim equation 0 x = 0 needs no unknown. The equation 0 x = e with |e| <= 1e-60 is refused.
 
     The residual e may differ from 0.
@@ -336,7 +336,7 @@ def test_an_equation_within_rounding_of_0_counts() -> None:
         _root_offsets([arb(0), arb(0, 1e-60)], slopes, [arb(1)])
 
 
-def test_bounds_of_a_distance_hold_all_of_box() -> None:
+def test_distance_bounds_are_valid_in_the_whole_box() -> None:
     """The bounds of a distance contain its values in the whole box."""
     least, most = distance_bounds(_one(3.0, 0.5, 0.0, 0.0), None)
     assert least <= 2.5
@@ -344,7 +344,7 @@ def test_bounds_of_a_distance_hold_all_of_box() -> None:
     assert distance_bounds(_one(0.0, 1.0), None)[0] <= 0
 
 
-def test_motion_in_both_directions_is_checked() -> None:
+def test_both_signs_of_the_rate_are_checked() -> None:
     """A moving scheduling variable is refused if V increases for either sign of its rate.
 
     For x' = -x with P = 1 the decrease 2 exceeds a growth of 1, but not of ±3.
@@ -356,7 +356,7 @@ def test_motion_in_both_directions_is_checked() -> None:
             check_motion(loop, P, arb_mat([[growth]]), np.eye(1))
 
 
-def test_each_actuator_has_its_own_numbers() -> None:
+def test_each_actuator_has_its_own_parameters() -> None:
     """The loop contains each actuator with its own order, damping, bandwidth and effectiveness.
 
     u = -x acts with effectiveness 0.9 through 2 / (s + 2), and v = -3 x with effectiveness 0.4
@@ -405,7 +405,7 @@ def test_the_delay_acts_on_the_commands_that_arrive() -> None:
             check_pieces(loop, actuators, [piece])
 
 
-def test_a_line_beside_the_axis_bounds_one_side() -> None:
+def test_a_line_off_the_axis_bounds_one_side() -> None:
     """A line to the left or right of the imaginary axis gives only one bound.
 
     For x' = -x, the line at -2 counts the stable mode, and the line at +1 counts none.
@@ -439,7 +439,7 @@ def test_boxes_of_another_branch_are_refused() -> None:
 
 
 @ctx.workprec(256)
-def test_solutions_far_from_the_stated_are_enclosed() -> None:
+def test_a_root_with_inexact_stated_value_is_enclosed() -> None:
     """A root of 0.75 p² + 2 p = 1 is enclosed if the stated root has an error of 0.1.
 
     The box around the stated root has the half-width 0.5. One Newton step would not suffice.
@@ -461,7 +461,7 @@ def test_indefinite_weights_are_refused() -> None:
             Weights.read(Fields("weights", good | {name: [[value]]}), 1, 1)
 
 
-def test_a_determinant_of_one_sign_proves_no_axis() -> None:
+def test_a_determinant_of_one_sign_proves_nothing() -> None:
     """Frequencies at which the determinant of H - jω has one sign do not prove an eigenvalue on the
     axis.
 
@@ -499,7 +499,7 @@ def test_the_game_of_the_other_trim_is_refused() -> None:
 
 
 @ctx.workprec(256)
-def test_a_loop_that_only_the_doubles_stabilize() -> None:
+def test_loops_stable_for_doubles_only_are_refused() -> None:
     """A loop that is stable for the stored doubles only is refused if all decimals are claimed.
 
     Its pole -2 q sqrt(1 + p) - K is closer to 0 than the rounding of the double q.
@@ -554,7 +554,7 @@ def test_table_errors_for_doubles_alone_are_refused() -> None:
         check_models(replace(statement, errors=errors), witness)
 
 
-def test_gains_follow_from_both_values_of_critics() -> None:
+def test_gains_of_critics_are_checked_against_values() -> None:
     """K = R⁻¹ B'P is accepted for P = 2 and W = 2 z², and refused if either is 2.1."""
     one = np.eye(1)
     weights = Weights(one, one, one, np.inf)
@@ -566,7 +566,7 @@ def test_gains_follow_from_both_values_of_critics() -> None:
             check_gain(weights, B, critic)
 
 
-def test_trims_apart_by_an_error_are_different() -> None:
+def test_trims_are_identified_for_all_parameter_errors() -> None:
     """Two trims are recognized as one trim only if they agree for all errors of the parameters.
 
     A trim 0.5 ± 0.3 is the only one within 1 of 0. A trim 0.5 ± 0.7 may be another.

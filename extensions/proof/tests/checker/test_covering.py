@@ -87,7 +87,7 @@ def test_infinite_and_nan_ends_are_refused(end: float) -> None:
         assert not is_covered([interval], [[interval]])
 
 
-def test_reversed_ends_and_other_numbers_of_coordinates_refused() -> None:
+def test_reversed_ends_and_wrong_dimensions_are_refused() -> None:
     """Reversed ends and wrong numbers of coordinates are refused."""
     assert not is_covered([(1.0, 0.0)], [[(0.0, 1.0)]])
     assert not is_covered([(0.0, 1.0)], [[(1.0, 0.0)]])
@@ -106,7 +106,7 @@ def test_a_gap_of_one_double_is_detected() -> None:
     assert is_covered([(0.0, 1.0)], [[(0.5, 1.0)], [(0.0, 0.5)]])
 
 
-def test_points_inside_interval_are_no_evidence_for_it() -> None:
+def test_points_inside_an_interval_do_not_cover_it() -> None:
     """Points inside an interval do not cover the interval."""
     points = [[(value, value)] for value in np.linspace(0.0, 1.0, 11).tolist()]
     assert not is_covered([(0.0, 1.0)], points)

@@ -135,7 +135,7 @@ def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
     assert_refused(made, kind, tmp_path / "forged.json")
 
 
-def test_the_other_trim_has_certificate_of_its_own(tmp_path: Path) -> None:
+def test_a_certificate_about_another_trim_is_accepted(tmp_path: Path) -> None:
     """A certificate about the second trim of a model is accepted, and its statement contains
     this trim.
     """

@@ -136,7 +136,7 @@ def test_there_are_thousands_of_removals() -> None:
 
 
 @pytest.mark.parametrize("kind", ["scalar", "plant", *LARGE_GAMES])
-def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path) -> None:
+def test_a_wrong_critic_without_claims_is_not_proved(kind: str, tmp_path: Path) -> None:
     """A wrong critic is not reported as proved if the certificate claims nothing about it."""
     for name, change in wrong_critics_without_a_claim(kind).items():
         made = changed(kind, change)
@@ -150,7 +150,7 @@ def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path
             assert report.title.startswith("Verified, proved") is report.data["proved"], name
 
 
-def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
+def test_the_first_line_reports_open_stability(tmp_path: Path) -> None:
     """For a wrong gain whose stability is not claimed, the first line reports open stability."""
     made = changed(
         "plant",
@@ -169,7 +169,7 @@ def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [1.8, 5.0, 10.0, 1e-9])
 @pytest.mark.parametrize("delay", [0.02, 1e9])
 @pytest.mark.parametrize("share", [-1.0, 0.0, 1.0])
-def test_no_pieces_prove_no_bandwidth(
+def test_uncertain_actuators_without_pieces_are_refused(
     value: float, delay: float, share: float, tmp_path: Path
 ) -> None:
     """A claim for uncertain actuators is refused if the evidence contains no pieces."""
@@ -189,7 +189,7 @@ def test_no_pieces_prove_no_bandwidth(
     assert checked(made, "actuators", tmp_path) is None
 
 
-def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
+def test_a_decay_rate_without_stability_is_refused(tmp_path: Path) -> None:
     """A decay rate is refused for a loop whose stability is proved at no scheduling value.
 
     Without the rate the certificate is accepted, and its report is "not proved".

@@ -113,7 +113,7 @@ def test_an_interval_without_a_trim_is_named() -> None:
         search.linear_model(Box(last - 0.1, last))
 
 
-def test_doubles_alone_give_a_sharper_model() -> None:
+def test_models_of_exact_doubles_are_sharper() -> None:
     """Models for parameters that are exact doubles are sharper than models for their decimal
     values, which contain them.
     """
@@ -129,7 +129,7 @@ def test_doubles_alone_give_a_sharper_model() -> None:
     assert 1e-16 < float(models[1][3, 1].rad()) < 1e-11
 
 
-def test_trims_that_statement_is_not_about_are_refused() -> None:
+def test_trims_with_other_conditions_are_refused() -> None:
     """Proofs refuse trims whose speed depends on the angle, or that have other free variables."""
     flights = family()
     flights.check(0.0, 20.0)

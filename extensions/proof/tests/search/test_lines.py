@@ -50,7 +50,7 @@ def test_an_eigenvalue_on_the_axis_is_undecided(A: list[list[float]]) -> None:
     assert unstable_modes(matrix(A)) is None
 
 
-def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
+def test_balls_of_mixed_stability_are_left_open() -> None:
     """The number of unstable modes is left open for a ball of stable and unstable matrices.
 
     For a matrix with dependent eigenvectors, the number is correct or left open.
@@ -61,7 +61,7 @@ def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
     assert unstable_modes(matrix(np.array([[-1.0, 1.0], [0.0, -1.0]]))) in (0, None)
 
 
-def test_additions_do_less_than_entries_could_are_counted() -> None:
+def test_modes_of_a_perturbed_matrix_are_counted() -> None:
     """The unstable modes of A + E with |E| <= N are counted if the spectral radius of |Re λ|⁻¹ N is
     below 1.
 
@@ -82,9 +82,7 @@ def test_additions_do_less_than_entries_could_are_counted() -> None:
         ([[-1.0, 1.0], [0.0, -1.0]], (0, 0)),
     ],
 )
-def test_modes_on_axis_are_bounded_from_both_sides(
-    A: list[list[float]], bounds: tuple[int, int]
-) -> None:
+def test_modes_on_the_axis_have_two_bounds(A: list[list[float]], bounds: tuple[int, int]) -> None:
     """The number of unstable modes is bounded from both sides if modes are on the axis.
 
     An example is the double integrator, whose eigenvectors are dependent.

@@ -73,7 +73,7 @@ def fast(order: int = 1) -> dict[str, Actuator]:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_the_loop_is_that_of_its_parts(order: int) -> None:
+def test_the_loop_equals_its_assembled_blocks(order: int) -> None:
     """The loop equals a loop assembled block by block, at an angle of the table."""
     controller = filtered()
     model = model_at(14.0)
@@ -112,7 +112,7 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
 
 
 @pytest.mark.parametrize("apart", [0.0, 200.0])
-def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: float) -> None:
+def test_a_loop_with_filters_is_proved(tmp_path: Any, apart: float) -> None:
     """A loop with filters and actuators is proved and verified for a moving dihedral.
 
     The modes of the filters may coincide. Three times the proved rate is refused.
@@ -149,7 +149,7 @@ def test_too_long_a_lag_is_refuted() -> None:
         loop_of_servo(filtered(), {}, model)
 
 
-def test_output_reaches_inputs_at_once_part_of_loop() -> None:
+def test_direct_feedback_gives_the_expected_loop() -> None:
     """Direct feedback of the acceleration gives the expected entries of the closed loop."""
     model = model_at(14.0)
     loop = loop_of_servo(filtered(direct=1e-5), fast(), family().model)
@@ -210,7 +210,7 @@ def test_one_lyapunov_function_serves_all_stable_points() -> None:
                 assert np.linalg.eigvalsh(form)[0] > 0.0
 
 
-def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
+def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
     """LQR gains of the Navion, scheduled over speed, are proved and verified with its file.
 
     The certificate is refused without this file. Negated gains are refuted. The weights are
@@ -245,7 +245,7 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
     assert prove_schedule(flights, negated, 160.0, 161.0).data["refuted"]
 
 
-def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
+def test_the_command_proves_and_verifies_the_gtm(tmp_path: Any) -> None:
     """`hfa prove` proves gains of the GTM and verifies the certificate."""
     own = ("--aircraft", "examples/gtm.py:GTM")
     saved = str(tmp_path / "gtm.json")
@@ -262,7 +262,7 @@ def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
     ("kink", "proved"),
     [(ca.fabs, None), (lambda v: ca.fmax(v, 0), 1), (lambda v: ca.fmin(v, 1), 0)],
 )
-def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | None) -> None:
+def test_a_kink_at_the_trim_is_left_open(kink: Any, proved: int | None) -> None:
     """v' = u - p v + kink(v) is proved at v = 1 if the kink is elsewhere, and left open otherwise.
 
     p is the scheduling variable. An operation that balls do not support is refused by its name.

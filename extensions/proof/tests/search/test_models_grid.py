@@ -17,7 +17,7 @@ from hfa_proof.search.checked_report import checked_report
 WITHIN = 4.9e-4
 
 
-def test_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
+def test_the_interpolation_error_is_below_its_bound(tmp_path: Path) -> None:
     """The largest interpolation errors at sampled angles are at most their bounds.
 
     The errors of A, K and the inputs reach at least 40 % of their bounds.

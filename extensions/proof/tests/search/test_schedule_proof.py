@@ -86,7 +86,7 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
     assert max(fastest) > 0.0
 
 
-def test_rate_search_is_wrong_about_is_not_proved(
+def test_a_dihedral_rate_too_large_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A dihedral rate 1.5 times as large as the Lyapunov function allows is not proved.
@@ -104,7 +104,7 @@ def test_rate_search_is_wrong_about_is_not_proved(
 @pytest.mark.parametrize(
     ("end", "unstable"), [(15.03, 1), pytest.param(15.06, 0, marks=pytest.mark.slow)]
 )
-def test_instability_between_two_angles_is_found_and_refuted(
+def test_instability_between_two_angles_is_refuted(
     end: float, unstable: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Gains that are unstable between two stable angles are refuted, with the number of modes.
@@ -151,7 +151,7 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
     assert proof.proved
 
 
-def test_how_many_modes_may_unstable_within_errors_said() -> None:
+def test_parameter_errors_give_bounds_on_unstable_modes() -> None:
     """With parameter errors, the data contain bounds on the number of unstable modes.
 
     From 11.5 to 11.53125 deg, A of `published` has 0 to 2 unstable modes.
@@ -162,7 +162,7 @@ def test_how_many_modes_may_unstable_within_errors_said() -> None:
 
 
 @pytest.mark.slow
-def test_an_interrupted_proof_is_continued_to_same_bits(
+def test_a_resumed_proof_has_identical_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A proof that is interrupted and resumed writes the same bytes as an uninterrupted one.
@@ -200,7 +200,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
         prove_schedule(family(), loop, 13.75, 14.25, file=again)
 
 
-def test_what_cannot_be_proved_of_is_refused() -> None:
+def test_unusable_gains_and_intervals_are_refused() -> None:
     """Gains that overflow, and intervals without low < high or beyond the table, are refused."""
     huge = np.full((2, 5, 6), 1e308)
     table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa.aircraft())

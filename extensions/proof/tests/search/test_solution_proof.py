@@ -143,7 +143,7 @@ def test_the_search_reports_its_progress() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3])
-def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
+def test_the_distance_of_scaled_critic_is_proved(size: float) -> None:
     """The proved distance of a scaled critic from the exact solution equals the relative change."""
     game = game_at(15.0)
     functions = basis("quadratic", 6)
@@ -181,7 +181,7 @@ def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
         check_certificate(forge(tmp_path / "scalar.json", own))
 
 
-def test_an_unstable_gain_is_certified_as_such(
+def test_a_destabilizing_gain_is_certified_as_unstable(
     tmp_path: Path,
 ) -> None:
     """A gain that does not stabilize is certified as unstable.
