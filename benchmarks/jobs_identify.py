@@ -283,7 +283,7 @@ def _3211(units: np.ndarray) -> np.ndarray:
 
     The input is 0 before and after.
 
-    units: times since the beginning of the input, in units of the shortest pulse
+    units: times since the beginning of the input, (N,), in units of the shortest pulse
     """
     place = np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], units, side="right")
     return np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[place]

@@ -401,7 +401,7 @@ def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
 
     The time of the eigenvectors of A is added to the limit of the trims and linear models.
 
-    angles: dihedral angles, rad
+    angles: dihedral angles, (N,), rad
     limit: limit of the trims and linear models
     """
     kept = [STATES.index(name) for name in LINEAR_STATES]

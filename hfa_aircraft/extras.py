@@ -28,17 +28,17 @@ class Extras:
     envelope: function (x, p) of a trim -> limits of the states in flight, as state -> (lowest,
         highest), if they differ from min and max. x and p have fields by name.
     check: function of a state x, with fields by name, that raises BadInputError outside the domain
-        of the equations
+        of the equations; None for no check
 
     alternatives: groups of names, of which a trim imposes one. Imposing another name of the group
         frees the imposed one.
     begin: function (imposed values by name) -> initial values of the other variables in a trim
         search. Values are numbers or arrays. The first name of a group of alternatives receives its
-        exact value.
+        exact value. None for the declared initial values.
     explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
         (`trim.point.reasons`)
     describe_trim: function (operating point, its report) -> the report with the aircraft's own
-        description of the trim in place of its outputs
+        description of the trim in place of its outputs; None for the outputs
 
     source: file and name from which the model was loaded, and a hash
     native: model that `hfa_aircraft.units.in_si` converted to this one, or None

@@ -444,7 +444,7 @@ class Model(Reported):
 
         The message contains the values at the point, unless the equations contain the constant NaN.
 
-        rates: rates at the point
+        rates: rates at the point, (n,)
         values: state or input -> value at the point
         names: names of the states with these rates
         """

@@ -79,7 +79,7 @@ class _Conversion:
 
     @staticmethod
     def of(model: Model) -> _Conversion:
-        """Return the factors of a model's signals."""
+        """Return the factors from the declared units of a model to SI units."""
         vectors = tuple(_factors(getattr(model, kind)) for kind in VECTORS.values())
         return _Conversion(vectors, _factors(model.outputs))
 

@@ -164,7 +164,7 @@ def read_critic(
         file, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
-        output
+        output. None for any other file.
     scale: (n,), factors on the states at the network's inputs
 
     Raises BadInputError with the name of the file.
@@ -261,7 +261,7 @@ def single_parts(
 
     entries: entries of the file
     plant: names and units of the plant
-    functions: basis of W
+    functions: basis of W; None for a file without W
 
     Raises BadInputError
     - if the file has none of these entries,
@@ -299,7 +299,7 @@ def in_plant_units(
 
     parts: W (..., M), P (..., n, n), K (..., m, n)
     scales: s, (n,)
-    functions: basis of W
+    functions: basis of W, or None without W
     """
     factors = {"K": scales, "P": np.outer(scales, scales)}
     if isinstance(functions, Basis) and len(scales) == functions.states:

@@ -28,7 +28,8 @@ def from_functions(
     outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
-    variants: possible misreading of the file -> function that returns the critic for this reading
+    variants: possible misreading of the file -> function that returns the critic for this reading;
+        None for none
     """
     V = outputs.get("V")
     u = outputs.get("policy")

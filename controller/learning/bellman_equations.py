@@ -65,12 +65,15 @@ class StackEquations:
     evaluated again at the recorded states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the
     discounted plant A - βI. With β = 0 and s = 1 the residuals are those of the game.
 
+    basis: ψ, basis of the value
+    scales: (n,), scales of the states
     states, drifts: z_j and F_j, (N_h, n), scaled
     gradient: ∂ψ_j, (N_h, M, n)
     control: G, (n, m), with S_u = G G'. If a few inputs stabilize a plant with a large P, P S_u P
         is a small difference of large numbers, but |G'P z|² is not.
     disturbance: (n, k), a square root of S_d/δ²
-    drift_matrix: A fitted to F = A z by least squares, used only to test whether a policy
+    Q: (n, n), scaled
+    drift_matrix: (n, n), A fitted to F = A z by least squares, used only to test whether a policy
         stabilizes
     """
 

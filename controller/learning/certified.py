@@ -104,7 +104,7 @@ def _roots_in_unit_interval(polynomial: np.ndarray) -> list[float]:
     """Return the real roots of a polynomial in (0, 1], ascending, or [] if a coefficient is not
     finite.
 
-    polynomial: coefficients, highest power first
+    polynomial: coefficients (k,), highest power first
     """
     reversed_ = polynomial[::-1] / np.abs(polynomial).max()
     if not np.all(np.isfinite(reversed_)):
@@ -405,8 +405,11 @@ class CertifiedLaw:
 
     Stage 2 lowers β to 0 and then raises 1/δ² to its final value. Stage 2 ends at T + θT.
 
+    game: the game
     stack: chosen samples (z_j, F_j)
     drift_misfit: relative misfit of the linear fit of the drifts (`Stack.linear`)
+    basis: basis of the value
+    settings: settings of the law
     seed: seed of the samples
     """
 
@@ -650,7 +653,7 @@ def learn(
     law: "certified"
     seed: seed of the samples
     pool: recorded samples (z, F); by default states drawn with `seed`
-    progress: called with (fraction done, 1, text)
+    progress: called with (fraction done, 1, text), or None
     options: fields of `CertifiedSettings`
 
     Raises BadInputError for an unknown law or option, for Q = 0, and for data that cannot determine

@@ -38,7 +38,7 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
     """Run all ticks of a learner, and return its last memory and its history.
 
     learner: any object with the four members below
-    progress: called with (fraction done, 1, text)
+    progress: called with (fraction done, 1, text), or None
 
     ticks: number of ticks
     start(): returns the memory before the first tick, any object

@@ -34,7 +34,7 @@ def add(left: Pair, right: Pair) -> Pair:
 def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
     """Return left + right + low as a pair, for arrays of doubles.
 
-    low: terms of the size of the rounding error of left + right
+    low: terms of the size of the rounding error of left + right, in the shape of the sum
     """
     high = left + right
     back = high - left

@@ -65,7 +65,7 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     to 100 times the largest, and points around each resonance. The points around a resonance begin
     within its width.
 
-    eigenvalues: poles, 1/s
+    eigenvalues: poles, (n,), 1/s
     per_decade: number of grid points per decade
     """
     moduli = np.abs(eigenvalues)

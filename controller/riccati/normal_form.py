@@ -53,7 +53,7 @@ class Sizes(NamedTuple):
         """Return the magnitudes of the terms in the coordinates y = T z.
 
         T: (n, n)
-        inverse: T⁻¹
+        inverse: T⁻¹, (n, n)
         """
         into = np.abs(T)
         back = np.abs(inverse)

@@ -91,7 +91,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
     The delta of the game itself does not affect the result.
 
-    progress: called during the search
+    progress: called during the search, or None
 
     Raises NoSolutionError if no δ has a solution. The message names the responsible mode if one is
     found.
@@ -114,7 +114,7 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     delta_min. If the LQR policy cannot be certified, the policy of the game is used instead.
 
     form: normal form of the game
-    progress: called during the search
+    progress: called during the search, or None
 
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
@@ -156,7 +156,7 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
     form: normal form of the game
     failure: text of the failed test of the certificate
-    progress: called by the search for delta_min
+    progress: called by the search for delta_min, or None
 
     Raises NoSolutionError if no delta has a solution.
     """

@@ -108,7 +108,7 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
     All checks are made in normal form. The verdict therefore does not depend on the user's units.
 
-    progress: called during the search for delta_min
+    progress: called during the search for delta_min, or None
 
     Raises NoSolutionError if the game is not certified, or if the cost or L2 gain of its policies
     contradicts the certificate.

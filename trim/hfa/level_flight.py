@@ -27,7 +27,8 @@ def level_flight(
     By default the center aileron is 0, and throttle, outer aileron and both elevators are free.
 
     dihedral: rad
-    limits: variable -> (lowest, highest), instead of the model's limits
+    limits: variable -> (lowest, highest), instead of the model's limits; None for the model's
+        limits
     held: variable -> imposed value, instead of the paper's; in rad, ft, s
 
     >>> import hfa

@@ -417,7 +417,7 @@ def entries_at(
     0. The entries are in column-major order.
 
     layout: equations of the aircraft
-    v: variables of the trim
+    v: variables of the trim, (k,)
     p: parameters, (P,)
     free: indices of the free variables in v
     rows: indices of the states with imposed rates

@@ -260,7 +260,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         u: (m, N) or (N, m), or input -> number or N values; by default 0
         time: (N,), or the final time, s; by default chosen by python-control
         initial: state -> initial deviation, or all deviations (n,); by default 0
-        dt: sample time of u or of the result, s, instead of an array of times
+        dt: sample time of u or of the result, s; None if `time` is an array
         """
         return _responses().simulated(self, u, time, initial, dt)
 

@@ -49,7 +49,7 @@ def exact_sides(
     The error is of the order of h³ J'''.
 
     z: (n + m,), state and input
-    p: parameters
+    p: (k,), parameters
     columns: indices of the states and inputs at a kink
     """
     n = len(model.states)
@@ -99,7 +99,7 @@ def correct(
     note, but is not replaced.
 
     z: (n + m,), state and input
-    p: parameters
+    p: (k,), parameters
     slopes: (6, n, columns), from `slopes_around`, which distinguish a kink from a jump
     jacobian: (n, n + m), changed in place
     columns: indices of the states and inputs at a kink

@@ -126,7 +126,7 @@ class TrimCondition:
 
         scheduled: value, rad for an angle, or None for the condition's own value. If the scheduling
             variable is free, the search begins at this value.
-        hold: name -> further imposed value
+        hold: name -> further imposed value; None for none
 
         Raises BadInputError outside the breakpoints of a table, and if a value is outside its
         limits.
@@ -283,8 +283,8 @@ def release(
     condition: the original condition
     free: variables to set free. The search begins at the previously imposed value, or at the first
         value of a table. A rate (speed_dot) that is set free is not balanced.
-    hold: name -> imposed value
-    limits: name -> (lowest, highest)
+    hold: name -> imposed value; None for none
+    limits: name -> (lowest, highest); None for no change of the limits
 
     Raises BadInputError for an unknown name, and for a name that is both set free and held.
     """

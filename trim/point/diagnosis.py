@@ -128,7 +128,7 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
     requires.
 
     z: scaled unknowns within their limits, (k,)
-    wanted: scaled unknowns for which the equations balance, or z if none are known
+    wanted: scaled unknowns for which the equations balance, (k,), or z if none are known
     """
     limits = problem.system.limits
     describe = problem.model.describe

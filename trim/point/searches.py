@@ -131,7 +131,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
     """Return the scaled unknowns (k,) after Newton's method in which unknowns at a limit are fixed.
 
-    z: initial scaled unknowns, which are first moved within the limits
+    z: initial scaled unknowns, (k,). Unknowns beyond a limit are first moved to the limit.
     """
     system = problem.system
     z = problem.clip(z)

@@ -57,7 +57,8 @@ def find_operating_point(
     model: model of the aircraft
     condition: imposed and free variables; by default the trim that the model declares
     start: neighboring point at which the search begins; by default the declared initial values
-    hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model
+    hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model; None for
+        none
     free: variables to set free; a rate (h_dot) that is set free is not balanced
     held: further values of `hold`, as keyword arguments: speed=100.0
 

@@ -284,7 +284,7 @@ class Evaluation(NamedTuple):
     """State, input, residuals and Jacobian of a trim's equations at one point.
 
     x, u: states and inputs, by name
-    y: watched outputs
+    y: watched outputs, by name
     residual: (e,), in scaled units
     jacobian: (e, k), derivatives of the residuals with respect to the scaled unknowns
     finite: True if all of them are finite
@@ -422,8 +422,8 @@ class TrimSystem:
         """Return the constants c of the equations at N points, (N, ..).
 
         count: N
-        columns: name of a variable, output, rate or parameter -> its values (N,). All others have
-            the values of the condition and the model.
+        columns: name of a variable, output, rate or parameter -> its values (N,). All other
+            constants have the values of the condition and the model.
         """
         columns = columns or {}
         names = self.equations.constants

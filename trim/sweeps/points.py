@@ -96,7 +96,7 @@ def trim_points(
     condition: by default the trim that the model declares
     start: initial point of the search at each point, or None for the default
     compile_code: whether machine code is used; by default from `COMPILE_FROM` points on
-    progress: called with (finished points, all points)
+    progress: called with (finished points, all points), or None
 
     Raises BadInputError for values of a wrong shape, and for an unknown name.
     """

@@ -557,14 +557,15 @@ def sweep(
     """Return the trims and linear models at every combination of the given values.
 
     model: model of the aircraft
-    grid: trim variable or parameter of the model -> imposed values, in the units of the model
+    grid: trim variable or parameter of the model -> imposed values (N,), in the units of the model;
+        None if only `at` and `columns` are given
     condition: condition of all other variables; by default the trim that the model declares. The
         grid overrides the condition.
-    start: initial point of the search at each point
+    start: initial point of the search at each point; by default the declared initial values
     listed: True if the grid is a list of points: its values are columns of equal length, with one
         row for each point
-    at: values of the scheduling variable, added to the grid
-    progress: called with (finished points, all points)
+    at: values of the scheduling variable (N,), added to the grid; None for none
+    progress: called with (finished points, all points), or None
     columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]
 
     The result also contains the points without a trim, each with its reason.

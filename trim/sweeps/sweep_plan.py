@@ -50,7 +50,7 @@ class SweepPlan:
         the last variable varies fastest.
     model: model of the aircraft.
     condition: condition of all other variables; by default the trim that the model declares.
-    start: initial point of the search at each point.
+    start: initial point of the search at each point, or None for the default.
     listed: whether the axes are columns of equal length, with one row for each point.
 
     Raises BadInputError if a name or a range is wrong.

@@ -60,9 +60,9 @@ def check_critic(
     critic: the critic, a solution, a training run, or a file; an array is the gain K of u = -K z,
         (m, n)
     limit: limit of the errors and the residual
-    scope: further data for the checks
-    run: the training run that ends with the critic; the rank of its data and its settling time are
-        checked
+    scope: further data for the checks; by default `Scope()`
+    run: the training run that ends with the critic, or None. The rank of its data and its settling
+        time are checked.
     K, P, W: instead of the critic, its gain, value matrix, or weights of the basis "quadratic"
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if no critic is

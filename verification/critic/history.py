@@ -41,10 +41,10 @@ def check_history(
     game: the game
     critics: in the order of their `time`, from `critics_in` or `critics_over_time`
     limit: limit of every error and of the residual
-    scope: further data for the checks of the last critic
+    scope: further data for the checks of the last critic; by default `Scope()`
     predefined_time: T_w, s; a check requires every error to be within the limit from T_w on. None
         for no such check.
-    progress: called with (checked critics, all critics)
+    progress: called with (checked critics, all critics), or None
 
     Raises BadInputError if there is no critic, or a critic has no time.
     """

@@ -58,7 +58,7 @@ class Scope:
     plant: nonlinear plant about its trim, in which a network is also simulated, or None
     flights: number of initial conditions from which a network is simulated
     seconds: time for a proof of the largest error of a network, or 0 for no proof
-    progress: called during the proof with (elapsed seconds, allowed seconds)
+    progress: called during the proof with (elapsed seconds, allowed seconds), or None
     """
 
     box: Box | None = None

@@ -238,7 +238,8 @@ class Verdict(Checked, Result, Reported):
     def grade_text(self, limit_cost: float | None = None) -> str:
         """Return the grade as text: PASS, NEAR or FAIL.
 
-        limit_cost: limit of the cost above the optimum, percent. The text is then PASS or FAIL.
+        limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
+            PASS or FAIL.
         """
         if limit_cost is None and self.grade == "near":
             return Cell("NEAR", "bad")
