@@ -267,6 +267,8 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
 
     The scaled matrix is M_ij / sqrt(M_ii M_jj), without the rows and columns of M that are zero.
 
+    The result has special values:
+
     - 0 for a zero matrix
     - -inf if a diagonal entry is negative, or is 0 in a nonzero row
     - -inf if the scaled matrix is not finite

@@ -91,9 +91,9 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
 
     A switch is a zero of an expression s, at which an operation |.|, sign, min, max, comparison or
     rounding in the equations switches. The arguments and results of the function have one row for
-    each point. The results are |s| - 2 Σ m, which is not positive near the switch, and the changes
-    m = |∂s/∂(x, u)| steps. The function is None if the equations have no such operation, or if they
-    call functions.
+    each point. For each switch, the function returns |s| - 2 Σ m and the changes m = |∂s/∂(x, u)|
+    steps. Near the switch, |s| - 2 Σ m is not positive. The result is None if the equations have
+    no such operation, or if they call functions.
 
     steps: finite-difference steps of the states and inputs
     """

@@ -303,7 +303,7 @@ class TrimSystem:
 
     model, condition: model of the aircraft, and the condition with the values common to all points
     structure, equations: structure and functions of the equations
-    begin: initial values of the variables, which idle variables keep
+    begin: initial values of the variables; an idle variable keeps its initial value
     scales: (k,), scale of each unknown
     start: (k,), initial scaled unknowns
     limits: limits of the unknowns, in the units of the model
@@ -311,7 +311,7 @@ class TrimSystem:
     usual: (k,), 90 deg for angles without limits, in scaled units, and inf for other unknowns
     watched: limits of the watched states and outputs
     row_scales: (e,), scale of each equation
-    moved: number m of equations that the unknowns affect; they are the first m equations
+    moved: number m of equations that the unknowns affect, which are the first m equations
     is_quick: True if the equations are square and have at most `_FEW` unknowns
     steps: number of Newton steps in `quick_steps`
     """
