@@ -28,7 +28,10 @@ SHARE = 0.1  # fraction of the distance to the fitted weights
 
 
 class DampedPolicyIteration:
-    """A law for `controller.run`, which calls `start`, `advance` and `observe`."""
+    """Damped policy iteration, a learning law for `controller.run`.
+
+    `controller.run` calls `start`, `advance` and `observe`.
+    """
 
     ticks = 400
 
@@ -40,11 +43,15 @@ class DampedPolicyIteration:
         self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # size of each column
 
     def start(self):
-        """Return the initial weights, W = 0."""
+        """Return the memory before the first tick: the weights W = 0."""
         return {"weights": np.zeros(self.psi.size)}
 
     def advance(self, tick, memory):
-        """Return the weights, moved by the fraction SHARE toward the value of the current policies."""
+        """Return the memory after a tick.
+
+        The weights are moved by the fraction SHARE toward the weights of the value of the current
+        policies.
+        """
         game = self.game
         z = self.pool.states
         P = self.psi.matrix(memory["weights"])

@@ -20,21 +20,27 @@ GRAVITY = 9.81  # m/s^2
 
 
 def pendulum(x, u, p, w):
-    """Equation of motion m l² angle'' = torque + push + m g l sin(angle) - b angle'."""
+    """Return the state derivatives and the outputs of the inverted pendulum.
+
+    m l² angle'' = torque + push + m g l sin(angle) - b angle'
+    """
     moment = u.torque + w.push + MASS * GRAVITY * LENGTH * ca.sin(x.angle) - DAMPING * x.rate
     rates = {"angle": x.rate, "rate": moment / (MASS * LENGTH**2)}
     return rates, {}
 
 
 def van_der_pol(x, u, p, w):
-    """Van der Pol oscillator x'' = -x - (1 - x²) x' in reversed time, with a disturbance."""
+    """Return the state derivatives and the outputs of the van der Pol oscillator in reversed time.
+
+    x'' = -x - (1 - x²) x', with a disturbance
+    """
     velocity_rate = x.position - (1 - x.position**2) * x.velocity + w.push
     rates = {"position": -x.velocity, "velocity": velocity_rate}
     return rates, {}
 
 
 def star(x, u, p, w):
-    """Equation of motion x' = -x³."""
+    """Return the state derivatives and the outputs of x' = -x³."""
     return {"position": -(x.position**3)}, {}
 
 

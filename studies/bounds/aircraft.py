@@ -13,7 +13,10 @@ _TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.md"
 
 
 def van_der_pol(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Van der Pol oscillator x'' = -x - (1 - x²) x' in reversed time, with a force."""
+    """Return the state derivatives and the outputs of the van der Pol oscillator in reversed time.
+
+    x'' = -x - (1 - x²) x', with a force
+    """
     velocity_rate = x.position - (1.0 - x.position**2) * x.velocity + u.force
     return {"position": -x.velocity, "velocity": velocity_rate}, {}
 

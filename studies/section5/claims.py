@@ -228,7 +228,8 @@ def _printed_coupling(evidence: Evidence, law: str) -> float:
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
     """Return the largest difference of a quoted eigenvalue from the nearest one of A, 1/s.
 
-    The paper quotes magnitudes without signs, so the signs of the eigenvalues are ignored.
+    A is the matrix printed at 5 deg. The paper quotes magnitudes without signs, so the signs of the
+    eigenvalues are ignored.
     """
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
     folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # quoted without signs

@@ -69,7 +69,7 @@ class CriticPolicy(Policy):
 
     @cached_property
     def _stack(self) -> ca.Function:
-        """Return the Function W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)].
+        """Function W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)].
 
         The sum is over the recorded samples, and ē_j = σ̄_j'W + ē_j(0). The matrix products are not
         expanded, because compiling 250 samples entry by entry would take minutes.

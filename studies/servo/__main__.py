@@ -27,6 +27,7 @@ def main() -> int:
     - 0: success
     - 1: a constraint is violated, or no solution exists
     - 2: bad usage or input
+    - 130: interrupted
     """
     arguments = parser().parse_args(sys.argv[1:] or ["fly", "-o", "out/servo", "--resume"])
     try:

@@ -394,7 +394,9 @@ class AdaptivePolicy(Policy, ABC):
         """
 
     def nominal_memory(self) -> np.ndarray:
-        """Initial memory, in which the adaptive parameters are nominal and everything else is 0."""
+        """Return the initial memory, in which the adaptive parameters are nominal and everything
+        else is 0.
+        """
         memory = MemoryParts()
         nothing = ca.SX.zeros(len(self.inputs))
         self.law(

@@ -259,8 +259,8 @@ class _Files:
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Return the values of three outputs as a vector, (3,). An output that no file defines is
-        0.
+        """Return the values of three outputs as a vector, (3,), with 0 for an output that no file
+        defines.
 
         value: function from the name of an output to its value
         three: names of the outputs

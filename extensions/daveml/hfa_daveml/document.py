@@ -301,7 +301,7 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table element of a function, or None if no table with this ID is defined.
+        """Return the table element of a function, or None if the function has no defined table.
 
         The table is a child element or is referenced by its ID. Version 1 names the child element
         `griddedTable` or `ungriddedTable`.
@@ -397,7 +397,8 @@ class _Reader:
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
         """Return the numbers in the child element `tag`, separated by commas or blanks.
 
-        XML comments are skipped. Raises BadInputError if there is no such child.
+        XML comments are skipped. Raises BadInputError if there is no such child, or if one of the
+        numbers is not finite.
         """
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
@@ -406,9 +407,11 @@ class _Reader:
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
-        """Return the numbers in an element. Raises BadInputError if one is not a finite number.
+        """Return the numbers in an element, separated by commas or blanks.
 
         place: place in the file, for the message
+
+        Raises BadInputError if one of them is not a finite number.
         """
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:

@@ -421,7 +421,13 @@ def _shaping_of(
 
 
 def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
-    """Return the actuators in [actuators.INPUT], by input."""
+    """Return the actuators in [actuators.INPUT], by input.
+
+    name: name of the design, for messages
+    entries: entries of the design file
+
+    Raises BadInputError if an actuator is invalid.
+    """
     actuators = {}
     for key, numbers in entries.get("actuators", {}).items():
         if numbers.get("order") in (1, 2):

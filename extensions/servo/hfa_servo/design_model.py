@@ -53,7 +53,7 @@ class DesignModel(Reported):
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of z, in order."""
+        """Names of the states z, in order."""
         return self.design.states
 
     @property
@@ -63,7 +63,7 @@ class DesignModel(Reported):
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Names of y, in order."""
+        """Names of the sensors, whose measurements are y, in order."""
         return tuple(self.design.sensors)
 
     @property

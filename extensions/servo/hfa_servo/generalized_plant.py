@@ -179,7 +179,8 @@ class GeneralizedPlant(Reported):
     def measured(
         cls, game: Game, C: np.ndarray, V: np.ndarray, D: np.ndarray | None = None
     ) -> GeneralizedPlant:
-        """Return the plant of a game with measurements y = C z + D u + n.
+        """Return the generalized plant of a game with measurements y = C x + D u + n of its state
+        x.
 
         n is noise of intensity V. The disturbance of the plant is w = (d, v), where d is the
         disturbance of the game and n = V^½ v. The cost of the plant is z = (Q^½ x, R^½ u). For δ =
@@ -260,7 +261,8 @@ class GeneralizedPlant(Reported):
     def minimum_delta(self) -> DeltaMin:
         """Return the smallest δ for which `solve_plant` finds a controller.
 
-        The relative accuracy is `TOLERANCE`. Raises NoSolutionError if no δ permits a controller.
+        The relative accuracy is `TOLERANCE`. Raises NoSolutionError if no δ permits a controller,
+        or if rounding hides whether a controller exists.
         """
         check_modes(self)
         without = conditions(self, math.inf)

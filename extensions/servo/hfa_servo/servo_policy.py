@@ -67,7 +67,10 @@ class ServoPolicy(Policy):
         return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Return rms and largest error of each commanded output, or {} for symbolic commands."""
+        """Return rms, largest error and unit of each commanded output, by name.
+
+        The result is {} for symbolic commands.
+        """
         if not isinstance(self.commands, CommandSteps):
             return {}
         return {

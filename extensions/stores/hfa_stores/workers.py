@@ -44,8 +44,9 @@ def open_workers(workers: int | str = 1) -> Iterator[Run]:
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
         tcp://host:port
 
-    Raises BadInputError if the number is not positive, Dask is not installed, or the scheduler does
-    not respond. A task raises NoSolutionError if a worker dies or the cluster abandons the task.
+    Raises BadInputError if the number is not positive, no child process can be started, Dask is not
+    installed, or the scheduler does not respond or has no workers. A task raises NoSolutionError if
+    a worker dies or the cluster abandons the task.
     """
     if isinstance(workers, str):
         with _cluster(workers) as run:

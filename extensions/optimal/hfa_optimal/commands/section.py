@@ -26,7 +26,8 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     """Return the report of `hfa verify` with an added section on flights of the critic's policy.
 
     The flights are simulated within the limits of the nonlinear aircraft. They are compared with
-    the best flights found and, if δ is finite, with flights of the exact game policy.
+    the best flights found, with flights of the linear optimum and, if δ is finite, with flights of
+    the exact game policy.
 
     verdicts: the verdict on the critic
     named: game of the aircraft's linear model
