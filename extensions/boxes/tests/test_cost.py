@@ -576,10 +576,11 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
 
 
 def test_the_edge_with_largest_variation_is_halved() -> None:
-    """A box is halved along the edge on which the inequality g varies most.
+    """A box is halved along the edge on which g, the left side of g >= 0, varies most.
 
     For a box at a face of the cube, the edge on which W varies most is halved. Here
-    g = 1.5 y_1 u + y_1² + a y_2² + u², and W = 0.75 y_1² + 0.0625 y_2².
+    g = 1.5 y_1 u + y_1² + (a - 0.125) y_2² + u² with a = 0.25 or 4, and
+    W = 0.75 y_1² + 0.0625 y_2².
     """
     W = Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2))))
     boxes = Boxes(np.array([[0.375, 0.375], [0.5, 0.5]]), np.array([[3, 3], [1, 1]]))

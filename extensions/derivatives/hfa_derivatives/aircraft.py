@@ -42,6 +42,8 @@ def read_model(text: str) -> Model:
 
     A TOML file may instead name another aircraft and give new values of parameters.
 
+    text: path of the file
+
     Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
     """
     if text.endswith(".toml"):

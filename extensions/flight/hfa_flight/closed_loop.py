@@ -292,7 +292,9 @@ class ClosedLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Numbers of entries of y for the plant, the actuators and the memory of the policy."""
+        """Numbers of entries of the loop's state y for the plant, the actuators and the policy's
+        memory.
+        """
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],

@@ -31,9 +31,9 @@ _DIFFERENCE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """Steady-state Kalman gain.
+    """Steady-state Kalman gain, with the covariance S = T D T' of the innovations.
 
-    K: gain, (n, k)
+    K: gain, (n, k), states by measured quantities
     whiten: T⁻¹, (k, k)
     variances: diagonal of D, (k,)
     """

@@ -55,7 +55,7 @@ def ends_of(element: Element) -> tuple[float, float]:
 
 
 def travels(component: Element) -> bool:
-    """Return whether a <kinematic> takes time to move between any two of its detents."""
+    """Return whether at least one <setting> of a <kinematic> has a travel time greater than 0."""
     settings = component.need("traverse").all("setting")
     return any(setting.need("time").number() > 0.0 for setting in settings)
 

@@ -256,7 +256,7 @@ def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
 def orientation(file: EngineFile, properties: Properties) -> ca.SX:
     """Return the rotation matrix (3, 3) from the thruster's axes to body axes.
 
-    With <pointing> only the first column, the direction of the thrust, is set.
+    With <pointing>, the first column is the direction of the thrust, and the others are 0.
     """
     pointing = file.thruster_mount.find("pointing")
     if pointing is not None:

@@ -1,6 +1,6 @@
 """Dynamic components of the control system, computed once per frame as in JSBSim.
 
-The source is `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
+Sources: JSBSim's `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
 """
 
 from __future__ import annotations

@@ -86,9 +86,10 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
     """Return the blade angle of a propeller, deg, and its time derivative as {state: derivative}.
 
-    The dictionary is empty if no governor changes the angle. A governor turns the blades at
-    rpm - (wanted rpm), in deg/s. The limits of the angle are reached within one frame and are
-    equilibria.
+    The dictionary is empty if no governor changes the angle. A governor changes the angle by 1
+    deg/s for each rpm above the commanded speed. If the propeller is feathered, the angle
+    approaches `maxpitch`, by the share `_FEATHERING` of the remaining difference in each frame. A
+    step that would exceed a limit of the angle ends at the limit.
     """
     prop = file.thruster
     lowest = prop.value_of("minpitch", 0.0)

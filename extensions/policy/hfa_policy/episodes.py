@@ -304,15 +304,15 @@ def _outcome(changing: int, n: int) -> ca.Function:
 
     - before, after: entries of a row that change, before and after the sample
     - cost: cost of the sample, replaced by `_DEAREST` if not finite
-    - ends: lowest X, highest X and the number of remaining samples
+    - ends: lowest X, highest X and the number of remaining samples, including this one
     - accepted entries: `after` if all its entries are finite, else `before`
     - outcome: reward, whether the aircraft left the limits, whether no samples remain
 
     An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If the
-    aircraft leaves the limits, the cost of the sample is also counted for each remaining sample.
+    aircraft leaves the limits, the cost of the sample is also counted for each later sample.
 
     changing: number of entries that change
-    n: number of states. They are the first of these entries
+    n: number of states, which are the first of these entries
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
     least = ca.SX.sym("least", n)

@@ -273,7 +273,10 @@ def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 @pytest.mark.slow
 def test_an_interruption_ends_like_a_timeout(tmp_path: Path) -> None:
-    """An interrupted command ends with exit code 0. Its certificate is valid and can be resumed."""
+    """An interrupted command ends with exit code 0.
+
+    Its certificate is valid, and the search can be resumed from it.
+    """
     words = ["prove", "region", "--aircraft", PENDULUM, "--prover", "squares"]
     words += ["--seconds", "600", "-o", "region.json"]
     process = subprocess.Popen(

@@ -157,7 +157,8 @@ def _highest_above(
     at_ends: the larger of g(low) and g(high)
 
     For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
-    below its tangent at any p. The tangent is taken at the computed p where g' is nearly 0.
+    below its tangent at any p. The tangent is taken at the point p of this part of the range that
+    is closest to the computed zero of g'.
     """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)

@@ -1,4 +1,4 @@
-"""Section that `--draws N` adds to the reports of trim, linearize, solve and verify."""
+"""Section on drawn aircraft, which `--draws N` and Monte Carlo simulations add to reports."""
 
 from __future__ import annotations
 

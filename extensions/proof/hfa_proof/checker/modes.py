@@ -102,13 +102,13 @@ def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piec
 
     The loop is ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ. The proof
     covers each constant ω in the interval, all λ_i(t) in the interval of the effectiveness, and all
-    delays τ_i(t) up to the stated one.
+    delays 0 <= τ_i(t) <= τ, where τ is the stated delay.
 
     Write v = λ_0 (u + d) + e, with λ_0 the center and r the half-width of the effectiveness. Then
-    |e| <= |z| with z = r (u + d). d = u(t - τ) - u is minus an integral of u' = q / τ over at most
-    τ. The integral of d² is therefore at most the integral of q² (Kao and Lincoln, Automatica 40,
-    2004). V = ζ'H ζ, together with the integrals of q², decreases if for all ζ, d, e that are not
-    all 0
+    |e| <= |z| with z = r (u + d). d_i = u_i(t - τ_i) - u_i(t) is minus the integral of u_i' over
+    the last τ_i seconds. With q = τ u', the integral of d_i² is at most the integral of q_i² (Kao
+    and Lincoln, Automatica 40, 2004). V = ζ'H ζ, together with the integrals of q², decreases if
+    for all ζ, d, e that are not all 0
 
         2 ζ'H ζ' + q'X_1 q - d'X_1 d + z'X_2 z - e'X_2 e < 0,   H > 0,  X_1, X_2 >= 0 diagonal.
 

@@ -86,7 +86,7 @@ class Polynomial:
 
     @property
     def degree(self) -> int:
-        """Highest degree of the polynomial."""
+        """Highest degree of the stored terms."""
         return len(self.parts) - 1
 
     def terms(self) -> Iterator[tuple[Key, int, arb]]:

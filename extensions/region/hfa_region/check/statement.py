@@ -49,9 +49,10 @@ class SaturatedLoop(Plant):
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Names of the inputs and disturbances.
+        """Names of the inputs and disturbances, in the order used in a certificate.
 
-        The parts of the set are defined by their combinations.
+        A part of the set is defined by one condition for each input (free, at its lowest or at its
+        highest value) and one extreme value for each disturbance.
         """
         return (*self.inputs, *self.disturbances)
 

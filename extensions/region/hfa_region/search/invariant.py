@@ -295,8 +295,12 @@ def _at(
 def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
     """Return the proved set with the obstacles to a larger set.
 
-    The obstacles are a state where V' >= 0 under a disturbance, and an initial condition from which
-    the worst disturbance prevents convergence.
+    These obstacles are included if found:
+
+    - a state where V' >= 0 under a disturbance
+    - initial conditions from which the simulated loop does not converge, leaves the limits or
+      remains undecided, under the disturbance that increases V fastest
+    - signals whose limits the set nearly reaches
     """
     T = np.array(proved.witness["T"])
     rho = proved.statement.rho
