@@ -164,6 +164,7 @@ class Structure(NamedTuple):
 class Identification(Reported):
     """The fit of the published dynamics, with evidence for it.
 
+    fit: the best fit
     starts: sum of squares reached from each initial guess
     tables: printed dihedral angle (deg) -> compared entries
     structures: fits of alternative dynamics

@@ -101,7 +101,8 @@ class Line:
 class PlotPanel:
     """A panel of a figure, with one pair of axes.
 
-    y_label: label with its unit
+    y_label: label of the vertical axis, with its unit
+    lines: lines of the panel
     scale: "linear", "log" or "symlog"
     marked: (time, label) of vertical lines
     linear_part: fraction of the largest value below which a "symlog" axis is linear

@@ -363,6 +363,7 @@ def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
 class AdaptivePolicy(Policy, ABC):
     """Adaptive law with a reference model, scheduled over the measured dihedral angle.
 
+    commands: commands of the regulated outputs
     outputs: the measured pitch rate and regulated outputs
     dihedral: dihedral angle of the trim at which the flight begins, rad
     angles: dihedral angles of `models`, (N,), rad

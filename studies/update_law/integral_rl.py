@@ -101,6 +101,9 @@ class IntegralLearning:
 
     for any applied u and d (Jiang & Jiang 2012; for the game Wu & Luo 2012). P is computed by least
     squares, and the next policies are K = R⁻¹B'P and L = δ⁻²E'P.
+
+    basis: basis ψ of the value, with M weights
+    seed: seed of the probing flight
     """
 
     game: Game

@@ -45,8 +45,14 @@ class PublishedSettings:
 
     The paper does not print theta, samples, basis and normalization. They are assumed.
 
+    predefined_time: T_w, s
+    step: integration step, s
+    eta, theta: η and θ of Theorem 1
     gamma: γ in Γ = γ I
+    basis: name of the basis ψ
     samples: number N_h of recorded samples, the most different ones of `pool_samples` random states
+    initial_weights: W(0), or one number for all weights
+    recorded_weights: weights of the policies stored with the samples, or one number for all weights
     normalisation: "root", n = sqrt(1 + σ'σ), or "squared", n = 1 + σ'σ
     stack_policies: "frozen" for the policies of `recorded_weights`, stored with the samples, or
       "reevaluated" for the policies of the current weights
@@ -269,6 +275,10 @@ class PublishedLaw:
 
     The law is run by `controller.run`. Sample 0 is the current state with the policies of the
     current weights, and exists only in flight.
+
+    stack: recorded samples of z and z'
+    basis: basis ψ, with M weights
+    seed: seed of the recorded samples
     """
 
     game: Game

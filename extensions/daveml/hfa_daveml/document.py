@@ -89,7 +89,12 @@ class Signal:
 
 @dataclass(frozen=True)
 class CheckCase:
-    """A check case: input values, and the output values printed in the file."""
+    """A check case.
+
+    name: name of the check case
+    inputs: values of the inputs
+    outputs: values of the outputs, as printed in the file
+    """
 
     name: str
     inputs: tuple[Signal, ...]

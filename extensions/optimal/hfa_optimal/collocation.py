@@ -283,6 +283,9 @@ class Transcription:
 
     The Jacobian and Hessian are assembled from derivatives of the equations at single points. This
     is faster than differentiation of the entire program.
+
+    intervals: number N of intervals
+    equations: equations of the problem at one point, with their derivatives
     """
 
     problem: FlightProblem

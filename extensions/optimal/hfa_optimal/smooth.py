@@ -110,6 +110,8 @@ class _Kink:
 class _Replay:
     """Evaluation of a function's instructions on symbols, with smoothed kinks.
 
+    function: CasADi SX function of a column (n,) with one result.
+    symbol: argument of the function, (n,).
     kinks: smoothing of each kink, in the order of the instructions; None smooths no kink.
     arguments: arguments of the kinks found so far.
     work: work vector, index -> value.

@@ -125,6 +125,7 @@ def with_game(angle: Angle) -> Angle:
 class MainJob:
     """Results of `hfa report` for one aircraft.
 
+    parameters: parameters of the aircraft, with their sources
     regeneration: comparison with both printed pairs (A, B)
     sweep: sweep of the dihedral angle
     points: trim and linear model at each angle of the sweep

@@ -39,8 +39,14 @@ class LinearController:
     """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one value of the
     scheduling variable.
 
-    y are the measurements, w the commands and u_applied the saturated inputs.
+    y are the p measurements, w the q commands and u_applied the m saturated inputs. x are the n
+    states of the controller.
 
+    A: (n, n)
+    B: (n, p + q)
+    C: (m, n)
+    D: (m, p + q)
+    W: (n, m)
     limit: smallest delta of the game or, for loop shaping, smallest gamma
     checks: checks that certify the controller
     """
@@ -58,6 +64,11 @@ class Feedback(NamedTuple):
     """Controller x' = A x + B y + W (u_applied - u), u = C x + D y of the sensors y of a design
     model.
 
+    A: (n, n)
+    B: (n, p)
+    C: (m, n)
+    D: (m, p)
+    W: (n, m)
     limit, checks: as in `LinearController`
     """
 

@@ -91,7 +91,11 @@ def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> 
 class Weights(NamedTuple):
     """Output weights as one system x' = A x + B y, y_s = C x + D y.
 
-    states: names of x
+    A: (n, n)
+    B: (n, p)
+    C: (p, n)
+    D: (p, p)
+    states: names of x, (n,)
     """
 
     A: np.ndarray

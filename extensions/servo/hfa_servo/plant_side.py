@@ -41,6 +41,13 @@ class Side(NamedTuple):
     """One side of the problem: x' = A x + E w + B u, z = C x + D w + N u.
 
     The control side is the plant, and the filter side is the transposed plant.
+
+    A: (n, n)
+    E: (n, k)
+    B: (n, m)
+    C: (r, n)
+    D: (r, k)
+    N: (r, m)
     """
 
     A: np.ndarray

@@ -45,6 +45,14 @@ class ServoLoop:
     """Closed loop of a plant and a controller at constant commands.
 
     The plant is x' = A x + B u, y = C x. The controller is x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y.
+
+    A: (n, n)
+    B: (n, m)
+    C: (p, n)
+    Ak: (c, c)
+    Bk: (c, p)
+    Ck: (m, c)
+    Dk: (m, p)
     """
 
     A: np.ndarray
