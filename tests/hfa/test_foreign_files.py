@@ -34,27 +34,29 @@ SLOW_TABLES = {
 
 
 @pytest.fixture(scope="module")
-def known() -> dict[str, Any]:
+def linearized() -> dict[str, Any]:
     """Return the JSON data of `hfa linearize` at 10 deg, with the gain K of `hfa solve`."""
     model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
     return model | {"K": json.loads(hfa("solve", "--dihedral", "10", "--json").out)["K"]}
 
 
-def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) -> None:
+def assert_solved_and_checked(plant: Path, gain: Path, linearized: dict[str, Any]) -> None:
     solved = json.loads(hfa("solve", "--model", str(plant), "-q", "--json").out)
-    np.testing.assert_allclose(solved["K"], known["K"], rtol=1e-8, atol=1e-10)
-    assert (solved["states"], solved["inputs"]) == (known["states"], known["inputs"])
+    np.testing.assert_allclose(solved["K"], linearized["K"], rtol=1e-8, atol=1e-10)
+    assert (solved["states"], solved["inputs"]) == (linearized["states"], linearized["inputs"])
     result = hfa("verify", "--model", str(plant), "--weights", str(gain), "-q", "--json")
     assert (result.code, json.loads(result.out)["ok"]) == (0, True)
 
 
-def test_python_control_systems_in_json_are_read(known: dict[str, Any], tmp_path: Path) -> None:
+def test_python_control_systems_in_json_are_read(
+    linearized: dict[str, Any], tmp_path: Path
+) -> None:
     """A python-control StateSpace written as JSON is read as a plant.
 
     A positive sample time dt is refused.
     """
-    names = {"states": known["states"], "inputs": known["inputs"]}
-    system = control.ss(known["A"], known["B"], np.eye(6), 0, **names)
+    names = {"states": linearized["states"], "inputs": linearized["inputs"]}
+    system = control.ss(linearized["A"], linearized["B"], np.eye(6), 0, **names)
     content = {
         name: getattr(system, name)
         for name in ("A", "B", "C", "D", "dt", "state_labels", "input_labels")
@@ -62,24 +64,28 @@ def test_python_control_systems_in_json_are_read(known: dict[str, Any], tmp_path
     plant = tmp_path / "plant.json"
     gain = tmp_path / "gain.json"
     plant.write_text(json.dumps(content, default=np.ndarray.tolist), encoding="utf-8")
-    gain.write_text(json.dumps({"K": known["K"]}), encoding="utf-8")
-    assert_solved_and_checked(plant, gain, known)
+    gain.write_text(json.dumps({"K": linearized["K"]}), encoding="utf-8")
+    assert_solved_and_checked(plant, gain, linearized)
     plant.write_text(json.dumps(content | {"dt": 0.1}, default=np.ndarray.tolist), encoding="utf-8")
     assert_refused(hfa("solve", "--model", str(plant)), 2, "dt = 0.1", "set dt = 0")
 
 
-def test_csv_files_with_headers_are_read(known: dict[str, Any], tmp_path: Path) -> None:
+def test_csv_files_with_headers_are_read(linearized: dict[str, Any], tmp_path: Path) -> None:
     """`hfa solve` and `hfa verify` read A, B and K from three CSV files with headers."""
-    for name, columns in (("A", known["states"]), ("B", known["inputs"]), ("K", known["states"])):
+    for name, columns in (
+        ("A", linearized["states"]),
+        ("B", linearized["inputs"]),
+        ("K", linearized["states"]),
+    ):
         np.savetxt(
             tmp_path / f"{name}.csv",
-            known[name],
+            linearized[name],
             "%.17g",
             ",",
             header=",".join(columns),
             comments="",
         )
-    assert_solved_and_checked(tmp_path / "A.csv", tmp_path / "K.csv", known)
+    assert_solved_and_checked(tmp_path / "A.csv", tmp_path / "K.csv", linearized)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import hostile
 import pytest
 from cli import Result, hfa
 from extension import needs
-from hostile import WAYS, attempt, case, said_wrongly, seeds
+from hostile import WAYS, attempt, case, output_fault, seeds
 
 from hfa.commands import trim
 from hfa.options.command import Command
@@ -104,5 +104,5 @@ def test_planted_faults_are_detected(monkeypatch: pytest.MonkeyPatch, run, said:
 )
 def test_wrong_messages_are_detected(result: Result, said: str) -> None:
     """The test harness detects a message that is too long, unprintable or on several lines."""
-    assert said in (said_wrongly(result) or "")
-    assert said_wrongly(Result(2, "", "hfa: a\n")) is None
+    assert said in (output_fault(result) or "")
+    assert output_fault(Result(2, "", "hfa: a\n")) is None

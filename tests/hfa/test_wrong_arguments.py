@@ -24,7 +24,7 @@ Calls = dict[str, tuple[Callable[..., Any], dict[str, Any]]]
 
 
 @cache
-def right_calls() -> Calls:
+def valid_calls() -> Calls:
     model = hfa.aircraft()
     condition = hfa.paper.level_flight(0.2)
     point = hfa.find_operating_point(model, condition)
@@ -85,11 +85,11 @@ def right_calls() -> Calls:
 
 
 @cache
-def right_calls_of_extensions() -> Calls:
+def valid_calls_of_extensions() -> Calls:
     import hfa_flight
     import hfa_servo
 
-    calls = right_calls()
+    calls = valid_calls()
     model = calls["linearize"][1]["model"]
     point = calls["linearize"][1]["point"]
     game = calls["solve_game"][1]["game"]
@@ -122,7 +122,7 @@ def right_calls_of_extensions() -> Calls:
 
 @cache
 def wrong_values() -> list[Any]:
-    calls = right_calls()
+    calls = valid_calls()
     arguments = {
         name: calls["trim_report"][1][name] for name in ("model", "condition", "point")
     } | {
@@ -165,7 +165,7 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
 @pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
 def test_a_wrong_argument_is_named(name: str) -> None:
     """A core function accepts valid arguments and refuses wrong values with a proper error."""
-    function, arguments = right_calls()[name]
+    function, arguments = valid_calls()[name]
     function(**arguments)
     assert faults(function, arguments) == {}
 
@@ -176,7 +176,7 @@ def test_a_wrong_argument_is_named(name: str) -> None:
 def test_every_wrong_argument_of_every_function_is_named() -> None:
     """All public functions, also of extensions, refuse wrong values with a proper error."""
     count = 0
-    for name, (function, arguments) in (right_calls() | right_calls_of_extensions()).items():
+    for name, (function, arguments) in (valid_calls() | valid_calls_of_extensions()).items():
         function(**arguments)
         assert faults(function, arguments) == {}, name
         count += len(arguments) * len(wrong_values())

@@ -35,7 +35,7 @@ def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.F
 
 
 @cache
-def judge(moving: bool, **drag: bool) -> ca.Function:
+def euler_lagrange_rates(moving: bool, **drag: bool) -> ca.Function:
     """Return the CasADi Function (x, u, p, w) -> dX/dt of the Euler-Lagrange equations."""
     return function_of(
         lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, w), moving, **drag
@@ -45,7 +45,7 @@ def judge(moving: bool, **drag: bool) -> ca.Function:
 def disagreement(
     judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool
 ) -> State:
-    """Return the largest difference of each rate between `judge` and the equations of a variant.
+    """Return the largest difference of each rate between a variant and the Euler-Lagrange equations.
 
     Each difference is divided by the rate or, near zero, by the scale of the rate. Random states,
     inputs, winds and parameters (20 % standard deviation) are used.
@@ -69,7 +69,7 @@ def disagreement(
 
 def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
     """The rates of "newton" equal the Euler-Lagrange equations at 1,000 random states."""
-    worst = disagreement(judge(False), Newton(), parameters, 1000, moving=False)
+    worst = disagreement(euler_lagrange_rates(False), Newton(), parameters, 1000, moving=False)
     assert max(worst) <= 1e-12, worst
 
 
@@ -81,7 +81,7 @@ def test_newton_in_wind_equals_the_euler_lagrange_equations(
 
     With the other definition of drag in wind the rates differ.
     """
-    reference = judge(True, ground_drag=ground_drag)
+    reference = euler_lagrange_rates(True, ground_drag=ground_drag)
     assert (
         max(
             disagreement(reference, Newton(), parameters, 100, moving=True, ground_drag=ground_drag)
@@ -117,7 +117,7 @@ def test_a_wrong_wind_is_detected(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
 ) -> None:
     """Equations with a wrong wind differ from the Euler-Lagrange equations."""
-    reference = judge(True)
+    reference = euler_lagrange_rates(True)
     # Planted fault: equations with a wrong wind.
     monkeypatch.setattr(place, wrong)
     assert max(disagreement(reference, Newton(), parameters, 20, moving=True)) > 1e-3
@@ -141,14 +141,18 @@ def test_a_wrong_term_changes_only_its_equation(
 ) -> None:
     """A wrong term in one equation changes only the rate of this equation."""
     variant = type("Wrong", (Newton,), {method: wrong})()
-    worst = disagreement(judge(False), variant, parameters, 20, moving=False)._asdict()
+    worst = disagreement(
+        euler_lagrange_rates(False), variant, parameters, 20, moving=False
+    )._asdict()
     assert worst.pop(rate) > 1e-10
     assert max(worst.values()) <= 1e-12, worst
 
 
 def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
     """The rates of "published" differ from the Euler-Lagrange equations only in q' and η''."""
-    worst = disagreement(judge(False), Published(), parameters, 100, moving=False)._asdict()
+    worst = disagreement(
+        euler_lagrange_rates(False), Published(), parameters, 100, moving=False
+    )._asdict()
     assert worst.pop("pitch_rate") > 0.1
     assert worst.pop("dihedral_rate") > 0.1
     assert max(worst.values()) <= 1e-12, worst

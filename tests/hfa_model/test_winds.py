@@ -13,7 +13,7 @@ from hfa_model.variants import Variant
 NAMES = tuple(DISTURBANCES)
 
 
-def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
+def state_over_ground(x: State, updraft: float, headwind: float) -> State:
     """Return the state over ground of an aircraft in wind.
 
     x: state relative to the air
@@ -51,7 +51,7 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
     for state, control in zip(*random_points(100, seed=5), strict=True):
         x = State(*state.tolist())
         u = Input(*control.tolist())
-        moving = seen_from_the_ground(x, winds.center.updraft, winds.center.headwind)
+        moving = state_over_ground(x, winds.center.updraft, winds.center.headwind)
         still = inertial(x, rates(x, u, parameters, variant))
         error = np.abs(inertial(moving, rates(moving, u, parameters, variant, winds)) - still)
         worst = np.maximum(worst, error)

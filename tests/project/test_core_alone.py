@@ -63,7 +63,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     lines = [words.split() for words in LINES]
     program = PROGRAM.format(lines=lines)
 
-    def run_in_it(program: str, check: bool) -> subprocess.CompletedProcess[str]:
+    def run_without_extensions(program: str, check: bool) -> subprocess.CompletedProcess[str]:
         """Run a Python program in the environment without extensions.
 
         The current folder is not the project's folder, which may contain metadata of entry points.
@@ -71,9 +71,9 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
         words = [python, "-c", program]
         return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=check)
 
-    done = run_in_it(program, check=True)
+    done = run_without_extensions(program, check=True)
     names = "from hfa import *; import hfa; print('fly' in dir(hfa), 'Model' in dir(hfa)); hfa.fly"
-    refused = run_in_it(names, check=False)
+    refused = run_without_extensions(names, check=False)
     assert refused.stdout == "False True\n"
     assert "hfa.fly needs the package hfa_flight, which is not installed" in refused.stderr
     answers = dict(zip(LINES, json.loads(done.stdout), strict=True))

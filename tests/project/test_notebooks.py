@@ -78,7 +78,7 @@ def words(text: str) -> str:
     return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\w.+-]*", "#", without_pictures).split())
 
 
-def says_the_same(text: str, old: str) -> bool:
+def outputs_agree(text: str, old: str) -> bool:
     """Return whether two texts have the same words and similar pictures."""
     if words(text) != words(old):
         return False
@@ -130,7 +130,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
             problems += [
                 f"cell {number} says {text.partition(chr(10))[0]}, {kind} is another"
                 for kind, text in shown.items()
-                if not says_the_same(text, stored(outputs, kind))
+                if not outputs_agree(text, stored(outputs, kind))
             ]
     return problems
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from chromium import browser, seen_at
+from chromium import browser, set_page_width
 from cli import hfa
 from project import ROOT
 
@@ -128,7 +128,7 @@ def test_the_page_shows_numbers_in_a_browser(
             "marks stand at their values from the first, the verdicts in the window"
         ):
             for width in (1920, 1400, 1000, 400):
-                seen_at(driver, width)
+                set_page_width(driver, width)
                 driver.refresh()
                 assert settles(driver, "document.body.classList.contains('scripted')")
                 assert driver.execute_script(_OFF_AXIS) <= 2.0, width
@@ -152,7 +152,7 @@ def test_the_page_shows_numbers_in_a_browser(
         with subtests.test(
             "it fits on eight screens, and a link of the contents unfolds its section"
         ):
-            seen_at(driver, 1400)
+            set_page_width(driver, 1400)
             assert driver.execute_script("return document.documentElement.scrollHeight") <= 8 * 900
             links = driver.find_elements("css selector", "nav a")
             assert len(links) >= 5
@@ -165,10 +165,10 @@ def test_the_page_shows_numbers_in_a_browser(
             )
         with subtests.test("no table and no drawing is wider than the window"):
             for width in (1600, 400):
-                seen_at(driver, width)
+                set_page_width(driver, width)
                 assert settles(driver, f"document.documentElement.scrollWidth <= {width}"), width
         with subtests.test("prints to A4"):
-            seen_at(driver, 688, medium="print")  # paper width of 182 mm between the margins
+            set_page_width(driver, 688, medium="print")  # paper width of 182 mm between the margins
             wide = "return [...document.querySelectorAll('table')].filter((t) => t.offsetParent)"
             assert (
                 max(driver.execute_script(f"{wide}.map((t) => t.getBoundingClientRect().right)"))

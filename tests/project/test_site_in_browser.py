@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from chromium import browser, seen_at
+from chromium import browser, set_page_width
 from project import ROOT
 
 WIDTHS = (1000, 1400, 1920)
@@ -23,7 +23,7 @@ _CUT = """const boxes = 'article pre, article table, article .table, article .ta
 
 def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
     """Return the texts of the boxes that are cut off on a page of this width in pixels."""
-    seen_at(driver, width)
+    set_page_width(driver, width)
     driver.get(page.as_uri())  # type: ignore[attr-defined]
     cut: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]
     return cut

@@ -48,7 +48,7 @@ def browser() -> Iterator[Any]:
             found.quit()
 
 
-def seen_at(driver: Any, width: int, medium: str = "screen") -> None:
+def set_page_width(driver: Any, width: int, medium: str = "screen") -> None:
     """Set the width of the page in pixels and the medium, "screen" or "print"."""
     metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)

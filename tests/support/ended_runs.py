@@ -167,7 +167,7 @@ def in_one_line(ended: Ended, said: str) -> bool:
     return lines == [said] or by_python or (ended.code == 0 and not lines)
 
 
-def comes_to_the_same_bits(folder: Path, words: tuple[str, ...]) -> None:
+def assert_resumed_bits_equal(folder: Path, words: tuple[str, ...]) -> None:
     """Assert that a run ended at random times and resumed writes the same bytes as a full run."""
     whole = run(folder / "whole", *words)
     assert whole.code == 0

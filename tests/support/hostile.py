@@ -238,10 +238,10 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
                 return None if announced else f"no end after {LONGEST:g} s"
             except Exception as error:
                 return f"{type(error).__name__}: {str(error)[:300]}"
-            return said_wrongly(result) or _left_wrongly(Path(name), words, given, result)
+            return output_fault(result) or _left_wrongly(Path(name), words, given, result)
 
 
-def said_wrongly(result: Result) -> str | None:
+def output_fault(result: Result) -> str | None:
     """Return the fault in the exit code and output of a run, or None.
 
     The exit code must be 0, 1 or 2. The run must print a result with notes, or one printable line

@@ -32,7 +32,7 @@ FREE = ActuatorBank(
 LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
 
 
-def flown(actuators: ActuatorBank, *command: float) -> Deviations:
+def flight_under_command(actuators: ActuatorBank, *command: float) -> Deviations:
     """Return a flight of two seconds of the first published linear model under a constant
     command.
     """
@@ -48,7 +48,8 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
     commands exceed.
     """
     limited, free = (
-        flown(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE)
+        flight_under_command(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0)
+        for each in (LIMITED, FREE)
     )
     assert limited.inputs.max() <= 0.4
     assert limited.inputs.min() >= -0.5
@@ -77,7 +78,7 @@ def test_a_lag_unresolved_by_the_step_is_refused() -> None:
 def test_order_2_actuators_have_the_analytical_response() -> None:
     """Actuators of order 2 have the analytical step response of a second-order lag."""
     second = replace(FREE, order=2, damping=0.7)
-    flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
+    flight = flight_under_command(second, 1.0, -2.0, 0.0, 0.0, 0.0)
     w = 10.0
     v = 10.0 * np.sqrt(1 - 0.7**2)
     t = flight.times
@@ -88,7 +89,7 @@ def test_order_2_actuators_have_the_analytical_response() -> None:
 def test_a_fault_changes_only_the_named_actuator() -> None:
     """A fault changes effectiveness and bandwidth of the named actuator only, from its start on."""
     fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
-    flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
+    flight = flight_under_command(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
     whole = 1.0 - np.exp(-flight.times / 0.1)
     t = flight.times
     np.testing.assert_allclose(flight.inputs[:, 1], whole, atol=1e-9)
@@ -116,7 +117,7 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
     return float(np.linalg.eigvals(loop).real.max())
 
 
-def lost(weights: str, lag: float) -> bool:
+def leaves_envelope(weights: str, lag: float) -> bool:
     """Return whether a flight of 200 s with a dihedral command of one degree leaves the envelope.
 
     lag: lag of all actuators, s
@@ -177,4 +178,7 @@ def test_flights_of_200_s_confirm_the_largest_lag(
     more.
     """
     limit = stated("simulation of 200 s")[WEIGHTS.index(weights)]
-    assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)
+    assert (leaves_envelope(weights, limit), leaves_envelope(weights, limit + 0.002)) == (
+        False,
+        True,
+    )

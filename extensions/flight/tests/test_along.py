@@ -29,11 +29,11 @@ def test_small_deviations_follow_the_linear_model() -> None:
     def rates(_: float, x: np.ndarray) -> np.ndarray:
         return np.array(function(x, u, [])[0]).ravel()
 
-    def flown(x: np.ndarray) -> np.ndarray:
+    def simulated(x: np.ndarray) -> np.ndarray:
         times = np.linspace(0.0, 3.0, 121)
         return solve_ivp(rates, (0.0, 3.0), x, t_eval=times, rtol=1e-10, atol=1e-12).y.T
 
-    states = flown(np.array(point.states))
+    states = simulated(np.array(point.states))
     start = np.array([1.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.0, 0.0])
     along = models_along(NAVION, states, np.tile(u, (len(states), 1)))
     np.testing.assert_allclose(along.rates, [rates(0.0, x) for x in states], rtol=1e-12, atol=1e-12)
@@ -51,7 +51,7 @@ def test_small_deviations_follow_the_linear_model() -> None:
     sizes = np.array([signal.nominal for signal in NAVION.states.values()])
     errors = []
     for size in (1e-2, 1e-3):
-        difference = (flown(np.array(point.states) + size * start) - states)[-1] / size
+        difference = (simulated(np.array(point.states) + size * start) - states)[-1] / size
         varying = predicted(along.A)
         frozen = predicted(along.A[:1].repeat(121, 0))
         errors.append(

@@ -37,7 +37,7 @@ ALPHA = STATES.index("alpha")
 SEEN = [STATES.index(name) for name in LINEAR_STATES]
 
 
-def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
+def simulated_in_numpy(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
     """Return the results of one flight of a Monte Carlo plan, by a Runge-Kutta loop in NumPy.
 
     The policy is u = -K z. The equations of motion are evaluated with numbers, without compiled
@@ -120,7 +120,7 @@ def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = Non
     found = member_row(plan, result)
     scenario = result.loop.scenario
     known = p or Parameters(*with_errors(plan.model, scenario).p.tolist())
-    for name, value in flown_plainly(plan, scenario, known).items():
+    for name, value in simulated_in_numpy(plan, scenario, known).items():
         np.testing.assert_allclose(found[name], value, rtol=1e-8, atol=1e-12, err_msg=name)
 
 

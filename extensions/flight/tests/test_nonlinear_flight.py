@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flown_cases import SMALL, FlownCase, flown, signal
 from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
+from simulated_cases import SMALL, SimulatedCase, signal, simulate_case
 
 from hfa import BadInputError, find_operating_point
 from hfa.paper import level_flight
@@ -36,19 +36,19 @@ from hfa_model.vectors import CONTROL_LIMITS
 N = len(LINEAR_STATES)
 
 
-def test_parameter_errors_do_not_change_the_linear_prediction(newton: FlownCase) -> None:
+def test_parameter_errors_do_not_change_the_linear_prediction(newton: SimulatedCase) -> None:
     """A parameter error changes the nonlinear flight but not the linear prediction.
 
     An aircraft that is 5 % heavier descends. The linear prediction stays at trim.
     """
-    result = flown(newton, Scenario(duration=2.0, errors={"panel_mass": 1.05}))
+    result = simulate_case(newton, Scenario(duration=2.0, errors={"panel_mass": 1.05}))
     assert result.predicted is not None
     assert np.abs(result.predicted.states).max() < 1e-12
     assert result.flight.states[-1, STATES.index("altitude")] < -0.01
 
 
 def test_the_envelope_limits_alpha_relative_to_the_air(
-    newton: FlownCase,
+    newton: SimulatedCase,
 ) -> None:
     """In a gust, the envelope limits the angle of attack through the air, not alpha over ground.
 
@@ -59,7 +59,7 @@ def test_the_envelope_limits_alpha_relative_to_the_air(
     for lowest, held in ((2.0, True), (2.7, False)):
         limits = {"alpha": (float(np.radians(lowest)), 0.2)}
         narrow = replace(newton, envelope=flight_envelope(newton.aircraft, newton.point, limits))
-        result = flown(narrow, gust)
+        result = simulate_case(narrow, gust)
         degrees = np.degrees(result.angles_of_attack)
         assert (result.departure is None) == held
         if held:
@@ -87,7 +87,7 @@ def test_the_envelope_limits_alpha_relative_to_the_air(
         )
 
 
-def test_the_default_envelope_is_centered_at_the_trim(newton: FlownCase) -> None:
+def test_the_default_envelope_is_centered_at_the_trim(newton: SimulatedCase) -> None:
     """The default envelope is centered at the trim. Limits can be changed. Wrong limits are
     refused.
     """
@@ -109,7 +109,7 @@ def test_the_default_envelope_is_centered_at_the_trim(newton: FlownCase) -> None
         BadInputError,
         match="initial speed is -2 ft/s, beyond the limit of 34; choose an initial condition inside",
     ):
-        flown(newton, Scenario(duration=0.1, initial=-70.0 * np.eye(7)[0]))
+        simulate_case(newton, Scenario(duration=0.1, initial=-70.0 * np.eye(7)[0]))
     with pytest.raises(
         BadInputError,
         match=r"dihedral is 15 deg at trim, outside the envelope, 0 deg to 5\.72958 deg",
@@ -121,7 +121,7 @@ def test_the_default_envelope_is_centered_at_the_trim(newton: FlownCase) -> None
         flight_envelope(p, point, {"dihedral": (0.3, 0.2)})
 
 
-def test_gains_of_several_ticks_are_applied_in_turn(newton: FlownCase) -> None:
+def test_gains_of_several_ticks_are_applied_in_turn(newton: SimulatedCase) -> None:
     """Gains given for several ticks are applied in turn. The last gain is applied from then on."""
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
     law = GainPolicy("several", gains)
@@ -154,7 +154,7 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarra
 
 
 def test_the_linear_predictions_error_is_of_second_order(
-    newton: FlownCase, at_15: FlownCase
+    newton: SimulatedCase, at_15: SimulatedCase
 ) -> None:
     """The linear model's error is of second order in the deviation.
 
@@ -267,17 +267,17 @@ SCENARIOS = {
 
 @pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
 def test_the_fixed_step_agrees_with_an_adaptive_integrator(
-    at_15: FlownCase, scenario: Scenario
+    at_15: SimulatedCase, scenario: Scenario
 ) -> None:
     """For each scenario, the fixed-step flight agrees with an adaptive integrator within 1e-6."""
-    result = flown(at_15, scenario)
+    result = simulate_case(at_15, scenario)
     assert result.departure is None
     adaptive = adaptive_states(result)
     fixed = result.flight.states[:: scenario.steps_per_tick]
     assert difference(fixed, adaptive) < 1e-6
 
 
-def test_a_long_step_is_detected(newton: FlownCase) -> None:
+def test_a_long_step_is_detected(newton: SimulatedCase) -> None:
     """With a step of 0.01 s, the difference from the adaptive integrator exceeds 1e-6."""
-    result = flown(newton, Scenario(duration=1.0, step=0.01, initial=SMALL))
+    result = simulate_case(newton, Scenario(duration=1.0, step=0.01, initial=SMALL))
     assert difference(result.flight.states, adaptive_states(result)) > 1e-6

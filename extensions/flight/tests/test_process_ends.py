@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa_process
-from ended_runs import comes_to_the_same_bits, leaves_nothing, proc, until
+from ended_runs import assert_resumed_bits_equal, leaves_nothing, proc, until
 
 from hfa.exit_codes import INTERRUPTED, TERMINATED
 from hfa.main import DONE, FAILED
@@ -48,7 +48,7 @@ def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
     """A run that is ended at random times and continued has the same bits as one without
     interruption.
     """
-    comes_to_the_same_bits(tmp_path, (*EXACT, "--samples", "1500", "--duration", "1", *STORED))
+    assert_resumed_bits_equal(tmp_path, (*EXACT, "--samples", "1500", "--duration", "1", *STORED))
 
 
 #: Four chunks.

@@ -29,7 +29,7 @@ ACTUATORS = ActuatorBank(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0))
 TIMES = np.array([1.0, 4.0])
 
 
-def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
+def sampled_factors(plan: MonteCarlo, members: int) -> np.ndarray:
     return np.array(
         [plan.scenario.uncertainty.factors(plan.seed, member) for member in range(members)]
     )
@@ -43,7 +43,7 @@ def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
     """
     from scipy.stats import kstest
 
-    factors = drawn(plan, members)
+    factors = sampled_factors(plan, members)
     found = [] if len(np.unique(factors, axis=0)) == members else ["members are alike"]
     sigmas = np.sqrt(np.log1p(np.square(list(plan.scenario.uncertainty.errors.values()))))
     for name, column, sigma in zip(

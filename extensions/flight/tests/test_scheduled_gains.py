@@ -12,8 +12,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from flown_cases import seen
 from known_models import exact_gain, model_at
+from simulated_cases import measurements_of
 
 from hfa import BadInputError, fly
 from hfa_flight import CommandSteps, GainSchedule, Scenario, flight_envelope
@@ -55,7 +55,7 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
     resting = replace(policy, path=replace(policy.path, commands=commands))
     z = ca.SX.sym("z", N)
     late = ca.SX(1e4)
-    measurements = seen(z)._replace(states=z + resting.path.at(late))
+    measurements = measurements_of(z)._replace(states=z + resting.path.at(late))
     u = resting.control(late, measurements, ca.SX(0, 1), ca.SX(0, 1))
     values = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
     return np.array(values[0]).ravel(), np.array(ca.DM(values[1]))
@@ -102,7 +102,7 @@ def test_hidden_coupling_is_detected() -> None:
 # The flight.
 
 
-def flown(schedule: GainSchedule, start: float, end: float) -> Flight:
+def scheduled_flight(schedule: GainSchedule, start: float, end: float) -> Flight:
     policy = policy_from(schedule, start, end)
     base = policy.path.base
     scenario = Scenario(duration=60.0, step=0.002, reference=policy.path)
@@ -118,7 +118,7 @@ def test_a_schedule_follows_a_dihedral_change(start: float, end: float) -> None:
 
     The errors remain small and the inputs reach that trim.
     """
-    result = flown(exact_gains(5.0, 10.0, 15.0), start, end)
+    result = scheduled_flight(exact_gains(5.0, 10.0, 15.0), start, end)
     assert result.departure is None
     assert np.degrees(result.states[-1, STATES.index("dihedral")]) == pytest.approx(end, abs=0.02)
     largest = np.abs(result.flight.errors).max(axis=0)
@@ -137,9 +137,9 @@ def test_scheduled_gains_stay_inside_the_envelope() -> None:
     With the gain of 0 degrees at all angles, the flight leaves the envelope.
     """
     wide = exact_gains(0.0, 5.0, 10.0, 15.0, 20.0)
-    assert flown(wide, 0.0, 20.0).departure is None
+    assert scheduled_flight(wide, 0.0, 20.0).departure is None
     kept = replace(wide, gains=np.array([wide.gains[0]] * 5))
-    assert flown(kept, 0.0, 20.0).departure is not None
+    assert scheduled_flight(kept, 0.0, 20.0).departure is not None
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def doublets(time):
 
 
 @cache
-def flown(model=LONGITUDINAL):
+def simulated_maneuver(model=LONGITUDINAL):
     """Return times, inputs and states of a 3-2-1-1 maneuver, simulated with SciPy."""
     point = hfa.find_operating_point(model)
     time = np.arange(0.0, SECONDS, STEP)
@@ -71,7 +71,7 @@ def record(seed=0, coloured=False, first=0.0, model=LONGITUDINAL):
     coloured: whether the noise is autocorrelated
     first: time of the first sample, s
     """
-    time, inputs, states = flown(model)
+    time, inputs, states = simulated_maneuver(model)
     generator = np.random.default_rng(seed)
     columns = {"time": time + first}
     columns |= {name: inputs[:, place] for place, name in enumerate(model.inputs)}
@@ -262,7 +262,7 @@ def test_states_without_a_sensor_can_be_moved():
 
     The elevator moves the pitch rate, but not the yaw rate.
     """
-    time, inputs, states = flown(AIRCRAFT)
+    time, inputs, states = simulated_maneuver(AIRCRAFT)
     model = AIRCRAFT
     pitch = list(model.states).index("pitch")
     measured = {"pitch": states[:, pitch]}
@@ -272,7 +272,7 @@ def test_states_without_a_sensor_can_be_moved():
     assert still_quantities(search, names) == {"Cm_q": "", "Cn_r": "yaw_rate"}
 
 
-def flown_in_steps(moves, seconds):
+def record_with_steps(moves, seconds):
     """Return the columns of a record with stepwise inputs and sensor noise.
 
     moves: inputs, as `hfa.fly` accepts them
@@ -399,7 +399,7 @@ def test_a_unit_error_compensated_by_parameter_is_named():
     wrong unit.
     """
     moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
-    columns = flown_in_steps(moves, 10)
+    columns = record_with_steps(moves, 10)
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
     columns["thrust"] = columns["thrust"] / 4.448222
     assert "thrust is in lbf" in identify(begun(1.2), columns, FREE, inputs="steps").first_line
@@ -522,7 +522,7 @@ def test_a_minimum_that_is_not_mirrored_is_named():
 def test_a_record_without_motion_is_named(coloured, moved):
     """A record of sensor noise alone is refused, also if an input moves slightly."""
     columns = record(seed=3, coloured=coloured)
-    time, inputs, states = flown()
+    time, inputs, states = simulated_maneuver()
     model = LONGITUDINAL
     for name in SENSORS:
         place = list(model.states).index(name)
@@ -574,7 +574,7 @@ def test_stepwise_inputs_are_recognized():
     The first line recommends --inputs steps.
     """
     moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
-    columns = flown_in_steps({"elevator": moves}, 5)
+    columns = record_with_steps({"elevator": moves}, 5)
     rows = np.sort(np.random.default_rng(5).permutation(len(columns["time"]))[:180])
     uneven = {name: values[rows] for name, values in columns.items()}
     assert "inputs are constant between" in identify(begun(1.2), uneven, FREE).first_line

@@ -30,7 +30,7 @@ def planned():
     return identify(UAV, record(), FREE, plan=True)
 
 
-def flown(model, manoeuvre):
+def simulated_record(model, manoeuvre):
     """Return the columns of a simulated doublet or 3-2-1-1 maneuver with noise, at 25 Hz."""
     point = hfa.find_operating_point(model)
     lengths = {"doublet": (1, 1), "3-2-1-1": (3, 2, 1, 1)}[manoeuvre.kind]
@@ -53,7 +53,7 @@ def test_the_planned_maneuver_gives_the_predicted_band():
     assert best.input == "elevator"
     assert best.widest == "CL_elevator"
     assert best.after < 0.6 * best.before
-    after = identify(UAV, [record(), flown(before.model, best)], FREE)
+    after = identify(UAV, [record(), simulated_record(before.model, best)], FREE)
     each = after.parameters[best.widest]
     half = 50.0 * (each.high - each.low) / abs(each.value)
     assert half == pytest.approx(best.after, rel=0.25)

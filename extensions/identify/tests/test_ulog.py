@@ -50,7 +50,7 @@ def log(path, topics, begin=5_000_000):
     return Path(path)
 
 
-def flown(path="flight.ulg", table=TABLE):
+def written_log(path="flight.ulg", table=TABLE):
     """Write a log and its table of columns, and return their paths.
 
     The log lasts 4 s. It has angular rates at 50 Hz, the attitude at 10 Hz, and two servo
@@ -75,7 +75,7 @@ def test_the_columns_of_a_log_are_read(folder):
 
     Each attitude sample is assigned to the nearest time.
     """
-    columns = ulog_columns(*flown(), hfa.load_model(UAV))
+    columns = ulog_columns(*written_log(), hfa.load_model(UAV))
     np.testing.assert_allclose(columns["time"], 0.02 * np.arange(200), atol=1e-9)
     np.testing.assert_allclose(columns["pitch_rate"], 0.01 * np.arange(200), rtol=1e-6)
     present = np.isfinite(columns["pitch"])
@@ -87,7 +87,7 @@ def test_the_columns_of_a_log_are_read(folder):
 def test_a_part_of_a_log_is_read(folder):
     """Only the samples between the begin and the end in the table are read."""
     table = TABLE + "[flight]\nbegin = 1.0\nend = 2.0\n"
-    columns = ulog_columns(*flown(table=table), hfa.load_model(UAV))
+    columns = ulog_columns(*written_log(table=table), hfa.load_model(UAV))
     assert len(columns["time"]) == 51
     assert columns["pitch_rate"][0] == pytest.approx(0.5)
 
@@ -107,7 +107,7 @@ def test_a_part_of_a_log_is_read(folder):
 def test_a_wrong_table_is_refused(table, text, folder):
     """Tables with unknown columns, messages, fields or an empty time range are refused."""
     with pytest.raises(hfa.BadInputError, match=text.replace("[", r"\[")):
-        ulog_columns(*flown(table=table), hfa.load_model(UAV))
+        ulog_columns(*written_log(table=table), hfa.load_model(UAV))
 
 
 def test_the_command_reads_a_log(folder, capsys):
@@ -151,7 +151,7 @@ def test_the_command_reads_a_log(folder, capsys):
 
 def test_other_files_are_not_logs(folder):
     """A file of another format is refused as a PX4 log."""
-    _, table = flown()
+    _, table = written_log()
     Path("flight.ulg").write_bytes(b"time,alpha")
     with pytest.raises(hfa.BadInputError, match="is not a PX4 log"):
         ulog_columns(Path("flight.ulg"), table, hfa.load_model(UAV))

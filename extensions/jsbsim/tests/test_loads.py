@@ -218,13 +218,13 @@ def test_a_damper_with_filter_states_agrees_with_jsbsim(tmp_path, kind):
     state = {"altitude": 5000.0, "speed": 350.0, "alpha": 0.03, "beta": 0.05, "pitch": 0.03}
     point = {"state": state, "commands": {"throttle": 0.0}, "flight": 1.0}
     (answer,) = answered([{"aircraft": "damped", "root": str(tmp_path), "point": point}])
-    steady = flown(load_model(path), state)
-    model = flown(load_model(f"{path}?filters=states"), state)
+    steady = states_after_a_second(load_model(path), state)
+    model = states_after_a_second(load_model(f"{path}?filters=states"), state)
     miss = abs(model["yaw_rate"] - answer["yaw_rate"])  # JSBSim's components lag by one step
     assert miss < 0.1 * abs(steady["yaw_rate"] - answer["yaw_rate"])
 
 
-def flown(model, state):
+def states_after_a_second(model, state):
     """Return the states after one second of flight with closed throttle, by name.
 
     state: initial state by name

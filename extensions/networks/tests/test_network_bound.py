@@ -169,7 +169,7 @@ def test_halves_cover_the_box() -> None:
 # Right policies.
 
 
-def judged(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20.0) -> Verdict:
+def verdict_on(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20.0) -> Verdict:
     z = ca.SX.sym("z", 6)
     function = ca.Function("policy", [z], [policy(z)])
     scope = Scope(box=ordinary_box(), flights=1, seconds=seconds)
@@ -193,13 +193,13 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
         t = ca.DM(W) @ z
         return -back @ ca.fmax(t, 0.0) + back @ ca.fmax(-t, 0.0)
 
-    verdict = judged(game, policy)
+    verdict = verdict_on(game, policy)
     assert verdict.headline().startswith(
         "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
     )
     assert verdict.to_dict()["network"]["proved"]["boxes"] == 1
     assert (
-        judged(game, policy, seconds=0.0)
+        verdict_on(game, policy, seconds=0.0)
         .headline()
         .endswith("optimal cost, no error above 1e-06 found at 1000 states")
     )
@@ -209,7 +209,7 @@ def test_no_bound_is_proved_for_unsupported_operations(game: Game) -> None:
     """For operations without an enclosure, errors are searched for at random states and no bound is
     proved.
     """
-    verdict = judged(game, lambda z: linear(game, z) + 0.0 * ca.sin(z[0]) + 1e-9 * ca.exp(z[1]))
+    verdict = verdict_on(game, lambda z: linear(game, z) + 0.0 * ca.sin(z[0]) + 1e-9 * ca.exp(z[1]))
     assert "no error above 1e-06 found at 1000 states" in verdict.headline()
     assert verdict.to_dict()["network"]["proved"] is None
 
@@ -242,9 +242,9 @@ def test_a_narrow_bump_is_found_by_proof(game: Game, seed: int) -> None:
         off = ca.vertcat(3.0 * size * bump(z / ca.DM(BOX), at, 0.05), *[0.0] * 4)
         return linear(game, z) + off
 
-    verdict = judged(game, policy, seconds=0.0)
+    verdict = verdict_on(game, policy, seconds=0.0)
     assert "optimal cost, no error above 1e-06 found at" in verdict.headline()
-    verdict = judged(game, policy)
+    verdict = verdict_on(game, policy)
     assert not verdict.ok
     assert verdict.value_of("searched_policy_error") > 1.0
     proof = verdict.proof
@@ -257,7 +257,7 @@ def test_report_names_the_proved_expression(game: Game) -> None:
 
     CasADi simplifies 1e20 (0.1 (10 x) - x) to 0.
     """
-    verdict = judged(
+    verdict = verdict_on(
         game,
         lambda z: linear(game, z) + ca.vertcat(1e20 * (0.1 * (10.0 * z[0]) - z[0]), *[0.0] * 4),
     )

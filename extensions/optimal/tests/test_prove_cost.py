@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pendulum_card import pendulum_card
+from pendulum_deployment import pendulum_deployment
 
 import hfa
 from hfa.main import main
@@ -184,13 +184,13 @@ def test_a_bound_of_other_weights_is_refused(
     assert "Q in the certificate differs from the value of --Q" in capsys.readouterr().err
 
 
-def card_of(folder: Path, weight: float) -> str:
+def deployment_file(folder: Path, weight: float) -> str:
     """Return the path of a new deployment file of u = -1.98 angle - 0.98 rate.
 
     weight: R of the cost in the file
     """
     cost = f"[cost]\nQ = {{angle = 1.0, rate = 1.0}}\nR = {{torque = {weight}}}\n"
-    return str(pendulum_card(folder, f"[timing]\ndt = 0.01\n{cost}"))
+    return str(pendulum_deployment(folder, f"[timing]\ndt = 0.01\n{cost}"))
 
 
 def test_the_lower_bound_is_below_the_policys_cost(
@@ -202,7 +202,7 @@ def test_the_lower_bound_is_below_the_policys_cost(
     initial condition.
     """
     content = json.loads(certificate.read_text())["statement"]
-    words = ["assess", card_of(tmp_path, content["R"][0][0]), *AIRCRAFT, "--samples", "0"]
+    words = ["assess", deployment_file(tmp_path, content["R"][0][0]), *AIRCRAFT, "--samples", "0"]
     found = tmp_path / "found.json"
     words += ["--best", "3", "--bound", str(certificate), "-o", str(found)]
     assert main(words) in (0, 1)
@@ -221,7 +221,7 @@ def test_a_deployed_policy_of_other_weights_is_refused(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`hfa assess` refuses a bound whose weights differ from those of the deployment file."""
-    words = ["assess", card_of(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
+    words = ["assess", deployment_file(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
     assert main([*words, "--bound", str(certificate)]) == 2
     assert re.search(
         r"R in the certificate differs from the value of \S+.toml", capsys.readouterr().err

@@ -117,12 +117,12 @@ def test_the_page_shows_the_stored_flights(job: MainJob) -> None:
     assert f"{best:,.0f}" in drawn
     assert "does not converge" in drawn
     assert "pitch_rate -39.39 to 39.39 deg/s" in drawn
-    assert "for this page's aircraft" in flights_section(flights, flown_pairs(job)).text()
-    for changed in ({}, {angle: (A, 1.01 * B) for angle, (A, B) in flown_pairs(job).items()}):
+    assert "for this page's aircraft" in flights_section(flights, model_pairs(job)).text()
+    for changed in ({}, {angle: (A, 1.01 * B) for angle, (A, B) in model_pairs(job).items()}):
         assert "ANOTHER aircraft" in flights_section(flights, changed).text()
 
 
-def flown_pairs(job: MainJob) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+def model_pairs(job: MainJob) -> dict[float, tuple[np.ndarray, np.ndarray]]:
     return {
         point.dihedral_deg: (point.model.A, point.model.B)
         for point in job.points

@@ -8,7 +8,16 @@ import control
 import numpy as np
 import pytest
 from cli import complaints_about
-from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, model_of, trims
+from policy_cases import (
+    FOLDER,
+    GTM,
+    ROOT,
+    aircraft,
+    gtm_deployment,
+    model_of,
+    stored_deployment,
+    trims,
+)
 from scipy.integrate import solve_ivp
 
 import hfa
@@ -84,7 +93,7 @@ def test_the_json_contains_the_documented_keys(good):
 def test_a_formula_not_smooth_at_trim_is_refused(table, name, entry):
     """A formula that is not smooth at the trim is refused, with its table and name."""
     o = ca.SX.sym("o", 4)
-    right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
+    right = gtm_deployment({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
     model = model_of(GTM)
     wrong = right.changed(**{table: {**getattr(right, table), name: entry}})
     with pytest.raises(hfa.BadInputError, match=rf"^the deployment: {table}\.{name}: the formula"):
@@ -109,7 +118,7 @@ def test_a_delay_above_the_limit_fails():
     """With a delay above the limit, the loop is unstable, no flight converges and a limit cycle is
     found.
     """
-    late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.02})
+    late = stored_deployment("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.02})
     result = assess(aircraft("ppo_gtm"), late, [60.0], samples=16)
     (point,) = result.points
     assert point.radius > 1.0
@@ -123,7 +132,7 @@ def test_a_delay_above_the_limit_fails():
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_the_equilibrium_equals_the_end_of_flight(name):
     """The equilibrium equals the final state of a 200 s flight from the trim, to 1e-6."""
-    deployed = card(name).on(aircraft(name))
+    deployed = stored_deployment(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
     flight = assessor.flight()
@@ -137,7 +146,7 @@ def test_a_sample_with_delay_equals_scipys_integration():
     """One simulated sample of a policy with a delay of 1.5 samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
-    deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
+    deployed = stored_deployment("ppo_gtm").on(aircraft("ppo_gtm"))
     model = deployed.model
     (point,) = trims("ppo_gtm")[1:2]
     flight = SampledFlight(deployed, 0.02, 0.03, 4 * parts_of_a_sample([point], 0.02))
@@ -173,7 +182,7 @@ def test_a_saturated_equilibrium_is_not_called_stable():
         "elevator": {"box": [-1, 1], "map": "trim + 0.001 * a"},
         "throttle": {"map": "trim + a"},
     }
-    deployment = gtm_card({"file": push}, action=action)
+    deployment = gtm_deployment({"file": push}, action=action)
     result = assess(model_of(GTM), deployment, [45.0], samples=0)
     (point,) = result.points
     assert result.first_line.startswith("FAIL: its linear loop does not hold at 45 m/s")
@@ -189,7 +198,7 @@ def test_a_saturated_equilibrium_is_not_called_stable():
 @pytest.mark.slow
 def test_the_seed_determines_the_flights():
     """Equal seeds give equal flights, and another seed gives another worst initial condition."""
-    model, deployment = aircraft("ppo_raw"), card("ppo_raw")
+    model, deployment = aircraft("ppo_raw"), stored_deployment("ppo_raw")
     first, again, other = (
         assess(model, deployment, [52.0], samples=8, seed=seed).points[0].flights
         for seed in (0, 0, 1)
@@ -213,24 +222,24 @@ def test_unusable_arguments_of_assess_are_refused():
     """Wrong operating points, a policy of another aircraft and a missing policy file are refused by
     name.
     """
-    model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
+    model, deployment = aircraft("ppo_gtm"), stored_deployment("ppo_gtm")
     with pytest.raises(hfa.BadInputError, match="give operating points"):
         assess(model, deployment, ["45"])
     with pytest.raises(hfa.BadInputError, match="points is empty"):
         assess(model, deployment, [])
     with pytest.raises(hfa.BadInputError, match="unknown input 'elevator'"):
-        assess(hfa.aircraft(), gtm_card({"file": FOLDER / "ppo_raw.zip"}))
+        assess(hfa.aircraft(), gtm_deployment({"file": FOLDER / "ppo_raw.zip"}))
     with pytest.raises(hfa.BadInputError, match=r"policy\.file is missing"):
-        assess(model, gtm_card({}))
+        assess(model, gtm_deployment({}))
 
 
 def test_chatter_near_the_equilibrium_is_reported():
     """A policy whose flights converge but chatter near the equilibrium fails, and the limit cycle
     is reported.
     """
-    calm = card("ppo_gtm").actor
+    calm = stored_deployment("ppo_gtm").actor
     o = ca.SX.sym("o", 4)
-    at_rest = card("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # pitch rate
+    at_rest = stored_deployment("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # pitch rate
     kink = ca.fmin(ca.fmax(30.0 * (o[2] - at_rest), -0.01), 0.01)
     raw = calm.function(o) + ca.vertcat(kink, 0.0)
     buzzing = Deployment.load(FOLDER / "ppo_gtm.toml")
@@ -253,7 +262,7 @@ def test_a_planted_nonlinearity_is_found():
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
     bent = ca.Function("bent", [o], [ca.vertcat(0.5 * o[2] + 2.0 * ca.fmax(o[3] - 0.05, 0.0), 0.0)])
-    result = assess(model, gtm_card({"file": bent}), [45.0], samples=0)
+    result = assess(model, gtm_deployment({"file": bent}), [45.0], samples=0)
     found = result.points[0].nonlinearity
     width = result.points[0].place.box[3] - (0.05 - result.points[0].offset[3])
     assert found.state["pitch"] == pytest.approx(0.1)
@@ -268,7 +277,7 @@ def test_assess_accepts_a_box_and_requirements():
     """
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
-    gain = gtm_card({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
+    gain = gtm_deployment({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
     result = assess(model, gain, [45.0], samples=0, box={"pitch": 0.01}, needs={"delay": 9.0})
     place = model.linear.index("pitch")
     assert result.points[0].place.box[place] == pytest.approx(0.01)
@@ -284,7 +293,7 @@ def test_a_gain_has_no_nonlinearity():
     """A linear policy has no deviation from its linearization."""
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])
-    result = assess(aircraft("ppo_gtm"), gtm_card({"file": gain}), [45.0], samples=0)
+    result = assess(aircraft("ppo_gtm"), gtm_deployment({"file": gain}), [45.0], samples=0)
     assert result.points[0].nonlinearity.part < 1e-9
 
 
@@ -344,7 +353,7 @@ def test_slopes_at_a_kink_equal_those_of_linearize():
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])
     model = kinked_model()
-    result = assess(model, gtm_card({"file": gain}), [45.0], samples=0)
+    result = assess(model, gtm_deployment({"file": gain}), [45.0], samples=0)
     (point,) = result.points
     linear = hfa.linearize(model, point.point)
     np.testing.assert_array_equal(point.equilibrium.A, linear.A)
@@ -360,7 +369,7 @@ def test_slopes_at_a_kink_equal_those_of_linearize():
 F16 = f"{ROOT}/examples/f16.py:F16"
 
 
-def f16_card(**tables):
+def f16_deployment(**tables):
     """Return a deployment for the F-16's elevator that observes alpha, pitch rate and pitch.
 
     tables: further tables of the deployment
@@ -387,8 +396,8 @@ def test_a_trim_at_edge_of_envelope_is_refused():
     )
     for judge in (hfa.assess, hfa.environment):
         with pytest.raises(hfa.BadInputError, match="at the lowest limit of altitude, 0 ft"):
-            judge(edged, f16_card(), [502.0])
-    hfa.environment(model, f16_card(), [502.0])
+            judge(edged, f16_deployment(), [502.0])
+    hfa.environment(model, f16_deployment(), [502.0])
 
 
 def test_a_departure_is_reported_with_state_and_time():
@@ -398,7 +407,7 @@ def test_a_departure_is_reported_with_state_and_time():
     model = model_of(F16)
     edge = {**model.states, "altitude": model.states["altitude"]._replace(min=-3.0)}
     edged = replace(model, states=edge)
-    deployed = f16_card().on(edged)
+    deployed = f16_deployment().on(edged)
     assessed = Assessor(deployed, trims_of(edged, [502.0]), samples=4).assessed()
     result = Assessment(deployed, tuple(assessed), ())  # without the search for corrections
     flights = result.points[0].flights
@@ -408,7 +417,7 @@ def test_a_departure_is_reported_with_state_and_time():
     assert flights.departure.value == pytest.approx(-3.0, abs=2.0)
     said = f"altitude below -3 ft at {flights.departure.time:.4g} s"
     assert any(said in headline for headline in result.headlines)
-    env = hfa.environment(edged, f16_card(), [502.0])
+    env = hfa.environment(edged, f16_deployment(), [502.0])
     env.reset(seed=1)
     lost = False
     while not lost:
@@ -426,7 +435,7 @@ def test_the_first_departure_is_reported():
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])
     o, action = ca.SX.sym("o", 4), {"elevator": {"box": [-1, 1]}, "throttle": {"box": [-1, 1]}}
     policy = {"file": ca.Function("policy", [o], [-ca.mtimes(ca.DM(wrong), o)])}
-    deployment = gtm_card(policy, action=action, timing={"dt": 0.03})
+    deployment = gtm_deployment(policy, action=action, timing={"dt": 0.03})
     deployed = deployment.on(model)
     (found,) = Assessor(deployed, (point,), 12, seed=3).assessed()
     for flights, pushed in ((found.flights, False), (found.disturbed, True)):
@@ -468,7 +477,7 @@ def test_policies_on_changed_aircraft_keep_trim_values():
     from scipy.optimize import root
 
     model = model_of(F16)
-    card = f16_card().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
+    card = f16_deployment().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
     result = hfa.assess(model, card, [502.0], samples=0, vary={"xcg": (0.34, 0.36)})
     trim = result.points[0].point
     assert [variation.value for variation in result.variations] == pytest.approx(
@@ -511,7 +520,7 @@ def test_a_wrong_vary_is_refused_before_trims(vary, said):
     model = model_of(F16)
     no_trim = [object()]
     with pytest.raises(hfa.BadInputError, match=said):
-        assess(model, f16_card(), no_trim, vary=vary)
+        assess(model, f16_deployment(), no_trim, vary=vary)
 
 
 def test_several_deployments_are_compared_in_one_table(capsys, tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, aircraft, card, trims
+from policy_cases import AIRCRAFT, aircraft, stored_deployment, trims
 
 from hfa_policy.assessment import Assessor
 from hfa_policy.flights import SampledFlight
@@ -16,7 +16,7 @@ END = 60.0
 SMALL = 1e-6
 
 
-def is_lost(name, point, equilibrium, delay):
+def deviation_grows(name, point, equilibrium, delay):
     """Return whether a small deviation between two flights grows.
 
     A deviation grows if it is larger at the end than in the middle, or exceeds 100 times its
@@ -24,7 +24,7 @@ def is_lost(name, point, equilibrium, delay):
 
     delay: s
     """
-    deployment = card(name)
+    deployment = stored_deployment(name)
     deployed = deployment.on(aircraft(name))
     parts = parts_of_a_sample([point], deployment.dt)
     flight = SampledFlight(deployed, deployment.dt, delay, parts)
@@ -55,7 +55,7 @@ def is_lost(name, point, equilibrium, delay):
 )
 def test_the_smallest_unstable_delay_agrees_with_flights(name, number):
     """Flights are stable one sample below the smallest unstable delay, and unstable at this delay."""
-    deployment = card(name)
+    deployment = stored_deployment(name)
     point = trims(name)[number]
     assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)
     equilibrium = assessor.places(assessor.flight())[0].equilibrium
@@ -65,5 +65,5 @@ def test_the_smallest_unstable_delay_agrees_with_flights(name, number):
     if limit > 0.0:
         before = limit - deployment.dt
         assert chain_of(equilibrium, deployment.dt, before).radius < 1.0
-        assert not is_lost(name, point, equilibrium, before)
-    assert is_lost(name, point, equilibrium, limit)
+        assert not deviation_grows(name, point, equilibrium, before)
+    assert deviation_grows(name, point, equilibrium, limit)

@@ -11,7 +11,7 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, model_of
+from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, model_of, stored_deployment
 from tolerances import FEW_ROUNDINGS
 
 from hfa_policy.assess import assess
@@ -130,7 +130,7 @@ def test_mistakes_in_deployment_files_are_refused(folder, typed, instead, said):
 def test_formulas_that_are_code_are_refused(formula):
     """Formulas that are more than arithmetic of numbers, names and supported functions are refused."""
     observation = {"speed": {}, "alpha": {}, "pitch": {}, "odd": {"formula": formula}}
-    deployment = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
+    deployment = gtm_deployment({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
     with pytest.raises(BadInputError, match=r"formula|unknown name|calls|arithmetic"):
         deployment.on(model_of(GTM))
 
@@ -139,7 +139,7 @@ def test_formulas_are_evaluated():
     """The formulas of observations and actions are evaluated at a state and its trim."""
     entries = {"flow": {"formula": "pitch - alpha", "about": 0.0}, "gamma": {"about": 0.0}}
     o = ca.SX.sym("o", 2)
-    deployment = gtm_card(
+    deployment = gtm_deployment(
         {"file": ca.Function("policy", [o], [o[0]])},
         observation=entries,
         action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
@@ -291,14 +291,14 @@ def test_cleanrl_actions_follow_from_scale_and_bias(folder):
     weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
     squash = {"action_scale": np.array([2.0, 0.5]), "action_bias": np.array([1.0, 0.0])}
     np.savez(folder / "actor.npz", **weights, **squash)
-    card = gtm_card({"file": folder / "actor.npz"})
+    card = gtm_deployment({"file": folder / "actor.npz"})
     o = random.normal(size=4)
     expected = np.tanh(weights["fc_mu.weight"] @ o) * [2.0, 0.5] + [1.0, 0.0]
     act = card.on(aircraft("ppo_gtm")).act
     assert np.array(act(o)).ravel() == pytest.approx(expected, rel=1e-12)
     assert np.isnan(np.array(act([np.nan, 0.0, 0.0, 0.0]))).all()
     with pytest.raises(BadInputError, match=r"squash is false, but .* contains action_scale"):
-        _ = gtm_card({"file": folder / "actor.npz", "squash": False}).actor
+        _ = gtm_deployment({"file": folder / "actor.npz", "squash": False}).actor
 
 
 def test_a_zip_with_a_wrong_size_is_refused(folder):
@@ -364,7 +364,7 @@ def test_gains_and_state_dicts_give_equal_actions(tmp_path):
     np.savez(tmp_path / "layer.npz", **{"weight": -K, "bias": np.zeros(2)})
     observation = np.array([1.0, -2.0, 0.5, 3.0])
     for name in ("gain.npz", "layer.npz"):
-        deployment = gtm_card({"file": tmp_path / name})
+        deployment = gtm_deployment({"file": tmp_path / name})
         action = np.array(deployment.on(model_of(GTM)).act(observation)).ravel()
         np.testing.assert_allclose(action, -K @ observation, rtol=FEW_ROUNDINGS)
 
@@ -382,7 +382,7 @@ def test_settings_stored_in_a_zip_are_read():
 
 def test_a_deployment_in_python_equals_its_file():
     """A deployment constructed in Python has the same box and sample time as its file."""
-    loaded = card("ppo_gtm")
+    loaded = stored_deployment("ppo_gtm")
     again = Deployment(
         loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder
     )
@@ -392,7 +392,7 @@ def test_a_deployment_in_python_equals_its_file():
 
 def test_a_deployment_read_from_files_is_pickled(folder):
     """A deployment whose files were read can be pickled."""
-    read = card("ppo_gtm")
+    read = stored_deployment("ppo_gtm")
     assert read.actor
     assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
 
@@ -404,13 +404,13 @@ def test_a_deployment_read_from_files_is_pickled(folder):
         lambda: Deployment({}, {"alpha": {}}, {"elevator": {}}, None),
         lambda: Deployment({}, {1: {}}, {"elevator": {}}, {"dt": 0.02}),
         lambda: Deployment.load(5),
-        lambda: card("ppo_gtm").on(None),
+        lambda: stored_deployment("ppo_gtm").on(None),
         lambda: environment(aircraft("ppo_gtm"), "card.toml"),
-        lambda: environment(None, card("ppo_gtm")),
-        lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), seconds="long"),
-        lambda: vector_environment(aircraft("ppo_gtm"), card("ppo_gtm"), count=2.5),
+        lambda: environment(None, stored_deployment("ppo_gtm")),
+        lambda: environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), seconds="long"),
+        lambda: vector_environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), count=2.5),
         lambda: assess(aircraft("ppo_gtm"), None),
-        lambda: assess(aircraft("ppo_gtm"), card("ppo_gtm"), samples="many"),
+        lambda: assess(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), samples="many"),
     ],
 )
 def test_wrong_argument_types_are_refused(make):
@@ -452,7 +452,7 @@ def test_policies_for_frame_stacks_are_refused():
     """
     from hfa_policy.stable_baselines import _algorithm
 
-    one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
+    one = gtm_deployment({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
     with pytest.raises(
         BadInputError,
         match=r"4 times as many as the deployment file lists; list all observations, or give history = 4",

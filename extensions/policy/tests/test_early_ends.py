@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import ROOT, aircraft, card, gtm_card, trims
+from policy_cases import ROOT, aircraft, gtm_deployment, stored_deployment, trims
 
 import hfa
 from hfa_aircraft.loading import load_model
@@ -26,8 +26,8 @@ def test_flights_that_end_early_are_classified_correctly(name, late):
 
     Of these, exactly the flights that counted as converged end in the ball about the equilibrium.
     """
-    dt = card(name).dt
-    deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})
+    dt = stored_deployment(name).dt
+    deployment = stored_deployment(name).changed(timing={"dt": dt, "delay": late * dt})
     assessor = Assessor(deployment.on(aircraft(name)), trims(name), STARTS, seed=77)
     flight = assessor.flight()
     places = assessor.places(flight)
@@ -45,7 +45,7 @@ def test_flights_that_end_early_are_classified_correctly(name, late):
     assert is_early.sum() > 50
     assert late == 0 or (is_early & ~is_back).any()
 
-    after, farthest = _flown_on(flown, window, is_early)
+    after, farthest = _continued(flown, window, is_early)
     assert (farthest[1] >= flown.least[is_early]).all()
     assert (farthest[2] <= flown.most[is_early]).all()
     distance = _distance(flown, after, is_early)
@@ -83,7 +83,7 @@ def test_a_flight_that_has_converged_stays(stays):
     flown.fly(place.seconds, window)
     is_early = (flown.status == _RETURNED) & (flown.times < place.seconds - 0.5)
     assert is_early.sum() > 20
-    _, farthest = _flown_on(flown, window, is_early, place.seconds)
+    _, farthest = _continued(flown, window, is_early, place.seconds)
     assert (farthest[0] <= 1.0).all() == stays
 
 
@@ -93,7 +93,7 @@ def test_the_equilibrium_follows_the_altitude():
     The difference is between equilibria 100 m apart.
     """
     model = load_model(f"{ROOT}/examples/uav.toml")
-    deployment = gtm_card({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
+    deployment = gtm_deployment({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
     (point,) = trims_of(model, None)
     search = EquilibriumSearch(deployment.on(model), point)
@@ -109,7 +109,7 @@ def test_the_equilibrium_follows_the_altitude():
     np.testing.assert_allclose(slopes[:, altitude], expected, rtol=1e-3, atol=1e-9)
 
 
-def _flown_on(flown, window, chosen, seconds=HORIZON):
+def _continued(flown, window, chosen, seconds=HORIZON):
     """Simulate the chosen flights to the end of their full duration, and return their final rows.
 
     For each flight, the function also returns the largest distance from the equilibrium, in

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, aircraft, card, gtm_card, trims
+from policy_cases import FOLDER, aircraft, gtm_deployment, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 from hfa_flight.envelope import flight_envelope
@@ -29,7 +29,7 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
     """The environment passes the checker of Gymnasium."""
     from gymnasium.utils.env_checker import check_env
 
-    check_env(environment(aircraft(name), card(name), trims(name)[:1]))
+    check_env(environment(aircraft(name), stored_deployment(name), trims(name)[:1]))
 
 
 def test_environments_accept_points_in_four_forms() -> None:
@@ -38,7 +38,7 @@ def test_environments_accept_points_in_four_forms() -> None:
     The forms are a list of operating points, one point, values of the scheduling variable, or None.
     An empty list, text, and the trim of another aircraft are refused.
     """
-    model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
+    model, deployment = aircraft("ppo_gtm"), stored_deployment("ppo_gtm")
     speeds = []
     for points in (trims("ppo_gtm")[1:2], trims("ppo_gtm")[1], [45.0]):
         env = environment(model, deployment, points)
@@ -83,7 +83,7 @@ def test_a_sample_time_excludes_a_deployment() -> None:
     model = aircraft("ppo_gtm")
     for make in (environment, vector_environment):
         with pytest.raises(BadInputError, match=r"timing\.dt"):
-            make(model, card("ppo_gtm"), dt=0.05)
+            make(model, stored_deployment("ppo_gtm"), dt=0.05)
     env = environment(model, dt=0.05, seconds=0.2)
     env.reset(seed=1)
     still = np.zeros(env.action_space.shape, np.float32)
@@ -92,7 +92,7 @@ def test_a_sample_time_excludes_a_deployment() -> None:
 
 def test_a_wrong_action_is_refused() -> None:
     """An action of a wrong size or type, or with NaN, is refused."""
-    env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
+    env = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm")[:1])
     env.reset(seed=1)
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
         with pytest.raises(BadInputError, match=r"the actions are|an action"):
@@ -153,7 +153,7 @@ def test_the_reward_is_the_negative_cost() -> None:
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
     cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}
-    env = environment(model, gtm_card({}, action=ACTION, cost=cost), [point], seconds=1.0)
+    env = environment(model, gtm_deployment({}, action=ACTION, cost=cost), [point], seconds=1.0)
     env.reset(options={"start": np.array(point.states) + START})
     _, reward, lost, over, _ = env.step(np.array([0.5]))
     paid = 0.02 * (0.5 * 2.0**2 + 8.0 * 0.03**2 + 2.0 * 0.15**2)
@@ -177,7 +177,9 @@ def test_an_episode_ends_if_the_action_is_nan() -> None:
         (0.02, "the command is not a number"),
     ):
         timing = {"dt": 0.02, "delay": delay}
-        env = environment(model, gtm_card({}, action=action, timing=timing), points, seconds=1.0)
+        env = environment(
+            model, gtm_deployment({}, action=action, timing=timing), points, seconds=1.0
+        )
         env.reset(seed=1)
         before, *_ = env.step(np.array([1.0]))
         after, reward, lost, over, info = env.step(np.array([-0.8]))
@@ -189,7 +191,9 @@ def test_an_episode_ends_if_the_action_is_nan() -> None:
 
 def test_seeds_determine_resets_and_time_truncates() -> None:
     """The seed determines the first observation, and an episode is truncated at its duration."""
-    env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), seconds=0.1)
+    env = environment(
+        aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm"), seconds=0.1
+    )
     first, info = env.reset(seed=3)
     again, _ = env.reset(seed=3)
     other, _ = env.reset(seed=4)
@@ -204,7 +208,7 @@ def test_seeds_determine_resets_and_time_truncates() -> None:
 def test_the_rendered_picture_changes_during_an_episode() -> None:
     """The rendered picture keeps its size and changes while the episode is simulated."""
     env = environment(
-        aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), render_mode="rgb_array"
+        aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm"), render_mode="rgb_array"
     )
     env.reset(seed=1)
     before = env.render()
@@ -221,11 +225,11 @@ def test_unusable_arguments_of_environments_are_refused() -> None:
     """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     with pytest.raises(BadInputError, match=r"action\.elevator has no box"):
-        environment(model, gtm_card({}, action={"elevator": {}}), points)
+        environment(model, gtm_deployment({}, action={"elevator": {}}), points)
     with pytest.raises(BadInputError, match="render_mode is 'human'; give None or 'rgb_array'"):
-        environment(model, gtm_card({}, action=ACTION), points, render_mode="human")
+        environment(model, gtm_deployment({}, action=ACTION), points, render_mode="human")
     with pytest.raises(BadInputError, match="give at least the sample time"):
-        environment(model, gtm_card({}, action=ACTION), points, seconds=0.001)
+        environment(model, gtm_deployment({}, action=ACTION), points, seconds=0.001)
 
 
 def test_vectorized_episodes_equal_single_ones() -> None:
@@ -234,12 +238,12 @@ def test_vectorized_episodes_equal_single_ones() -> None:
     """
     pytest.importorskip("stable_baselines3")
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
-    several = vector_environment(model, card("ppo_gtm"), points, count=5, seconds=0.06)
+    several = vector_environment(model, stored_deployment("ppo_gtm"), points, count=5, seconds=0.06)
     several.seed(1)
     several.reset()
     starts = several.episodes.states.copy()
     owners = several.episodes.owners.copy()
-    one = environment(model, card("ppo_gtm"), points, seconds=0.06)
+    one = environment(model, stored_deployment("ppo_gtm"), points, seconds=0.06)
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 5, 2))
     for action in actions:
         observations, rewards, ended, infos = several.step(action)
@@ -260,7 +264,7 @@ def test_vectorized_episodes_equal_single_ones() -> None:
 
 def test_threads_do_not_change_episodes() -> None:
     """Episodes computed in several threads equal those computed in one thread."""
-    deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
+    deployed = stored_deployment("ppo_gtm").on(aircraft("ppo_gtm"))
     many = Episodes(deployed, trims("ppo_gtm"), 520)
     few = Episodes(deployed, trims("ppo_gtm"), 60)
     many.begin(np.arange(520), np.random.default_rng(0))
@@ -277,7 +281,7 @@ def test_training_logs_the_return_of_episodes() -> None:
     """Training with Stable-Baselines3 records the length and the return of each episode."""
     stable_baselines3 = pytest.importorskip("stable_baselines3")
     several = vector_environment(
-        aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), count=4, seconds=0.2
+        aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm"), count=4, seconds=0.2
     )
     trained = stable_baselines3.PPO("MlpPolicy", several, n_steps=32, device="cpu")
     trained.learn(128)
@@ -294,7 +298,7 @@ def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
     The standard deviations of the states agree with those of `fly` to 35 %.
     """
     light = Turbulence("light", 150.0, span=2.0)
-    model, deployment = aircraft("ppo_gtm"), gtm_card({}, action=ACTION)
+    model, deployment = aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION)
     points = trims("ppo_gtm")[1:2]
     env = environment(model, deployment, points, turbulence=light)
     still = env.action_space.low * 0.0
@@ -329,7 +333,7 @@ def test_turbulence_without_lateral_states_gives_a_warning() -> None:
     with pytest.warns(UserWarning, match="turbulence without v, p, r: the equations") as caught:
         environment(
             aircraft("ppo_gtm"),
-            card("ppo_gtm"),
+            stored_deployment("ppo_gtm"),
             trims("ppo_gtm")[:1],
             turbulence=Turbulence("light", 150.0, span=2.0),
         )
@@ -365,4 +369,4 @@ def test_cost_weights_equal_those_of_a_game() -> None:
     with pytest.raises(
         BadInputError, match=r"R is given together with a deployment; change cost\.R"
     ):
-        environment(model, card("ppo_gtm"), R=R)
+        environment(model, stored_deployment("ppo_gtm"), R=R)

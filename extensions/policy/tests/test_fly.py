@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, card, trims
+from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 from hfa.main import main
 from hfa_flight.envelope import flight_envelope
@@ -61,7 +61,7 @@ def test_a_half_sample_delay_halves_integration_steps():
 
     In floating point, 0.025 s minus two samples of 0.01 s is slightly above 0.005 s.
     """
-    deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
+    deployed = stored_deployment("ppo_gtm").on(aircraft("ppo_gtm"))
     point = trims("ppo_gtm")[0]
     flight = SampledFlight(deployed, 0.01, 0.025, parts=2)
     row = flight.rows(
@@ -97,14 +97,14 @@ def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
 def test_sample_times_with_fractional_microseconds_are_refused():
     """A sample time that is not a multiple of a microsecond is refused."""
     name = "ppo_gtm"
-    odd = card(name).changed(timing={"dt": 0.0123456789})
+    odd = stored_deployment(name).changed(timing={"dt": 0.0123456789})
     deployed = odd.on(aircraft(name))
     policy = DeployedPolicy("odd", deployed, trims(name)[0], held=np.zeros((1, 2)))
     with pytest.raises(BadInputError, match="whole number of microseconds"):
         sampled_scenario(policy, Scenario(), trims(name)[0])
 
 
-def card_without_normalizer(folder):
+def file_without_normalizer(folder):
     """Write a deployment file without its policy's VecNormalize, and return its path."""
     right = (FOLDER / "ppo_gtm.toml").read_text()
     named = 'normalizer = "ppo_gtm.pkl"'
@@ -122,7 +122,7 @@ def test_a_flight_warns_of_a_proved_mistake(tmp_path):
     """
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
-        flown_card(card_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
+        flown_card(file_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         flown_card(FOLDER / "ppo_gtm.toml", aircraft("ppo_gtm"), point)
@@ -132,7 +132,7 @@ def test_a_flight_warns_of_a_proved_mistake(tmp_path):
 def test_fly_and_export_note_proved_mistakes(tmp_path, capsys, words):
     """`hfa fly` and `hfa export` print a note on a mistake that the files prove."""
     given = [str(tmp_path / "out") if word == "FOLDER" else word for word in words]
-    path = card_without_normalizer(tmp_path)
+    path = file_without_normalizer(tmp_path)
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]
     assert main([*given, *where]) == 0
     assert "note: mistake: the policy was trained with" in capsys.readouterr().err

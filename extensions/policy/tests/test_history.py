@@ -6,7 +6,7 @@ import subprocess
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import aircraft, gtm_card, trims
+from policy_cases import aircraft, gtm_deployment, trims
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
@@ -35,7 +35,9 @@ def stacked(delay=0.0, history=3, gain=GAIN):
     o = ca.SX.sym("o", gain.shape[1])
     policy = {"file": ca.Function("gain", [o], [ca.DM(gain) @ o])}
     action = {"elevator": {"box": [-9, 9]}, "throttle": {"box": [-9, 9]}}
-    return gtm_card(policy, action=action, timing={"dt": 0.02, "delay": delay, "history": history})
+    return gtm_deployment(
+        policy, action=action, timing={"dt": 0.02, "delay": delay, "history": history}
+    )
 
 
 def test_spectral_radius_includes_past_states():

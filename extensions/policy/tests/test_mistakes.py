@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, card, model_of, trims
+from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, model_of, stored_deployment, trims
 
 import hfa
 from hfa_policy.assessment import Assessor
@@ -30,20 +30,24 @@ def kinds(name, deployment):
 
 
 def with_policy(name, **entries):
-    changed = {key: value for key, value in card(name).policy.items() if key not in entries}
+    changed = {
+        key: value for key, value in stored_deployment(name).policy.items() if key not in entries
+    }
     given = {key: value for key, value in entries.items() if value is not None}
-    return card(name).changed(policy={**changed, **given})
+    return stored_deployment(name).changed(policy={**changed, **given})
 
 
 def observed(name, **entries):
-    observation = {key: {**value, **entries} for key, value in card(name).observation.items()}
-    return card(name).changed(observation=observation)
+    observation = {
+        key: {**value, **entries} for key, value in stored_deployment(name).observation.items()
+    }
+    return stored_deployment(name).changed(observation=observation)
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_correct_deployment_files_have_no_mistake(name):
     """No mistake is reported for correct deployment files."""
-    assert kinds(name, card(name)) == []
+    assert kinds(name, stored_deployment(name)) == []
 
 
 @pytest.mark.parametrize("name", ["ppo_gtm", "a2c_gtm", "td3_gtm", "ppo_c172"])
@@ -128,7 +132,7 @@ def test_one_sac_environment_leaves_the_normalizer_undecided():
 
     The warning is omitted if the deployment file specifies that none was used.
     """
-    said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
+    said = unknown_normalizer(stored_deployment("sac_gtm").on(aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
     for name in ("sac_gtm", "ppo_gtm", "a2c_gtm"):
         told = with_policy(name, normalizer="none").on(aircraft(name))
@@ -173,9 +177,9 @@ def test_degrees_for_radians_are_named_beyond_limits():
     name = "ppo_gtm"
     scaled = {
         key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
-        for key, entry in card(name).observation.items()
+        for key, entry in stored_deployment(name).observation.items()
     }
-    assert "scale" in kinds(name, card(name).changed(observation=scaled))
+    assert "scale" in kinds(name, stored_deployment(name).changed(observation=scaled))
 
 
 def trained_on_absolute_values():
@@ -218,26 +222,28 @@ def test_absolute_degrees_are_not_reported_as_deviations():
 def test_omitted_scales_are_reported_as_unclear():
     """Omitted scales of absolute observations are reported as unclear, not as deviations."""
     right = observed("ppo_raw", about=0.0)
-    stored = card("ppo_raw").actor.stored
+    stored = stored_deployment("ppo_raw").actor.stored
     last = stored.last.copy()
     last[:, 0] += 45.0 / right.observation["speed"]["scale"]
     wrong = observed("ppo_raw", about=0.0, scale=1.0)
-    actor = replace(card("ppo_raw").actor, stored=replace(stored, last=last))
+    actor = replace(stored_deployment("ppo_raw").actor, stored=replace(stored, last=last))
     vars(right)["actor"] = vars(wrong)["actor"] = actor
     assert kinds("ppo_raw", right) == []
     assert set(kinds("ppo_raw", wrong)) == {UNCLEAR}
 
 
-def turned(name, action):
-    entries = {key: dict(entry) for key, entry in card(name).action.items()}
+def with_reversed_sign(name, action):
+    entries = {key: dict(entry) for key, entry in stored_deployment(name).action.items()}
     entries[action]["map"] = entries[action]["map"].replace("+", "-")
-    return card(name).changed(action=entries)
+    return stored_deployment(name).changed(action=entries)
 
 
 def exchanged(name, one, other):
-    names = list(card(name).observation)
+    names = list(stored_deployment(name).observation)
     names[one], names[other] = names[other], names[one]
-    return card(name).changed(observation={key: card(name).observation[key] for key in names})
+    return stored_deployment(name).changed(
+        observation={key: stored_deployment(name).observation[key] for key in names}
+    )
 
 
 def suggested(name, deployment, points=None):
@@ -256,7 +262,7 @@ def suggested(name, deployment, points=None):
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_the_sign_of_an_action_is_suggested(name):
     """For an action with a reversed sign, the first suggestion is the other sign."""
-    (first, *_) = suggested(name, turned(name, "elevator"), trims(name)[:1])
+    (first, *_) = suggested(name, with_reversed_sign(name, "elevator"), trims(name)[:1])
     assert first.startswith("flights would improve if the action of elevator had the other sign")
 
 
@@ -274,9 +280,9 @@ def rescaled(name, of):
     """
     observation = {
         key: {**entry, "scale": entry["scale"] if key == "speed" else of(entry["scale"])}
-        for key, entry in card(name).observation.items()
+        for key, entry in stored_deployment(name).observation.items()
     }
-    return card(name).changed(observation=observation)
+    return stored_deployment(name).changed(observation=observation)
 
 
 @pytest.mark.slow
@@ -285,7 +291,10 @@ def rescaled(name, of):
     [
         (rescaled("ppo_raw", lambda scale: scale / DEGREES), "its angles were observed in radians"),
         (rescaled("ppo_raw", lambda scale: scale * DEGREES), "its angles were observed in degrees"),
-        (card("ppo_raw").changed(timing={"dt": 0.16}), "the policy were sampled every"),
+        (
+            stored_deployment("ppo_raw").changed(timing={"dt": 0.16}),
+            "the policy were sampled every",
+        ),
     ],
 )
 def test_degrees_and_the_sample_time_are_suggested(changed, said):
@@ -300,7 +309,7 @@ def without_records(deployment, times=1.0):
 
     times: factor on the output of the policy
     """
-    actor = card("ppo_raw").actor
+    actor = stored_deployment("ppo_raw").actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     function = ca.Function("alone", [o], [times * actor.function(o)])
     vars(deployment)["actor"] = replace(actor, function=function, rows=None, stored=None)
@@ -345,7 +354,7 @@ def test_a_stable_exchange_gets_no_suggestion():
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
 def test_a_correct_deployment_gets_no_suggestion(name, times):
     """For a correct deployment file whose policy is stronger or weaker, no change is suggested."""
-    actor = card(name).actor
+    actor = stored_deployment(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
     function = ca.Function("strong", [o], [times * actor.function(o)])
@@ -358,8 +367,8 @@ def test_a_correct_deployment_gets_no_suggestion(name, times):
 @pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
 def test_a_correct_deployment_with_delay_gets_no_suggestion(name, delay):
     """For a correct deployment file with a delay of 0 or more, no change is suggested."""
-    timing = {**card(name).timing, "delay": delay}
-    assert suggested(name, card(name).changed(timing=timing)) == []
+    timing = {**stored_deployment(name).timing, "delay": delay}
+    assert suggested(name, stored_deployment(name).changed(timing=timing)) == []
 
 
 F16 = f"{ROOT}/examples/f16_constant.py:F16"

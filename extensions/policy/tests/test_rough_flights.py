@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from policy_cases import aircraft, card, trims
+from policy_cases import aircraft, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 import hfa
@@ -22,7 +22,9 @@ def good():
     """Return the assessment of a policy with two flights of half a second with sensor noise."""
     point = trims("ppo_gtm")[1]
     scenario = Scenario(duration=0.5, uncertainty=NOISE)
-    return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [point], 2, seed=3, scenario=scenario)
+    return assess(
+        aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), [point], 2, seed=3, scenario=scenario
+    )
 
 
 def test_rms_with_noise_equals_that_of_fly(good):
@@ -35,7 +37,7 @@ def test_rms_with_noise_equals_that_of_fly(good):
     assert (found.flights, found.inside, found.disturbed_by) == (2, 2, "noise")
     ticks = Scenario(duration=0.5, tick=0.02, step=0.02, uncertainty=NOISE).on(model)
     flights = [
-        hfa.fly(model, point, card("ppo_gtm"), scenario=ticks.drawn(3, member, point))
+        hfa.fly(model, point, stored_deployment("ppo_gtm"), scenario=ticks.drawn(3, member, point))
         for member in range(2)
     ]
     for name in ("alpha", "elevator"):
@@ -50,7 +52,7 @@ def test_rms_with_noise_equals_that_of_fly(good):
 def test_a_flight_that_leaves_in_a_gust_fails(good):
     """The assessment fails if a flight leaves the envelope in a gust."""
     (point,) = trims("ppo_hfa")
-    deployed = card("ppo_hfa").on(aircraft("ppo_hfa"))
+    deployed = stored_deployment("ppo_hfa").on(aircraft("ppo_hfa"))
     gust = OneMinusCosine(200.0, -80.0, 68.0)
     happens = rough_scenario(Scenario(duration=5.0, gust=gust), deployed.model, 1)
     (rough,) = rough_flights(deployed, [point], [happens], 1)
@@ -77,4 +79,6 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
 def test_a_scenario_without_disturbances_is_refused(scenario, samples, said):
     """Scenarios without disturbances, without flights or for missing states are refused."""
     with pytest.raises(hfa.BadInputError, match=said):
-        assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0], samples, scenario=scenario)
+        assess(
+            aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), [45.0], samples, scenario=scenario
+        )

@@ -7,7 +7,7 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from policy_cases import GTM, gtm_card, model_of
+from policy_cases import GTM, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
 
 import hfa
@@ -33,7 +33,7 @@ def linear_case(scale=1.0):
     K = scale * hfa.solve_game(game).K
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [-ca.DM(K) @ o])
-    deployment = gtm_card({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
+    deployment = gtm_deployment({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
     deployed = deployment.on(model)
     assessor = Assessor(deployed, (point,), samples=0)
     equilibrium = assessor.places(assessor.flight())[0].equilibrium

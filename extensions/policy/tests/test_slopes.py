@@ -5,7 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, aircraft, card, trims
+from policy_cases import FOLDER, aircraft, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 from hfa_networks.files.tensors import tensors_in
@@ -19,7 +19,7 @@ def test_actions_and_slopes_equal_stored_references(name):
     """Actions and slopes of the policies equal stored values of the PyTorch modules in float64."""
     import casadi as ca
 
-    act = card(name).on(aircraft(name)).act
+    act = stored_deployment(name).on(aircraft(name)).act
     o = ca.MX.sym("o", act.numel_in(0))
     slope = ca.Function("slope", [o], [ca.jacobian(act(o), o)])
     assert len(SLOPES[name]) == 5
@@ -34,7 +34,7 @@ def test_actions_and_slopes_equal_stored_references(name):
 
 def test_the_references_cover_all_policy_kinds():
     """The stored policies cover each algorithm, activation, normalizer, squashing and action range."""
-    kinds = {name: card(name) for name in SLOPES}
+    kinds = {name: stored_deployment(name) for name in SLOPES}
     assert {kind.actor.stored.algorithm for kind in kinds.values()} == {"PPO or A2C", "SAC", "TD3"}
     assert {kind.actor.stored.activation for kind in kinds.values()} == {"tanh", "relu"}
     assert {kind.normalizer is None for kind in kinds.values()} == {True, False}
@@ -49,7 +49,7 @@ def test_the_references_cover_all_policy_kinds():
 def test_gain_equals_central_differences_at_equilibrium():
     """K equals central differences of the command at the equilibrium."""
     name = "td3_gtm"
-    deployed = card(name).on(aircraft(name))
+    deployed = stored_deployment(name).on(aircraft(name))
     point = trims(name)[0]
     assessor = Assessor(deployed, (point,), samples=0)
     equilibrium = assessor.places(assessor.flight())[0].equilibrium
@@ -84,7 +84,7 @@ def test_stored_slopes_equal_stable_baselines3(name):
 def test_an_onnx_deployment_equals_its_zip(tmp_path):
     """A deployment file with an ONNX file has the actions of Stable-Baselines3."""
     onnx = pytest.importorskip("onnx")
-    zipped = card("ppo_gtm")
+    zipped = stored_deployment("ppo_gtm")
     with zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive:
         tensors = tensors_in(archive.read("policy.pth"), ".pth")
     names = ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net")

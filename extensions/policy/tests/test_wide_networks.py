@@ -5,7 +5,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, aircraft, card, gtm_card, trims
+from policy_cases import AIRCRAFT, aircraft, gtm_deployment, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 from hfa_networks.files.activations import ACTIVATIONS
@@ -47,7 +47,7 @@ def test_networks_on_rows_equal_the_graph(name):
 
     The observations are not changed.
     """
-    actor = card(name).actor
+    actor = stored_deployment(name).actor
     observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
     kept = observations.copy()
     graph = np.array(actor.function(observations.T)).T
@@ -57,7 +57,7 @@ def test_networks_on_rows_equal_the_graph(name):
 
 def test_a_wide_network_is_computed_in_single_precision(tmp_path):
     """A wide network is evaluated on rows in single precision."""
-    card = gtm_card({"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"})
+    card = gtm_deployment({"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"})
     observations = np.random.default_rng(1).normal(size=(20, 4))
     double = np.array(card.actor.function(observations.T)).T
     single = card.actor.rows(observations)
@@ -71,7 +71,9 @@ def test_networks_of_any_width_are_evaluated_on_rows(tmp_path, activation, width
 
     nearness: largest permitted difference
     """
-    card = gtm_card({"file": wide_file(tmp_path / "wide.npz", width), "activation": activation})
+    card = gtm_deployment(
+        {"file": wide_file(tmp_path / "wide.npz", width), "activation": activation}
+    )
     observations = np.random.default_rng(1).normal(size=(20, 4))
     graph = np.array(card.actor.function(observations.T)).T
     np.testing.assert_allclose(card.actor.rows(observations), graph, rtol=0, atol=nearness)
@@ -106,7 +108,7 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
     given = [describe("raw", onnx.TensorProto.DOUBLE, [1, 2])]
     graph = onnx.helper.make_graph(nodes, "actor", taken, given, weights)
     onnx.save(onnx.helper.make_model(graph), tmp_path / "wide.onnx")
-    actor = gtm_card({"file": str(tmp_path / "wide.onnx")}).actor
+    actor = gtm_deployment({"file": str(tmp_path / "wide.onnx")}).actor
     observations = random.normal(size=(20, 4))
     expected = np.array(actor.function(observations.T)).T
     np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
@@ -114,11 +116,11 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
 
 def test_flights_in_a_limit_cycle_end_early():
     """Flights of 60 s in a limit cycle end after at most 40 s."""
-    late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
+    late = stored_deployment("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
     places = assessor.places(flight)
-    flown = FlownRows(flight, places, flown_rows(flight, places[0], 8), np.zeros(8, dtype=int))
+    flown = FlownRows(flight, places, simulated_rows(flight, places[0], 8), np.zeros(8, dtype=int))
     flown.fly(60.0, flight.window(8, 60.0))
     outcome = flown.outcome(0, places[0])
     assert (outcome.returned, outcome.lost) == (0, 0)
@@ -133,7 +135,7 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
-    card = gtm_card({"file": ca.Function("two", [o], [raw])})
+    card = gtm_deployment({"file": ca.Function("two", [o], [raw])})
     assessor = Assessor(card.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
     flight = assessor.flight()
     places = assessor.places(flight)
@@ -142,7 +144,7 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
         # Only this number lets such a flight continue to its end.
         monkeypatch.setattr(outcomes, "_STANDING", windows)
         flown = FlownRows(
-            flight, places, flown_rows(flight, places[0], 24), np.zeros(24, dtype=int)
+            flight, places, simulated_rows(flight, places[0], 24), np.zeros(24, dtype=int)
         )
         flown.fly(60.0, flight.window(24, 60.0))
         ends.append((flown.times.max(), flown.outcome(0, places[0])))
@@ -154,7 +156,7 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     assert outcome.elsewhere_at["pitch"] == pytest.approx(pitch, abs=1e-3)
 
 
-def flown_rows(flight, place, count):
+def simulated_rows(flight, place, count):
     starts, pushes = seeded_starts(place, count, 0, False)
     trim = flight.deployed.trim_vector(place.point)
     return flight.rows(starts, np.tile(trim, (count, 1)), pushes)
@@ -174,11 +176,11 @@ def test_flights_simulated_together_equal_single_flights(name, delay):
 
     Each flight alone is simulated sample by sample.
     """
-    late = card(name).changed(timing={"dt": 0.02, "delay": delay})
+    late = stored_deployment(name).changed(timing={"dt": 0.02, "delay": delay})
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
-    rows = flown_rows(flight, place, 5)
+    rows = simulated_rows(flight, place, 5)
     together = flight.window(5, 1.0)(rows)
     alone = flight.sample().fold(flight.samples_in_window)
     for after, row in zip(together, rows, strict=True):
@@ -195,7 +197,7 @@ def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     command.
     """
     file = wide_file(tmp_path / "wide.npz", width)
-    deployed = gtm_card({"file": file, "activation": activation}).on(aircraft("ppo_gtm"))
+    deployed = gtm_deployment({"file": file, "activation": activation}).on(aircraft("ppo_gtm"))
     (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=4).assessed()
     assert np.isfinite(point.radius)
     assert point.flights.starts == 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ended_runs import comes_to_the_same_bits, proc
+from ended_runs import assert_resumed_bits_equal, proc
 
 
 @proc
@@ -13,4 +13,4 @@ from ended_runs import comes_to_the_same_bits, proc
 def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
     """A proof that is terminated at random times and resumed writes the same bytes."""
     words = ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json")
-    comes_to_the_same_bits(tmp_path, words)
+    assert_resumed_bits_equal(tmp_path, words)

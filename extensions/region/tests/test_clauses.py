@@ -170,7 +170,7 @@ def _small_ball(content: Content) -> None:
     content["witness"]["parts"][0]["evidence"]["gram"] = gram
 
 
-def _said_to_be_empty(content: Content) -> None:
+def _empty_set_claimed(content: Content) -> None:
     """Change the certificate to claim that the set is empty.
 
     The evidence shows that 1 is positive. It should show that -1 is positive.
@@ -239,7 +239,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([[SCALE, SCALE], [SCALE, SCALE]], "witness", "T"),
         "not proved invertible",
     ),
-    "a set said to be empty": (_said_to_be_empty, "empty"),
+    "a set said to be empty": (_empty_set_claimed, "empty"),
     "no part": (_put([], "witness", "parts"), "do not cover"),
     "an order below V": (_lower_order, "order"),
     "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "terms"), "terms"),

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown_initial_conditions import drawn, starts_lost
 from pendulum_regions import PENDULUM, VAN_DER_POL, certified, pendulum_loop, proved
+from simulated_initial_conditions import count_departures, random_points
 
 from hfa_aircraft.loading import load_model
 from hfa_region.check.certificate import check_certificate
@@ -42,7 +42,7 @@ def test_initial_conditions_are_uniform_in_the_set(tmp_path: Path) -> None:
     path = certified(tmp_path / "pendulum.json", pendulum_loop(model), 0.98)
     statement = check_certificate(path, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
-    starts = drawn(V, statement, 2000, np.random.default_rng(0))
+    starts = random_points(V, statement, 2000, np.random.default_rng(0))
     values = V(starts)
     assert np.all(values <= 1.0)
     assert np.all(values[1000:] > 1.0 - 1e-6)
@@ -50,9 +50,9 @@ def test_initial_conditions_are_uniform_in_the_set(tmp_path: Path) -> None:
     assert np.quantile(values[:1000], [0.25, 0.5, 0.75]) == pytest.approx(
         [0.25, 0.5, 0.75], abs=0.06
     )
-    assert starts_lost(statement, 200) == (0, 0)
+    assert count_departures(statement, 200) == (0, 0)
     # Far outside, the torque cannot lift the pendulum; the simulation detects this.
-    left, late = starts_lost(statement, 200, farther=4.0)
+    left, late = count_departures(statement, 200, farther=4.0)
     assert left + late > 20
 
 
@@ -70,7 +70,7 @@ def test_all_flights_in_a_proved_set_converge(
 ) -> None:
     """Of 20,000 flights from each proved set, all converge and none leaves the limits."""
     statement, _ = stated(tmp_path / "proved.json", aircraft, *words)
-    assert starts_lost(statement, 20_000) == (0, 0)
+    assert count_departures(statement, 20_000) == (0, 0)
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_the_region_of_the_tutorials_navion_is_proved(tmp_path: Path) -> None:
     # The limits of the inputs and of gamma are those of the model.
     assert data["limits"]["thrust"] == [0.0, 1000.0]
     assert data["limits"]["gamma"] == [-0.4, 0.4]
-    assert starts_lost(statement, 1000) == (0, 0)
+    assert count_departures(statement, 1000) == (0, 0)
 
 
 @pytest.mark.slow
@@ -106,4 +106,4 @@ def test_the_region_of_the_f16_is_proved(tmp_path: Path) -> None:
     assert data["rho"] < data["leaves_limits_at"]["V"]
     assert data["extents"]["speed"] > 10.0
     assert statement.loop.limits["elevator"] == (-25.0, 25.0)
-    assert starts_lost(statement, 1000) == (0, 0)
+    assert count_departures(statement, 1000) == (0, 0)

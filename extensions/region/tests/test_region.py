@@ -195,12 +195,12 @@ def test_flights_from_the_proved_set_converge(certificate: Path, model: Model) -
     """All flights from the proved set converge. From four times as far, some do not."""
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms)
-    assert not _lost_starts(statement, V, 400).any()
+    assert not _not_converged(statement, V, 400).any()
     # Four times as far out, some do not converge; the simulation detects this.
-    assert _lost_starts(statement, V, 200, farther=4.0).any()
+    assert _not_converged(statement, V, 200, farther=4.0).any()
 
 
-def _lost_starts(
+def _not_converged(
     statement: RegionStatement, V: PolynomialFunction, count: int, farther: float = 1.0
 ) -> np.ndarray:
     generator = np.random.default_rng(3)

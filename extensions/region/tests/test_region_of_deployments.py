@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pendulum_card import pendulum_card
+from pendulum_deployment import pendulum_deployment
 
 import hfa
 from hfa.main import main
@@ -17,13 +17,13 @@ from hfa_region.commands.on_boxes import card_policy
 PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", "1"]
 
 
-def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]:
+def options_of_deployment(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]:
     """Return the options for a deployment file with the policy u = -1.98 angle + gain observed.
 
     observed: name of the second observation
     """
     timing = "[timing]\ndt = 0.02\ndelay = 0.04\n"
-    path = pendulum_card(folder, timing, observed=observed, gain=gain)
+    path = pendulum_deployment(folder, timing, observed=observed, gain=gain)
     return ["prove", "region", *PENDULUM, "--policy", str(path)]
 
 
@@ -32,7 +32,7 @@ def test_the_continuous_policy_equals_the_unsampled_file(tmp_path: Path) -> None
 
     They are compared at (0.1 rad, -0.3 rad/s). The effects that the proof neglects are stated.
     """
-    file = Path(card(tmp_path)[-1])
+    file = Path(options_of_deployment(tmp_path)[-1])
     model = load_model(PENDULUM[1])
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     policy = card_policy(file, linear)
@@ -45,19 +45,19 @@ def test_the_continuous_policy_equals_the_unsampled_file(tmp_path: Path) -> None
 @pytest.mark.slow
 def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The certificate is accepted for this deployment file and refused for another gain."""
-    words = card(tmp_path)
+    words = options_of_deployment(tmp_path)
     proof = str(tmp_path / "proof.json")
     assert main([*words, "--seconds", "3", "-o", proof]) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert first.endswith("of pendulum")
     assert second == "without sampling (0.02 s), delay (0.04 s), actuators, disturbances"
     assert main([*words, "--check", proof]) == 0
-    assert main([*card(tmp_path, gain=-0.99), "--check", proof]) == 2
+    assert main([*options_of_deployment(tmp_path, gain=-0.99), "--check", proof]) == 2
 
 
 def test_observed_inputs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A deployment file with an observation that depends on an input is refused."""
-    assert main(card(tmp_path, observed="torque")) == 2
+    assert main(options_of_deployment(tmp_path, observed="torque")) == 2
     assert "observation.torque depends on an input" in capsys.readouterr().err
 
 
@@ -69,7 +69,7 @@ def test_the_message_suggests_a_missing_activation(
     The option --set cannot be used with --policy.
     """
     np.savez(tmp_path / "pi.npz", **{"0.weight": np.ones((3, 2)), "2.weight": np.ones((1, 3))})
-    words = card(tmp_path)
+    words = options_of_deployment(tmp_path)
     file = Path(words[-1])
     text = file.read_text(encoding="utf-8")
     file.write_text(re.sub(r'file = ".*?"', 'file = "pi.npz"', text), encoding="utf-8")

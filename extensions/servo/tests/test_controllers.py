@@ -36,7 +36,7 @@ from hfa_support.reporting.text import Table
 ANGLES = np.radians([9.0, 11.0])
 
 
-def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
+def closed_loop_at_11(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
     """Return the matrix of a design's closed loop at 11 deg, at constant commands, and its
     controller.
 
@@ -71,7 +71,7 @@ def test_state_feedback_gives_the_exact_gains_poles(published_aircraft: Model, n
     """
     design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
-    loop, _ = whole(published_aircraft, design)
+    loop, _ = closed_loop_at_11(published_aircraft, design)
     same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
 
 
@@ -87,7 +87,7 @@ def test_output_feedback_gives_the_central_controllers_poles(
     built = design_model(published_aircraft, model_at(11.0), design)
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V)
     exact: Any = solve_plant(plant, delta)
-    loop, found = whole(published_aircraft, design)
+    loop, found = closed_loop_at_11(published_aircraft, design)
     poles = np.linalg.eigvals(closed_plant(plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])
     same_poles(loop, poles)
     assert found.limit < delta

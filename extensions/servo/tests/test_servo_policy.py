@@ -41,7 +41,7 @@ def commands(*values: float) -> CommandSteps:
     )
 
 
-def flown(
+def servo_flight(
     aircraft: Model, point: OperatingPoint, controller: ScheduledController, **changes: object
 ) -> Flight:
     follow = commands(0.01)
@@ -117,7 +117,7 @@ def test_the_linear_prediction_equals_a_numpy_integration(
 ) -> None:
     """The linear prediction of a flight equals an integration of the same closed loop in NumPy."""
     controller = integrating_controller(published_aircraft)
-    result = flown(published_aircraft, point, controller)
+    result = servo_flight(published_aircraft, point, controller)
     assert result.predicted is not None
     model = LinearPlant.at(published_aircraft, point)
     follow = commands(0.01)
@@ -158,11 +158,11 @@ def test_the_anti_windup_term_requires_saturation(
     controller = integrating_controller(published_aircraft, W=-2000.0 * np.ones((3, 1, 1)))
     plain = integrating_controller(published_aircraft)
     wound, without = (
-        flown(published_aircraft, point, each).flight.memory for each in (controller, plain)
+        servo_flight(published_aircraft, point, each).flight.memory for each in (controller, plain)
     )
     np.testing.assert_allclose(wound, without, atol=1e-12)
-    saturated = flown(published_aircraft, point, plain, actuators=narrow).flight
-    relieved = flown(published_aircraft, point, controller, actuators=narrow).flight
+    saturated = servo_flight(published_aircraft, point, plain, actuators=narrow).flight
+    relieved = servo_flight(published_aircraft, point, controller, actuators=narrow).flight
     assert np.abs(saturated.inputs).max() == pytest.approx(1e-4, rel=1e-6)
     assert np.abs(relieved.memory).max() < 0.5 * np.abs(saturated.memory).max()
 

@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from ended_runs import comes_to_the_same_bits, leaves_nothing, proc
+from ended_runs import assert_resumed_bits_equal, leaves_nothing, proc
 
 from hfa.exit_codes import INTERRUPTED, TERMINATED
 
@@ -40,4 +40,4 @@ def test_an_ended_run_leaves_no_workers_or_folders(
 @pytest.mark.slow
 def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
     """A run that is ended at random moments and resumed gives identical bits."""
-    comes_to_the_same_bits(tmp_path, THREE_CHUNKS)
+    assert_resumed_bits_equal(tmp_path, THREE_CHUNKS)

@@ -40,7 +40,7 @@ def equation(A: object, B: object, Q: object, R: object) -> Game:
     )
 
 
-def known() -> Iterator[tuple[str, Game, np.ndarray]]:
+def known_solutions() -> Iterator[tuple[str, Game, np.ndarray]]:
     """Yield (number and parameter of the example, its game, its solution P)."""
     yield (
         "1",
@@ -90,7 +90,7 @@ def known() -> Iterator[tuple[str, Game, np.ndarray]]:
 
 
 @pytest.mark.parametrize(
-    ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known()]
+    ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known_solutions()]
 )
 def test_known_carex_solutions_are_certified(game: Game, X: np.ndarray) -> None:
     """P agrees with the closed form. An error of 1e-6 planted in P is detected."""

@@ -123,7 +123,7 @@ def nilpotent(rng: np.random.Generator, n: int) -> Game:
     return replace(game, A=np.triu(game.A, 1))
 
 
-def barely_reached(rng: np.random.Generator, n: int) -> Game:
+def barely_controllable(rng: np.random.Generator, n: int) -> Game:
     """Return a game with one or two unstable modes that the inputs barely reach.
 
     The rows of B for these modes are scaled by 1e-11 to 1e-5. The coordinates are random.
@@ -158,7 +158,7 @@ STRUCTURES: dict[str, Callable[[np.random.Generator, int], Game]] = {
 #: A further structure, in a separate collection, because the numbers of the other structures are
 #: published.
 BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
-    "barely_reached": barely_reached
+    "barely_reached": barely_controllable
 }
 
 

@@ -23,7 +23,7 @@ def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
     return {"position": u.speed}, {}
 
 
-def flown_over(coefficient: float) -> FlownAbove:
+def costs_over_bound(coefficient: float) -> FlownAbove:
     """Return the costs of flights of x' = u with Q = R = 1, compared with the bound W = k x².
 
     The least cost is x².
@@ -40,7 +40,7 @@ def flown_over(coefficient: float) -> FlownAbove:
 
 def test_no_flight_costs_less_than_a_bound() -> None:
     """No flight costs less than a bound of 0.999 times the least cost."""
-    flown = flown_over(0.999)
+    flown = costs_over_bound(0.999)
     assert flown.flights >= 500
     assert flown.below == 0
     assert flown.least == pytest.approx(1.0 / 0.999, abs=0.01)
@@ -48,7 +48,7 @@ def test_no_flight_costs_less_than_a_bound() -> None:
 
 def test_flights_below_a_false_bound_are_counted() -> None:
     """Flights that cost less than a bound of 1.01 times the least cost are counted."""
-    assert flown_over(1.01).below > 100
+    assert costs_over_bound(1.01).below > 100
 
 
 def test_the_navion_equals_the_tutorials_navion() -> None:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown_cases import SMALL, FlownCase
 from linear_flight import simulate
 from project import ROOT
+from simulated_cases import SMALL, SimulatedCase
 
 from hfa import fly, learn, solve_game
 from hfa_flight import GainPolicy, Scenario, Waveform
@@ -56,7 +56,7 @@ def default_setting() -> Setting:
     return make_setting(section5_configuration())
 
 
-def flown(
+def simulated_flight(
     changes: dict[str, Any], plan: FlightPlan, section: str = "5.1", matrices: str = "regenerated"
 ) -> FlightRecord:
     return simulate_plan(make_setting(section5_configuration(changes), matrices), plan, section)
@@ -101,9 +101,9 @@ def test_tracking_errors_agree_with_another_study(
 
     That study used the opposite sign of one entry of A. This changes the third digit.
     """
-    errors = flown(COARSE | changes, FlightPlan(dihedral, law), matrices="printed").metrics[
-        "rms_error"
-    ]
+    errors = simulated_flight(
+        COARSE | changes, FlightPlan(dihedral, law), matrices="printed"
+    ).metrics["rms_error"]
     assert [errors[state] for state in TRACKED] == pytest.approx(
         expected, abs=2e-3 if expected[0] > 1e-3 else 3e-3
     )
@@ -180,7 +180,9 @@ def test_the_law_as_printed_overflows_at_once() -> None:
 
 def test_the_modified_law_learns_during_the_flight() -> None:
     """The modified law learns during the flight. In Section 5.3 it stops learning at T_w."""
-    free, frozen = (flown(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3"))
+    free, frozen = (
+        simulated_flight(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3")
+    )
     assert free.held
     assert (
         free.metrics["learning"]["late_change"] > 0.0 == frozen.metrics["learning"]["late_change"]
@@ -263,13 +265,15 @@ def test_the_document_states_alphas_error_for_signs(said: str, changes: Any) -> 
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
         changes = {"reference": Waveform(np.array(changes), own.slope, own.harmonics)}
-    error = flown(COARSE | changes, FlightPlan(5.0, EXACT)).metrics["relative_error"]["alpha"]
+    error = simulated_flight(COARSE | changes, FlightPlan(5.0, EXACT)).metrics["relative_error"][
+        "alpha"
+    ]
     document = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
     assert said.format(f"{error:.3g}") in " ".join(document.split())
 
 
 def test_learning_in_flight_begins_with_the_baseline(
-    newton: FlownCase,
+    newton: SimulatedCase,
 ) -> None:
     """A flight with learned gains begins with the baseline and then applies stabilizing gains.
 

@@ -10,10 +10,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from flown_cases import seen
 from game_samples import INITIAL, game_models
 from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
+from simulated_cases import measurements_of
 
 from controller import random_pool
 from hfa import BadInputError, Game, solve_game
@@ -76,7 +76,7 @@ def expected(
     return u, update_direction(everything, s.gamma, *law.gains, s.eta)
 
 
-def flown(
+def input_and_rate(
     policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float
 ) -> tuple[np.ndarray, np.ndarray]:
     symbols = [
@@ -86,7 +86,7 @@ def flown(
         ca.SX.sym("p", 1),
     ]
     now, z_, memory, constants = symbols
-    told = now, seen(z_), memory, constants
+    told = now, measurements_of(z_), memory, constants
     u_ = policy.control(*told)
     function = ca.Function("critic", symbols, [u_, policy.memory_rate(*told, u_)])
     u, rate = function(t, z, W, p)
@@ -117,7 +117,7 @@ def test_the_right_sides_are_equal(
         t = rng.uniform(0.0, 20.0)
         z = rng.normal(size=6) * np.array([2.0, 0.1, 0.1, 0.5, 0.5, 0.5])
         W = law.equations.scaled(rng.normal(size=law.basis.size) * 100.0)
-        u, rate = flown(policy, t, z, W, 1.0)
+        u, rate = input_and_rate(policy, t, z, W, 1.0)
         u_expected, rate_expected = expected(law, r.at(t), z, W)
         np.testing.assert_allclose(u, u_expected, rtol=1e-12, atol=1e-12 * np.abs(u_expected).max())
         np.testing.assert_allclose(
@@ -130,10 +130,10 @@ def test_another_law_is_detected() -> None:
     law = law_with()
     z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
     W = np.linspace(-50.0, 100.0, law.basis.size)
-    _, rate = flown(CriticPolicy("critic", law, zero(6)), 0.0, z, W, 1.0)
+    _, rate = input_and_rate(CriticPolicy("critic", law, zero(6)), 0.0, z, W, 1.0)
     told = forcing(law.game.A, REFERENCE)
     others = [
-        flown(CriticPolicy("critic", law, told), 0.0, z, W, 1.0)[1],
+        input_and_rate(CriticPolicy("critic", law, told), 0.0, z, W, 1.0)[1],
         expected(replace(law, settings=replace(law.settings, eta=0.7)), np.zeros(6), z, W)[1],
     ]
     for other in others:

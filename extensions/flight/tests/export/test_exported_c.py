@@ -225,7 +225,9 @@ def answered(
     return u, rate
 
 
-def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoint) -> ca.Function:
+def simulated_controller(
+    controller: ScheduledController, aircraft: Model, point: OperatingPoint
+) -> ca.Function:
     """Return the product's controller as a function (t, x, a, memory) -> y, commands, u, memory'.
 
     Both commands are steps. u is saturated at ±`HIGHEST`.
@@ -254,7 +256,7 @@ def test_exported_controller_equals_the_simulated_one(
     """At 1,000 random states, the exported controller gives the inputs and rates of the simulated
     controller.
     """
-    law = flown(controller, published_aircraft, point)
+    law = simulated_controller(controller, published_aircraft, point)
     random = np.random.default_rng(5)
     worst = 0.0
     limited = 0
@@ -327,7 +329,7 @@ def test_the_controllers_c_code_uses_static_memory(law_folder: Path) -> None:
 SLOW = ActuatorBank(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)), order=2)
 
 
-def flown_states(
+def simulated_states(
     controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> np.ndarray:
     """Return the absolute states after `SECONDS` of the product's simulation with the
@@ -380,7 +382,7 @@ def test_exported_loop_agrees_with_simulation_and_prints_time(
     """
     controller = made(published_aircraft)
     states = []
-    known = flown_states(controller, published_aircraft, point)
+    known = simulated_states(controller, published_aircraft, point)
     write_texts(tmp_path, c_controller_texts(controller, published_aircraft, point, "here", SLOW))
     for hertz in (100, 1000):
         said = ran(tmp_path, f"-DHERTZ={hertz}", LAW_EXAMPLE, LAW_SOURCE)

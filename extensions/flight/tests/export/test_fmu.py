@@ -91,10 +91,12 @@ def unit(
         happens = {"reference": CommandedStates(commands, LINEAR_STATES), "actuators": ACTUATORS}
     loop = exported_loop(aircraft, point, *exported)
     write_fmu(loop, path, ORIGIN)
-    return Unit(kind, path, loop, START | start, flown(aircraft, point, law, **happens))
+    return Unit(kind, path, loop, START | start, simulated_states(aircraft, point, law, **happens))
 
 
-def flown(aircraft: Model, point: OperatingPoint, law: Policy, **happens: Any) -> np.ndarray:
+def simulated_states(
+    aircraft: Model, point: OperatingPoint, law: Policy, **happens: Any
+) -> np.ndarray:
     initial = (
         np.array([START.get(name, value) for name, value in point.states._asdict().items()])
         - point.states

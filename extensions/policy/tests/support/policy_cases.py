@@ -37,7 +37,7 @@ def aircraft(name):
 
 
 @cache
-def card(name):
+def stored_deployment(name):
     """Return the deployment of the test policy with this name."""
     return Deployment.load(FOLDER / f"{name}.toml")
 
@@ -48,7 +48,7 @@ def trims(name):
     return trims_of(aircraft(name), AIRCRAFT[name][1])
 
 
-def gtm_card(policy, **tables):
+def gtm_deployment(policy, **tables):
     """Return a deployment on the GTM that observes all four states as deviations from trim.
 
     tables: replacements of the tables observation, action and timing

@@ -94,12 +94,12 @@ def test_taylor_models_contain_random_points(
     assert escaped(dynamics, 50, seed=0) == 0
     whole = TaylorModel.__mul__
 
-    def without_rest(self: TaylorModel, other: TaylorModel) -> TaylorModel:
+    def without_remainder(self: TaylorModel, other: TaylorModel) -> TaylorModel:
         c0, c1, c2, rest, *errors = whole(self, other).parts
         return TaylorModel(c0, c1, c2, 0 * rest, *errors)
 
     # The planted fault: a product without its remainder.
-    monkeypatch.setattr(TaylorModel, "__mul__", without_rest)
+    monkeypatch.setattr(TaylorModel, "__mul__", without_remainder)
     assert escaped(dynamics, 50, seed=0) > 0
 
 

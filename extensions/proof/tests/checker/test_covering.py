@@ -43,7 +43,7 @@ def places(stated: Box, pieces: Sequence[Box]) -> list[tuple[float, ...]]:
     return list(product(*values))
 
 
-def holds(box: Box, place: Sequence[float]) -> bool:
+def contains_point(box: Box, place: Sequence[float]) -> bool:
     return all(low <= value <= high for (low, high), value in zip(box, place, strict=True))
 
 
@@ -65,7 +65,9 @@ def test_coverage_agrees_with_coverage_of_test_points(coordinates: int) -> None:
         stated = box()
         pieces = [box() for _ in range(random.integers(0, 7 * coordinates))]
         every_place = places(stated, pieces)
-        covered = all(any(holds(piece, place) for piece in pieces) for place in every_place)
+        covered = all(
+            any(contains_point(piece, place) for piece in pieces) for place in every_place
+        )
         assert is_covered(stated, pieces) is covered, (stated, pieces)
         verdicts.append(covered)
     assert 0.1 < np.mean(verdicts) < 0.9

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from certificate_truth import what_is_false
+from certificate_truth import false_claims
 from forged_certificates import (
     CLAIM,
     CONTROLLER,
@@ -80,7 +80,7 @@ def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path
             continue
         claims = copy.deepcopy(made["statement"])
         if checked(made, kind, folder) is not None:
-            assert what_is_false(claims, kind) == [], each
+            assert false_claims(claims, kind) == [], each
             accepted += 1
     return accepted
 
@@ -145,7 +145,7 @@ def test_a_wrong_critic_without_claims_is_not_proved(kind: str, tmp_path: Path) 
         if "no distance" in name:
             assert report is None, name
         elif report is not None:
-            assert what_is_false(made["statement"], kind) == [], name
+            assert false_claims(made["statement"], kind) == [], name
             assert report.data["proved"] is (made["statement"]["loop"][1] == 0), name
             assert report.title.startswith("Verified, proved") is report.data["proved"], name
 

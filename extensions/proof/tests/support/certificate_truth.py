@@ -33,7 +33,7 @@ ROUNDING = 1e-6
 NEAR = 1e-4
 
 
-def what_is_false(statement: Content, kind: str) -> list[str]:
+def false_claims(statement: Content, kind: str) -> list[str]:
     """Return descriptions of the false claims of a statement, or [] if no false claim is found."""
     if "errors" in statement:
         return list(_false_of_models(statement, kind))
@@ -73,7 +73,7 @@ class FlightInDoubles:
         """Return the values of the trim at a scheduling value, by name."""
         return dict(self.point(value).values)
 
-    def what_is_false(self) -> Iterator[str]:
+    def false_claims(self) -> Iterator[str]:
         if not self.flight["trims"]:
             yield "no trim is stated"
         for trim in self.flight["trims"]:
@@ -91,7 +91,7 @@ class FlightInDoubles:
 
 def _false_of_schedule(statement: Content, kind: str) -> Iterator[str]:
     flight = FlightInDoubles(statement["flight"], kind)
-    yield from flight.what_is_false()
+    yield from flight.false_claims()
     for value in flight.values():
         A, B = flight.linear(value)
         yield from _false_counts("modes", statement["modes"], np.linalg.eigvals(A), value)
@@ -190,7 +190,7 @@ def _false_of_game(statement: Content, kind: str) -> Iterator[str]:
         B = np.array(statement["plant"]["B"])
     else:
         flight = FlightInDoubles(statement["flight"], kind)
-        yield from flight.what_is_false()
+        yield from flight.false_claims()
         A, B = flight.linear(statement["flight"]["range"][0])
     weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
     game = Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)
@@ -230,7 +230,7 @@ def _has_value(game: Game) -> bool:
 
 def _false_of_models(statement: Content, kind: str) -> Iterator[str]:
     flight = FlightInDoubles(statement["flight"], kind)
-    yield from flight.what_is_false()
+    yield from flight.false_claims()
     weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
     places = statement["breakpoints"]
     ends = flight.flight["range"]

@@ -59,7 +59,7 @@ def lqr(game: Game) -> np.ndarray:
     return value(game.with_delta(math.inf))
 
 
-def turned(game: Game, degrees: np.ndarray) -> np.ndarray:
+def value_in_degrees(game: Game, degrees: np.ndarray) -> np.ndarray:
     """Return the exact P in other units: some states are in degrees.
 
     degrees: mask of these states
@@ -143,17 +143,17 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     ),
     "degrees, P": (
         "P",
-        lambda game: turned(game, ANGLES),
+        lambda game: value_in_degrees(game, ANGLES),
         "states 2, 3, 4, 5 and 6 are in degrees",
     ),
     "degrees, W": (
         "W",
-        lambda game: weights_of(turned(game, ANGLES)),
+        lambda game: weights_of(value_in_degrees(game, ANGLES)),
         "states 2, 3, 4, 5 and 6 are in degrees",
     ),
     "one angle in degrees": (
         "P",
-        lambda game: turned(game, np.arange(6) == 4),
+        lambda game: value_in_degrees(game, np.arange(6) == 4),
         "state 5 is in degrees",
     ),
     "gain per degree": (
@@ -357,7 +357,7 @@ def exchanged(size: int) -> np.ndarray:
 
 
 def second_in_degrees(game: Game) -> np.ndarray:
-    return turned(game, np.arange(len(game.A)) == 1)
+    return value_in_degrees(game, np.arange(len(game.A)) == 1)
 
 
 def second_flipped(game: Game) -> np.ndarray:

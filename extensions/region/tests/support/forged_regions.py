@@ -174,7 +174,7 @@ def _no_parts(content: Content, generator: np.random.Generator) -> None:
     content["witness"]["parts"] = []
 
 
-def _part_said_empty(content: Content, generator: np.random.Generator) -> None:
+def _part_declared_empty(content: Content, generator: np.random.Generator) -> None:
     parts = content["witness"]["parts"]
     content["witness"]["empty"].append(parts.pop(generator.integers(len(parts))))
 
@@ -282,7 +282,7 @@ KINDS: dict[str, Forgery] = {
     "multipliers gone": _multipliers_gone,
     "part left out": _part_left_out,
     "no parts": _no_parts,
-    "part said to be empty": _part_said_empty,
+    "part said to be empty": _part_declared_empty,
     "ball too small": _small_ball,
     "ball flat": _flat_ball,
     "order too low": _low_order,

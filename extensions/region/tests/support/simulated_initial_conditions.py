@@ -1,6 +1,6 @@
 """Simulate flights from a proved set, and count those that leave the set or do not converge.
 
-python tests/support/flown_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
+python tests/support/simulated_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _ABOVE = 1e-6
 _CHUNK = 20_000
 
 
-def starts_lost(
+def count_departures(
     statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
 ) -> tuple[int, int]:
     """Return the number of flights that leave the set or a limit, and of those that do not
@@ -45,14 +45,14 @@ def starts_lost(
     left = 0
     late = 0
     for begin in range(0, count, _CHUNK):
-        starts = farther * drawn(V, statement, min(_CHUNK, count - begin), generator)
-        one_left, one_late = _flown(plant, V, starts, np.inf if farther > 1.0 else 1.0)
+        starts = farther * random_points(V, statement, min(_CHUNK, count - begin), generator)
+        one_left, one_late = _simulate(plant, V, starts, np.inf if farther > 1.0 else 1.0)
         left += one_left
         late += 0 if disturbed else one_late
     return left, late
 
 
-def drawn(
+def random_points(
     V: PolynomialFunction, statement: RegionStatement, count: int, generator: np.random.Generator
 ) -> np.ndarray:
     """Return random points z, (count, n), half uniform in {V <= 1} and half on its boundary."""
@@ -69,7 +69,7 @@ def drawn(
     return np.asarray(edge * shares * (1.0 - 1e-9))
 
 
-def _flown(
+def _simulate(
     plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
     """Return the number of flights that leave {V <= level} or a limit, and of those that do not
@@ -103,4 +103,4 @@ if __name__ == "__main__":
 
     model = load_model(sys.argv[3]) if len(sys.argv) > 3 else None
     proved = check_certificate(Path(sys.argv[1]), model=model).statement
-    print(sys.argv[1], sys.argv[2], *starts_lost(proved, int(sys.argv[2])))
+    print(sys.argv[1], sys.argv[2], *count_departures(proved, int(sys.argv[2])))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 
-def pendulum_card(
+def pendulum_deployment(
     folder: Path, tables: str, *, observed: str = "rate", gain: float = -0.98
 ) -> Path:
     """Write a deployment file of the policy u = -1.98 angle + gain observed, and return its path.

@@ -22,7 +22,7 @@ SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])
 
 
 @dataclass(frozen=True, eq=False)
-class FlownCase:
+class SimulatedCase:
     """A trim of an aircraft, with its game, exact gain and envelope."""
 
     aircraft: Model
@@ -32,20 +32,20 @@ class FlownCase:
     envelope: Limits
 
 
-def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
+def case_at(parameters: Parameters, dynamics: str, degrees: float) -> SimulatedCase:
     point = model_at(degrees, dynamics).point
     law = GainPolicy("exact", exact_gain(degrees, dynamics))
     aircraft = hfa.aircraft(dynamics, parameters)
-    return FlownCase(
+    return SimulatedCase(
         aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)
     )
 
 
-def flown(on: FlownCase, scenario: Scenario) -> Flight:
+def simulate_case(on: SimulatedCase, scenario: Scenario) -> Flight:
     return fly(on.aircraft, on.point, on.law, scenario=scenario, envelope=on.envelope)
 
 
-def seen(z: ca.SX) -> Measurements:
+def measurements_of(z: ca.SX) -> Measurements:
     """Return what a policy measures for an error z about a constant reference, without
     actuators.
     """
@@ -57,7 +57,7 @@ def signal(**values: float) -> Waveform:
 
 
 @pytest.fixture(scope="session", params=["published", "newton"])
-def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
+def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> SimulatedCase:
     """Return the trim at 15 degrees with the exact gain, for the published and the Newton
     equations.
     """
@@ -65,5 +65,5 @@ def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
 
 
 @pytest.fixture(scope="session")
-def newton(parameters: Parameters) -> FlownCase:
+def newton(parameters: Parameters) -> SimulatedCase:
     return case_at(parameters, "newton", 15.0)
