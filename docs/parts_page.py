@@ -77,7 +77,7 @@ def signature_of(function: Callable[..., Any]) -> str:
 
 
 class _Written(str):
-    """Text of an annotation, which is printed without quotes."""
+    """Text of an annotation. It is printed without quotes."""
 
     def __repr__(self) -> str:
         return str(self)

@@ -200,9 +200,9 @@ def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
     """Return text on the state that differs most from JSBSim after an elevator pulse.
 
     The text contains the difference and the name of the state. The response to the pulse is the
-    difference of flights with and without the pulse, which cancels the effect of JSBSim's round
-    earth. The difference from JSBSim at the end of the flight is divided by the response, or by 10
-    % of the state's nominal value if this is larger.
+    difference of flights with and without the pulse. The effect of JSBSim's round earth cancels in
+    this difference. The difference from JSBSim at the end of the flight is divided by the response,
+    or by 10 % of the state's nominal value if this is larger.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()

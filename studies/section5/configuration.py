@@ -30,7 +30,7 @@ class PaperFlight:
     DISTURBANCE: disturbance d, 1.1 times the printed amplitudes
     NOISE: measurement noise of Section 5.4
 
-    The paper prints no signs. Positive signs are assumed, which agree with the printed derivative
+    The paper prints no signs. Positive signs are assumed. They agree with the printed derivative
     0.01 + cos(0.5 t) of the speed command.
     """
 

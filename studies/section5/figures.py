@@ -207,9 +207,7 @@ class _Panels:
         return PlotPanel(title, label, (*panel.lines, command), marked=panel.marked)
 
     def errors(self, records: Sequence[FlightRecord]) -> tuple[PlotPanel, ...]:
-        """Return a panel for each tracked state, which shows the tracking error in several
-        flights.
-        """
+        """Return a panel of the tracking error in several flights for each tracked state."""
         found = []
         for state in TRACKED:
             row = LINEAR_STATES.index(state)

@@ -164,7 +164,7 @@ class IntegralLearning:
 
     @cached_property
     def equations(self) -> StackEquations:
-        """Bellman residuals at the simulated states, which are recorded in the history only.
+        """Bellman residuals at the simulated states, for the history only.
 
         The residuals depend on A, which the learning does not use.
         """

@@ -276,7 +276,7 @@ class PublishedLaw:
     The law is run by `controller.run`. Sample 0 is the current state with the policies of the
     current weights, and exists only in flight.
 
-    stack: recorded samples of z and z'
+    stack: recorded samples, states z_j and drifts F_j
     basis: basis ψ, with M weights
     seed: seed of the recorded samples
     """

@@ -188,7 +188,7 @@ class FlightProblem:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """True if the equations have tables or kinks, which are smoothed for the optimizer."""
+        """True if the equations contain tables or kinks. They are smoothed for the optimizer."""
         return self.smooth_rates is not self.rates
 
     @cached_property

@@ -87,8 +87,8 @@ def scale_text(model: Model, scale: float) -> str:
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     """Return a figure of the aircraft from the front at a trim.
 
-    All forces have the same scale, which the picture states. Angles and lengths are true to scale.
-    The hinge moments are printed as text.
+    All forces are drawn at the same scale, and the figure states this scale. Angles and lengths are
+    true to scale. The hinge moments are printed as text.
     """
     panels = panels_from_the_front(aircraft, point)
     span = hfa_model.parameters_of(aircraft).panel_span

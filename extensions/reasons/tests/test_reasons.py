@@ -16,9 +16,9 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
-    """The reason is in the JSON and a line of the report.
+    """The reason of a verdict is in the JSON data and is a line of the report.
 
-    It names another root of the Riccati equation.
+    For another root of the Riccati equation, the reason names this root.
     """
     near = check_critic(game, from_gain(game, 1.002 * gain(game)))
     assert (

@@ -276,8 +276,7 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
-    """Return the reference model, which follows the commands, and A and B of its controlled
-    response.
+    """Return the reference model of a loop-shaping design, and A and B of its response to commands.
 
     The reference model is the design model with the actuators of the settings `following`.
     """

@@ -78,7 +78,7 @@ class RowJob(NamedTuple):
 
     @property
     def chunk(self) -> int:
-        """Number of rows in each chunk but the last, which may have fewer."""
+        """Number of rows in each chunk. The last chunk may have fewer."""
         return int(self.template.chunksizes[self.row][0])
 
     @property
@@ -270,7 +270,7 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Create a store without results, which becomes visible when it is complete.
+    """Create a store without results. The store becomes visible when it is complete.
 
     Raises BadInputError if the path exists.
     """

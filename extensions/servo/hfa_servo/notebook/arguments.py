@@ -287,7 +287,7 @@ class _Reading:
     def _has_others(self, name: str) -> bool:
         """Return whether the call contains more values than the required later parameters need.
 
-        name: parameter of the function, which is followed by the later parameters
+        name: parameter of the function. The later parameters follow it in the signature.
         """
         names = list(self.parameters)
         needed = [
