@@ -87,9 +87,10 @@ def rates_of(problem: FlightProblem) -> BoundFunction:
 def independent_cost(problem: FlightProblem, flown: Flown) -> float:
     """Return the cost of a flight, computed by SciPy's DOP853 with the equations of the model.
 
-    The inputs of the flight are interpolated linearly and saturated at their limits. The linear
-    policy adds a correction for the deviation from the states of the flight, so that rounding
-    errors do not grow. The cost of the final state under the linear optimum is added.
+    The inputs of the flight are interpolated linearly. The linear policy adds a correction for the
+    deviation from the states of the flight, so that rounding errors do not grow. The corrected
+    inputs are saturated at their limits. The cost of the final state under the linear optimum is
+    added.
     """
     trim_x = np.array(problem.point.states)
     trim_u = np.array(problem.point.inputs)
