@@ -227,7 +227,7 @@ CHOSEN = (
 )
 
 
-def test_without_names_every_state_is_an_output() -> None:
+def test_every_state_is_an_output_by_default() -> None:
     """By default C is the identity, D is 0, and E has a column for each wind component.
 
     With --states, the outputs are the selected states.
@@ -250,7 +250,7 @@ def test_without_names_every_state_is_an_output() -> None:
     assert "C  " not in hfa("linearize", *AT_15).out
 
 
-def test_names_choose_rows_and_columns_in_their_order() -> None:
+def test_names_select_rows_and_columns_in_order() -> None:
     """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
     part = answer("linearize", *AT_15, *CHOSEN)
@@ -271,7 +271,7 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
     assert not {"A_band", "printed"} & set(part)  # only for the complete model
 
 
-def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
+def test_npz_files_contain_columns_of_all_winds(published_aircraft: Model) -> None:
     """The .npz file of `hfa linearize` contains E and F for all winds.
 
     They equal those of `linearize` in Python. The printed text omits E.

@@ -31,7 +31,7 @@ def test_a_refusal_without_streams_has_exit_code_2(tmp_path: Path, lost: str) ->
         "trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json",
     ],
 )
-def test_outputs_are_neither_inputs_nor_other_outputs(tmp_path: Path, words: str) -> None:
+def test_coinciding_input_and_output_files_are_refused(tmp_path: Path, words: str) -> None:
     """An output file that is also an input file or another output file of the run is refused."""
     path = tmp_path / "plant.json"
     path.write_text("{}")

@@ -34,7 +34,7 @@ OF_PARTS = "--Q 1,1 --R 1 --delta inf"
         ("trim --aircraft navion.py:NAVION -o saved.json --start saved.json", "saved.json"),
     ],
 )
-def test_no_output_is_an_input(words: str, kept: str) -> None:
+def test_an_output_that_is_an_input_is_refused(words: str, kept: str) -> None:
     """An output that is also an input of the run is refused, even through a link.
 
     The input is unchanged.

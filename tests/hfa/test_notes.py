@@ -23,7 +23,7 @@ def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
         assert json.loads(result.out)["warnings"] == warnings
 
 
-def test_quiet_prints_errors_alone() -> None:
+def test_quiet_suppresses_all_but_errors() -> None:
     """--quiet suppresses notes and progress, but not errors."""
     words = ("sweep", "--dihedral", "14:20:2")
     for quiet in ("-q", "--quiet"):

@@ -56,7 +56,7 @@ def test_a_signal_ends_the_run_at_any_time(
 
 
 @pytest.mark.filterwarnings("default")
-def test_warnings_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_are_printed_as_notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each distinct warning of a successful run is printed as a note. A failed run prints none.
 
     Deprecation warnings are not printed, and --quiet suppresses all notes.

@@ -43,7 +43,7 @@ def euler_lagrange_rates(moving: bool, **drag: bool) -> ca.Function:
 
 
 def disagreement(
-    judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool
+    derivation: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool
 ) -> State:
     """Return the largest difference of each rate between a variant and the Euler-Lagrange equations.
 
@@ -59,7 +59,7 @@ def disagreement(
         *random_points(count, seed=4), spread, winds, strict=True
     ):
         aircraft = np.array(parameters) * np.exp(noise)
-        expected = np.array(judge(state, control, aircraft, wind)).ravel()
+        expected = np.array(derivation(state, control, aircraft, wind)).ravel()
         closed = np.array(closed_form(state, control, aircraft, wind)).ravel()
         worst = np.maximum(
             worst, np.abs(closed - expected) / np.maximum(np.abs(expected), RATE_SCALES)

@@ -139,7 +139,7 @@ def test_panel_load_factors_follow_the_moving_panels(
         assert outputs(aircraft, x, u)[name] == pytest.approx(felt, rel=2e-5, abs=2e-5)
 
 
-def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> None:
+def test_an_updraft_increases_only_the_air_angle(published_aircraft: Model) -> None:
     """An updraft increases the angle of attack by w/V and the load factor, but not gamma."""
     point = find_operating_point(published_aircraft, level_flight(0.2))
     x = np.array(point.states)

@@ -22,7 +22,7 @@ def test_each_row_is_one_line() -> None:
     )
 
 
-def test_numbers_of_every_width_are_numbers() -> None:
+def test_numpy_numbers_become_python_numbers() -> None:
     """NumPy numbers of every width become Python numbers. Infinity becomes None."""
     kinds = (np.float16, np.float32, np.longdouble, np.int8, np.uint64)
     converted = jsonable(

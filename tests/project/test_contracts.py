@@ -60,7 +60,7 @@ def test_contracts_name_every_package() -> None:
     assert {name.strip() for layer in layers for name in layer.split("|")} == EXTENSIONS
 
 
-def test_only_imports_for_types_are_ignored() -> None:
+def test_ignored_imports_are_only_for_types() -> None:
     """Every import that a contract ignores occurs only under `if TYPE_CHECKING`."""
     ignored = [line for each in CONTRACTS for line in each.get("ignore_imports", [])]
     assert len(ignored) == 2

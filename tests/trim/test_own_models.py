@@ -96,7 +96,7 @@ def test_no_row_with_free_states_depends_on_others() -> None:
 @pytest.mark.parametrize(
     "factor", [*(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.01, 5.0)), 100.0]
 )
-def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, factor: float) -> None:
+def test_the_search_is_independent_of_declared_scales(kind: str, name: str, factor: float) -> None:
     """With a wrong nominal value of a state, the trim of a slow flight is found.
 
     A sweep converges without searches for single trims.

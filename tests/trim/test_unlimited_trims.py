@@ -65,7 +65,7 @@ def test_bank_angles_of_a_sweep_are_exact() -> None:
     np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
 
 
-def test_a_far_trim_is_noted_first() -> None:
+def test_a_bank_above_90_degrees_is_noted_first() -> None:
     """If the only trim has a bank angle above 90 deg, the first line of the report states the
     angle.
     """

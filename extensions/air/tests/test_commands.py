@@ -33,7 +33,7 @@ def test_the_help_lists_unsteady_dynamics() -> None:
     assert "the same air loads), unsteady" in " ".join(hfa("trim", "--help").out.split())
 
 
-def test_unsteady_effects_are_parameters() -> None:
+def test_unsteady_effects_can_be_set_and_swept() -> None:
     """With all effects at 0 the linear model is that of `newton`. Sweeps vary the effects."""
     off = [
         word

@@ -87,7 +87,7 @@ def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
     assert check_cost(proved.statement, proved.witness) == proved.boxes
 
 
-def test_no_flight_costs_less(proved: CostBound) -> None:
+def test_no_flight_costs_less_than_the_bound(proved: CostBound) -> None:
     """No simulated flight that returns to the trim costs less than the proved bound.
 
     1 % is allowed for the integration. The flights have random gains. The median of bound / cost
@@ -200,7 +200,7 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
 
 
 @pytest.mark.parametrize(("name", "weights"), [("Q", [[1.0, 1.5], [1.5, 1.0]]), ("R", [[-1.0]])])
-def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: CostBound) -> None:
+def test_indefinite_weights_are_refused(name: str, weights: Any, proved: CostBound) -> None:
     """Indefinite weights are refused.
 
     With such weights a flight could have a negative cost before it enters {W <= c}.

@@ -35,7 +35,7 @@ def inequality_of(
     return CostInequality(plant, still, Piece(M, W, c), np.diag(weights), np.eye(1))
 
 
-def test_a_set_at_a_face_is_refuted_there() -> None:
+def test_a_set_at_a_face_is_refuted() -> None:
     """A set {W <= c} that meets a face of the cube is refuted at a point of this face.
 
     W = 0.5 at the centers of the faces y_1 = ±1, and c = 0.6.

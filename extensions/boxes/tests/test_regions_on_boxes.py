@@ -293,7 +293,7 @@ def test_no_set_outside_a_limit_is_proved(limit: float) -> None:
 
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
-def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
+def test_a_quartic_must_increase_to_the_faces(quartic: float) -> None:
     """For x' = -x, the set {y² + a y⁴ <= 1} is proved for a = 0.5 and refused for a = -0.6.
 
     For a = -0.6, the set meets a face of the cube.

@@ -164,11 +164,11 @@ def controllers(published_aircraft: Model, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def _there(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _in_folder_of_controllers(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(controllers)
 
 
-@pytest.mark.usefixtures("_there")
+@pytest.mark.usefixtures("_in_folder_of_controllers")
 def test_a_controller_follows_commands_during_a_fault() -> None:
     """A controller follows commands during an actuator fault.
 
@@ -194,7 +194,7 @@ def test_a_controller_follows_commands_during_a_fault() -> None:
     assert data["scenario"]["reference"]["values"][0][0] == pytest.approx(0.01745, abs=1e-5)
 
 
-@pytest.mark.usefixtures("_there")
+@pytest.mark.usefixtures("_in_folder_of_controllers")
 def test_unsuitable_controllers_faults_and_commands_are_refused() -> None:
     """Controllers of other dynamics, wrong faults and wrong commands are refused."""
     for words, named in (
@@ -209,7 +209,7 @@ def test_unsuitable_controllers_faults_and_commands_are_refused() -> None:
         assert_refused(hfa(*FLOWN[:-2], *words.split()), 2, named)
 
 
-@pytest.mark.usefixtures("_there")
+@pytest.mark.usefixtures("_in_folder_of_controllers")
 def test_members_follow_commands_during_a_fault() -> None:
     """Members of a Monte Carlo simulation follow commands.
 

@@ -20,7 +20,7 @@ EXAMPLES = ROOT / "examples"
 
 
 @pytest.fixture(autouse=True)
-def _there(folder: Path) -> None:
+def _with_example_files(folder: Path) -> None:
     for name in ("navion.py", "f16.py"):
         shutil.copy(EXAMPLES / name, ".")
 

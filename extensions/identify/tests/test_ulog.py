@@ -149,7 +149,7 @@ def test_the_command_reads_a_log(folder, capsys):
     assert "add --columns FILE.toml" in capsys.readouterr().err
 
 
-def test_other_files_are_not_logs(folder):
+def test_files_of_other_formats_are_not_logs(folder):
     """A file of another format is refused as a PX4 log."""
     _, table = written_log()
     Path("flight.ulg").write_bytes(b"time,alpha")

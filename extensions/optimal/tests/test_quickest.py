@@ -30,21 +30,21 @@ def cart() -> hfa.Model:
 
 
 @pytest.fixture(scope="module")
-def moved() -> QuickestFlight:
+def cart_flight() -> QuickestFlight:
     model = cart()
     begin = hfa.find_operating_point(model, hold={"position": 8.0})
     return hfa.quickest_flight(model, hfa.find_operating_point(model), begin)
 
 
-def test_the_quickest_double_integrator_equals_closed_form(moved: QuickestFlight) -> None:
+def test_the_quickest_double_integrator_equals_closed_form(cart_flight: QuickestFlight) -> None:
     """The quickest time of a double integrator over a distance d is at least 2 sqrt(d / u_max).
 
     The time found exceeds this least time by at most 0.5 %.
     """
     least = 2.0 * np.sqrt(8.0 / 2.0)
-    assert least <= moved.seconds <= 1.005 * least
-    assert moved.saturated == ["force"]
-    assert moved.spread < 0.005
+    assert least <= cart_flight.seconds <= 1.005 * least
+    assert cart_flight.saturated == ["force"]
+    assert cart_flight.spread < 0.005
 
 
 def test_the_quickest_time_with_speed_limit_is_exact() -> None:
@@ -56,22 +56,24 @@ def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     assert np.abs(best.states[:, 1]).max() <= 2.0
 
 
-def test_scipys_simulation_arrives_in_the_target_box(moved: QuickestFlight) -> None:
+def test_scipys_simulation_arrives_in_the_target_box(cart_flight: QuickestFlight) -> None:
     """With the inputs of the quickest flight, SciPy's simulation ends in the same arrival box."""
 
     def rate(t: float, x: np.ndarray) -> list[float]:
-        u = [np.interp(t, moved.time, column) for column in moved.inputs.T]
-        return list(moved.model.rates_at(x, u).values())
+        u = [np.interp(t, cart_flight.time, column) for column in cart_flight.inputs.T]
+        return list(cart_flight.model.rates_at(x, u).values())
 
-    rows = solve_ivp(rate, (0.0, moved.seconds), moved.states[0], rtol=1e-8, max_step=0.01)
-    assert (np.abs(rows.y[:, -1]) <= list(moved.box.values())).all()
+    rows = solve_ivp(
+        rate, (0.0, cart_flight.seconds), cart_flight.states[0], rtol=1e-8, max_step=0.01
+    )
+    assert (np.abs(rows.y[:, -1]) <= list(cart_flight.box.values())).all()
 
 
-def test_a_missed_target_is_detected(moved: QuickestFlight) -> None:
+def test_a_missed_target_is_detected(cart_flight: QuickestFlight) -> None:
     """A flight that does not reach the target box (planted error) is detected."""
-    late = moved.flown._replace(times=1.3 * moved.time)
-    assert "at 4.0" in not_arrived(moved.problem, late, moved.proposal)
-    assert not not_arrived(moved.problem, moved.flown, moved.proposal)
+    late = cart_flight.flown._replace(times=1.3 * cart_flight.time)
+    assert "at 4.0" in not_arrived(cart_flight.problem, late, cart_flight.proposal)
+    assert not not_arrived(cart_flight.problem, cart_flight.flown, cart_flight.proposal)
 
 
 def test_optimize_finds_the_quickest_dihedral_change(capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,7 +30,7 @@ MEGABYTE = 1_000_000
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     """Return the result of the command and the folder that it wrote."""
     folder = tmp_path_factory.mktemp("report") / "new"
     words = (
@@ -49,13 +49,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     return hfa("report", *words), folder
 
 
-def test_the_folder_contains_page_pictures_and_numbers(made: tuple[Result, Path]) -> None:
+def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Result, Path]) -> None:
     """The folder contains the page, pictures and numbers. The numbers equal those of other
     commands.
 
     The page loads nothing from a network.
     """
-    result, folder = made
+    result, folder = written_report
     assert (result.code, result.err) == (DONE, "")
     names = {
         "report.html",
@@ -90,7 +90,7 @@ def test_the_folder_contains_page_pictures_and_numbers(made: tuple[Result, Path]
     assert data["flights"]["schema"] == "hfa.paper-flights/2"
 
 
-def test_pictures_of_the_documents_are_current(made: tuple[Result, Path]) -> None:
+def test_pictures_of_the_documents_are_current(written_report: tuple[Result, Path]) -> None:
     """The pictures of the documents equal those that `hfa report` draws."""
     from matplotlib.image import imread
 
@@ -102,7 +102,7 @@ def test_pictures_of_the_documents_are_current(made: tuple[Result, Path]) -> Non
     assert sorted(path.name for path in folder.glob("*.png")) == sorted([*drawn, *others])
     for name in drawn:
         one = imread(folder / name)
-        other = imread(made[1] / name)
+        other = imread(written_report[1] / name)
         assert one.shape == other.shape
         # Other releases of the font library change the edges of some letters.
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, "run `make pictures`"

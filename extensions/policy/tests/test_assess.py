@@ -40,33 +40,33 @@ KEYS = {
 
 
 @pytest.fixture(scope="module")
-def good():
+def passing_assessment():
     """Return the assessment of a policy that is stable at two trims, with few flights."""
     return assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=16)
 
 
-def test_the_first_line_contains_verdict_and_two_findings(good):
+def test_the_first_line_contains_verdict_and_two_findings(passing_assessment):
     """The first line contains the verdict and two findings.
 
     Further findings follow on separate lines. A requirement that is not satisfied is the second
     finding. All lines have at most 100 columns.
     """
-    lines = good.report().title.split("\n")
+    lines = passing_assessment.report().title.split("\n")
     assert lines[0] == "PASS: holds from 45 to 60 m/s at 50 Hz; unstable with 20 ms of delay"
     assert lines[1] == "every flight converges"
     assert lines[2].startswith("steady-state speed error up to -0.")
     assert lines[3].startswith("linear cost up to ")
     assert lines[3].endswith("x the optimum")
-    failing = replace(good, needs={"delay": 0.05}).report().title.split("\n")
+    failing = replace(passing_assessment, needs={"delay": 0.05}).report().title.split("\n")
     assert failing[0].startswith(
         "FAIL: holds from 45 to 60 m/s at 50 Hz; a delay of 0.05 s is not tolerated at 2 of 2 trims"
     )
     assert max(map(len, [*lines, *failing])) <= 100
 
 
-def test_the_json_contains_the_documented_keys(good):
+def test_the_json_contains_the_documented_keys(passing_assessment):
     """The JSON of an assessment that passes is valid and contains the documented keys at each trim."""
-    data = json.loads(good.report().json())
+    data = json.loads(passing_assessment.report().json())
     assert complaints_about(data) == []
     assert data["holds"] is True
     assert len(data["points"]) == 2
@@ -100,17 +100,17 @@ def test_a_formula_not_smooth_at_trim_is_refused(table, name, entry):
         assess(model, wrong, [45.0])
 
 
-def test_unmet_requirements_are_listed(good):
+def test_unmet_requirements_are_listed(passing_assessment):
     """Each requirement that the assessment does not meet is listed.
 
     An unknown requirement is refused.
     """
     met = {"delay": 0.01, "margin": 0.1, "cost": 1000.0}
-    assert replace(good, needs=met).unmet == []
+    assert replace(passing_assessment, needs=met).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):
-        assert len(replace(good, needs=needs).unmet) == 1
+        assert len(replace(passing_assessment, needs=needs).unmet) == 1
     with pytest.raises(hfa.BadInputError, match="choose from delay, margin, cost"):
-        replace(good, needs={"speed": 1.0}).report()
+        replace(passing_assessment, needs={"speed": 1.0}).report()
 
 
 @pytest.mark.slow

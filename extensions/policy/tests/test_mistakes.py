@@ -469,7 +469,7 @@ def with_attitude(model):
     return replace(model, equations=equations, outputs=outputs)
 
 
-def test_weights_of_outputs_cost_as_much_as_those_of_states():
+def test_weights_of_outputs_and_states_cost_equally():
     """An output that equals a state has the cost and the optimum of this state."""
     model = with_attitude(model_of(F16))
     right = optimum_on_f16(0.1)

@@ -18,7 +18,7 @@ NOISE = Uncertainty(noise={"pitch_rate": 0.02})
 
 
 @pytest.fixture(scope="module")
-def good():
+def noisy_assessment():
     """Return the assessment of a policy with two flights of half a second with sensor noise."""
     point = trims("ppo_gtm")[1]
     scenario = Scenario(duration=0.5, uncertainty=NOISE)
@@ -27,13 +27,13 @@ def good():
     )
 
 
-def test_rms_with_noise_equals_that_of_fly(good):
+def test_rms_with_noise_equals_that_of_fly(noisy_assessment):
     """The root mean squares with sensor noise equal those of `fly` with the same seed.
 
     Without noise, the root mean squares are less than half as large.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
-    found = good.points[0].rough
+    found = noisy_assessment.points[0].rough
     assert (found.flights, found.inside, found.disturbed_by) == (2, 2, "noise")
     ticks = Scenario(duration=0.5, tick=0.02, step=0.02, uncertainty=NOISE).on(model)
     flights = [
@@ -45,11 +45,11 @@ def test_rms_with_noise_equals_that_of_fly(good):
         rms = np.sqrt(np.mean(np.square(off)))
         assert found.rms[name] == pytest.approx(rms, rel=SAME_FORMULA)
         assert found.calm[name] < 0.5 * found.rms[name]
-    assert good.ok
-    assert "every flight with noise stays inside the envelope" in good.headlines
+    assert noisy_assessment.ok
+    assert "every flight with noise stays inside the envelope" in noisy_assessment.headlines
 
 
-def test_a_flight_that_leaves_in_a_gust_fails(good):
+def test_a_flight_that_leaves_in_a_gust_fails(noisy_assessment):
     """The assessment fails if a flight leaves the envelope in a gust."""
     (point,) = trims("ppo_hfa")
     deployed = stored_deployment("ppo_hfa").on(aircraft("ppo_hfa"))
@@ -58,7 +58,7 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
     (rough,) = rough_flights(deployed, [point], [happens], 1)
     assert rough.inside == 0
     assert 0.0 < rough.departure.time < 5.0
-    failing = replace(good, points=(replace(good.points[0], rough=rough),))
+    failing = replace(noisy_assessment, points=(replace(noisy_assessment.points[0], rough=rough),))
     assert not failing.ok
     assert failing.first_line.startswith("FAIL: 1 of 1 flights with a gust leaves the envelope (")
 

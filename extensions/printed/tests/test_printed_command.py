@@ -48,7 +48,7 @@ def test_the_search_shows_its_progress(tmp_path: Path) -> None:
     assert hfa("printed", str(file), err=Terminal()).err.split("\r\033[K")[-1].startswith("hfa: ")
 
 
-def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
+def test_bad_input_is_refused_in_one_line(tmp_path: Path) -> None:
     """Wrong numbers and unknown options are refused in one line."""
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
@@ -69,7 +69,7 @@ def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
         'time = "continuous"\n[plant]\nA = "' + "(" * 5000 + '"\nB = "1"\n[printed]\nK = "1"\n',
     ],
 )
-def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> None:
+def test_deep_nesting_and_long_numbers_are_refused(tmp_path: Path, text: str) -> None:
     """Deep nesting and very long numbers in a file are refused in one line."""
     file = tmp_path / "printed.toml"
     file.write_text(text)

@@ -137,7 +137,7 @@ def test_missing_subjects_are_named() -> None:
         compare(content | {"note": 1.0}, table, {})
 
 
-def test_tolerated_differences_are_not_named() -> None:
+def test_the_error_ignores_tolerated_differences() -> None:
     """The error names the state whose trim differs by more than the tolerance, not the first
     state.
     """

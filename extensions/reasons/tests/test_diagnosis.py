@@ -264,7 +264,7 @@ def test_a_transposed_gain_is_named() -> None:
     assert named(game, from_gain(game, gain(game).T)) == "K is transposed"
 
 
-def test_one_number_suggests_no_other_game() -> None:
+def test_one_number_identifies_no_other_game() -> None:
     """From a scalar P alone, no other game is suggested. A value of half the exact one is named."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[1e-8]], [[1.0]], delta=2.0)
     assert named(game, from_value(game, value(game) * 1.2)) == ""

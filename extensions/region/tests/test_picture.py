@@ -83,6 +83,6 @@ def test_a_much_larger_box_is_stated_in_label(
     assert axes.get_ylim()[1] > 50.0
 
 
-def test_without_a_box_none_is_drawn(region: Region) -> None:
+def test_a_figure_without_a_box_shows_none(region: Region) -> None:
     """Without a comparison box, the figure contains none."""
     assert "box of a critic's comparison" not in lines(axes_of(region_figure(region)))

@@ -156,7 +156,7 @@ def test_flights_from_the_edge_converge(certificate: Path, model: Model) -> None
     assert np.allclose(np.array(command(edge.T)), np.array(policy(edge.T)), rtol=1e-9)
 
 
-def test_a_basis_needs_weights(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_basis_without_weights_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """A basis without weights is refused."""
     assert main(["prove", "region", "--aircraft", PENDULUM, "--basis", "quadratic"]) == 2
     assert "--weights" in capsys.readouterr().err

@@ -137,7 +137,7 @@ def test_the_level_is_bounded_by_found_obstacles(
 # The pendulum.
 
 
-def test_rays_reach_nonconverging_initial_conditions(certificate: Path, model: Model) -> None:
+def test_rays_contain_nonconverging_initial_conditions(certificate: Path, model: Model) -> None:
     """On each ray, an initial condition outside the set is found from which the flight does not
     converge.
     """
@@ -272,7 +272,7 @@ def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 @pytest.mark.slow
-def test_an_interruption_ends_like_a_timeout(tmp_path: Path) -> None:
+def test_an_interrupted_command_ends_like_a_timeout(tmp_path: Path) -> None:
     """An interrupted command ends with exit code 0.
 
     Its certificate is valid, and the search can be resumed from it.

@@ -353,7 +353,7 @@ def test_fly_accepts_a_point_or_a_model() -> None:
         point.linearize().fly(K)
 
 
-def test_arguments_of_different_types_in_any_order() -> None:
+def test_arguments_of_different_types_have_any_order() -> None:
     """Arguments of different types may be given in any order."""
     game = hfa.paper.published_game(_linear())
     K = hfa.solve_game(game).K
@@ -618,7 +618,7 @@ def test_a_critic_computes_inputs() -> None:
     assert np.array_equal(swept.sel(dihedral=0.05).A, swept.at(dihedral=0.05).A)
 
 
-def test_wrong_calls_are_one_line() -> None:
+def test_wrong_calls_raise_one_line_errors() -> None:
     """A wrong call raises a one-line error about the call, not an error from inside a function."""
 
     class Table:

@@ -76,16 +76,16 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("store") / "a.zarr"
     fill_store(row_job(), path)
     return path
 
 
 @pytest.fixture
-def path(made: Path, tmp_path: Path) -> Path:
+def path(finished_store: Path, tmp_path: Path) -> Path:
     """Return a copy of a finished store, which a test may damage."""
-    return shutil.copytree(made, tmp_path / "a.zarr")
+    return shutil.copytree(finished_store, tmp_path / "a.zarr")
 
 
 def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
@@ -95,9 +95,9 @@ def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
     return told
 
 
-def test_stored_results_have_names_and_units(made: Path) -> None:
+def test_stored_results_have_names_and_units(finished_store: Path) -> None:
     """Results are read from a store with their names, units and coordinates."""
-    dataset = open_store(made)
+    dataset = open_store(finished_store)
     expected = numbers(0, ROWS)
     for name in ("square", "empty", "pole"):
         np.testing.assert_array_equal(dataset[name].values, expected[name])
@@ -106,28 +106,28 @@ def test_stored_results_have_names_and_units(made: Path) -> None:
     assert dataset.square.attrs == {"units": "ft"}
 
 
-def test_two_processes_write_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+def test_two_processes_write_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
     """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
-    assert contents(tmp_path / "two.zarr") == contents(made)
+    assert contents(tmp_path / "two.zarr") == contents(finished_store)
 
 
-def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+def test_a_dask_cluster_writes_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
     """A Dask cluster writes the same bytes as one process."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0"
     ) as cluster:
         fill_store(row_job(), tmp_path / "far.zarr", workers=cluster.scheduler_address)
-    assert contents(tmp_path / "far.zarr") == contents(made)
+    assert contents(tmp_path / "far.zarr") == contents(finished_store)
 
 
 class Stop(Exception):
     pass
 
 
-def test_only_missing_rows_are_computed(made: Path, tmp_path: Path) -> None:
+def test_only_missing_rows_are_computed(finished_store: Path, tmp_path: Path) -> None:
     """A resumed job computes only the missing rows and ends with the same bytes."""
 
     def stop_after_two(done: float, _: float) -> None:
@@ -139,7 +139,7 @@ def test_only_missing_rows_are_computed(made: Path, tmp_path: Path) -> None:
     assert np.isnan(open_store(tmp_path / "a.zarr").square.values[6:]).all()
     # The first is reported before anything is computed.
     assert resumed(tmp_path / "a.zarr") == [(2, 4), (3, 4), (4, 4)]
-    assert contents(tmp_path / "a.zarr") == contents(made)
+    assert contents(tmp_path / "a.zarr") == contents(finished_store)
 
 
 KILLED = """
@@ -152,7 +152,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_killed_run_keeps_finished_chunks(made: Path, tmp_path: Path) -> None:
+def test_a_killed_run_keeps_finished_chunks(finished_store: Path, tmp_path: Path) -> None:
     """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
@@ -166,7 +166,7 @@ def test_a_killed_run_keeps_finished_chunks(made: Path, tmp_path: Path) -> None:
     process.wait()
     done, chunks = resumed(path)[0]
     assert (0 < done < 4, chunks) == (True, 4)
-    assert contents(path) == contents(made)
+    assert contents(path) == contents(finished_store)
 
 
 def _flip(file: Path) -> None:
@@ -188,7 +188,7 @@ def _flip(file: Path) -> None:
     ids=["flip", "cut", "gone"],
 )
 def test_a_damaged_chunk_is_computed_again(
-    made: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
+    finished_store: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
 ) -> None:
     """A damaged or deleted chunk is computed again."""
     damage(path / file)
@@ -199,7 +199,7 @@ def test_a_damaged_chunk_is_computed_again(
             assert resumed(path) == [(3, 4), (4, 4)]
     else:
         assert resumed(path) == [(3, 4), (4, 4)]
-    assert contents(path) == contents(made)
+    assert contents(path) == contents(finished_store)
 
 
 @pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
@@ -398,7 +398,7 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_foreign_chunk_is_computed_again(
-    made: Path, path: Path, tmp_path: Path, what: str
+    finished_store: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
     """A chunk that belongs to another job, chunk or array is computed again.
 
@@ -418,7 +418,7 @@ def test_a_foreign_chunk_is_computed_again(
         shutil.copy(path / "checksum/c/0/0", path / "checksum/c/1/0")
     with pytest.warns(UserWarning, match="1 of 4 chunks were damaged"):
         assert resumed(path) == [(3, 4), (4, 4)]
-    assert contents(path) == contents(made)
+    assert contents(path) == contents(finished_store)
 
 
 def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
@@ -440,14 +440,16 @@ def refusal(path: Path) -> str:
 @pytest.mark.parametrize(
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
-def test_random_changes_of_metadata_are_refused(made: Path, path: Path, count: int) -> None:
+def test_random_changes_of_metadata_are_refused(
+    finished_store: Path, path: Path, count: int
+) -> None:
     """At least 80 % of stores with a random change of a metadata file are refused, each in one
     line.
 
     The results of the other stores are unchanged.
     """
     random = np.random.default_rng(8)
-    files = sorted(made.rglob("zarr.json"))
+    files = sorted(finished_store.rglob("zarr.json"))
     refused = 0
     for _ in range(count):
         file = files[int(random.integers(len(files)))]
@@ -461,11 +463,11 @@ def test_random_changes_of_metadata_are_refused(made: Path, path: Path, count: i
             del content[at : at + int(random.integers(1, 40))]
         else:
             content = bytearray(random.choice([b"[]", b"null", b"{}", b"[" * 9000, b'"x"', b""]))
-        target = path / file.relative_to(made)
+        target = path / file.relative_to(finished_store)
         target.write_bytes(bytes(content))
         reason = refusal(path)
         assert "\n" not in reason
         refused += bool(reason)
         target.write_bytes(own)
     assert refused > 0.8 * count
-    assert contents(path) == contents(made)
+    assert contents(path) == contents(finished_store)

@@ -357,7 +357,7 @@ def test_weights_near_instability_converge_to_the_solution(margin: float) -> Non
         assert_exact(learn(game, seed=seed, tick=0.2, initial_weights=start), exact)
 
 
-def test_an_answer_without_the_discount_is_refused(
+def test_the_law_fails_without_its_safeguards(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Without its safeguards, the law fails or gives a wrong P in at least one of two runs.

@@ -112,7 +112,7 @@ def test_stored_rows_include_first_and_last(monkeypatch: pytest.MonkeyPatch) -> 
 # Checks of learned critics by `check_critic`, which uses A.
 
 
-def test_a_poor_stack_is_not_settled() -> None:
+def test_a_run_of_poor_data_is_not_settled() -> None:
     """A training run with rank-deficient data, or with a large residual, does not count as
     settled.
     """
@@ -158,7 +158,7 @@ def test_twelve_states_are_learned_without_a_disturbance() -> None:
 
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
-def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
+def test_a_correct_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
     """The learning of a correct critic settles for small and large weights Q and R."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
     result = learn(game, tick=0.1)

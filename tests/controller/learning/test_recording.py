@@ -125,7 +125,7 @@ def test_pivoted_qr_chooses_samples_of_full_rank() -> None:
     assert worst_condition(choose(pool, QUADRATIC, 21)) < 1e9
 
 
-def test_poor_stacks_are_refused() -> None:
+def test_samples_of_low_rank_are_refused() -> None:
     """States in a five-dimensional subspace are refused, and the message states their rank."""
     game, _ = published(PUBLISHED[0])
     rng = np.random.default_rng(0)
@@ -164,7 +164,7 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
     assert forced.linear()[1] > 1e-3
 
 
-def test_malformed_stacks_are_refused() -> None:
+def test_malformed_samples_are_refused() -> None:
     """Samples with wrong shapes, nan, or a state that is always 0 are refused by name.
 
     A box without width is refused too.

@@ -34,7 +34,7 @@ def test_the_bracket_has_the_requested_width() -> None:
         assert (ending.exists, ending.condition) == (False, "of it")
 
 
-def test_a_solution_below_ends_the_refusal() -> None:
+def test_wrong_refusals_above_a_solution_are_ignored() -> None:
     """The search ignores wrong refusals from 8 to 11.38, because a smaller delta has a solution."""
 
     def ask(delta: float) -> Answer:

@@ -279,7 +279,7 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
         solve_game(game.with_delta(smallest * (1.0 - 1e-5)))
 
 
-def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
+def test_delta_slightly_above_the_minimum_is_solved(game: Game) -> None:
     """A delta 0.1 % above delta_min is solved.
 
     For a delta 1e-6 above delta_min, P is accurate to 1e-6, or the refusal states the distance to

@@ -155,7 +155,7 @@ def test_a_batch_of_24_states_needs_little_memory():
     tracemalloc.stop()
 
 
-def test_a_singular_plant_does_not_stop_the_others():
+def test_a_singular_plant_does_not_affect_the_others():
     """A plant of zeros is not certified, but the other plants of its batch are.
 
     A plant with nan is refused, and the message states its number.

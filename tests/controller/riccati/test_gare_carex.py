@@ -128,7 +128,7 @@ def test_a_loop_at_the_axis_is_refused() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
-def test_the_disturbances_unit_scales_delta_min_alone(size: float) -> None:
+def test_the_disturbances_unit_scales_only_delta_min(size: float) -> None:
     """A change of the disturbance's unit by a factor changes delta_min by the same factor."""
     plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
     expected = minimum_delta(plant)

@@ -154,7 +154,7 @@ def test_margins_of_light_and_close_modes_are_attained() -> None:
     assert max(edges) == pytest.approx(0.0, abs=1e-11)
 
 
-def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disabled_frequency_search_raises_the_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     """If the search for the critical frequency is disabled, the disk margin is larger than a
     true one.
     """
@@ -165,7 +165,7 @@ def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> 
     assert disk_margin(game, K).disk > right * (1.0 + 1e-6)
 
 
-def test_several_inputs_have_the_largest_bound() -> None:
+def test_the_disk_margin_follows_from_the_largest_bound() -> None:
     """The disk margin is the reciprocal of the largest bound of μ on a fine frequency grid.
 
     The bound is largest at the frequency of the disk margin.

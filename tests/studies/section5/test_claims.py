@@ -200,7 +200,9 @@ def test_measures_use_the_declared_flights_and_names(said: dict[str, Any], value
         ("> bounded", 0.5, "", NOT_CONFIRMED),  # a lost flight confirms no claim
     ],
 )
-def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
+def test_a_verdict_follows_from_its_number(
+    must: str, lost_at: float, missing: str, verdict: str
+) -> None:
     """The verdict on a claim follows from its measured number, its limit and data missing in the
     paper.
 

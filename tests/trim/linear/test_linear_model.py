@@ -138,7 +138,7 @@ def test_a_band_is_two_standard_errors(
     assert bands.A.max() == pytest.approx(widest, rel=1e-3)
 
 
-def test_copies_of_an_identification_have_its_bands(
+def test_slightly_changed_parameters_keep_their_bands(
     parameter_set: ParameterSet,
 ) -> None:
     """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %.

@@ -337,7 +337,7 @@ ANGLES = [
 
 
 @pytest.fixture(scope="module")
-def strong(published_aircraft: Model) -> Model:
+def strong_aircraft(published_aircraft: Model) -> Model:
     """Return a light aircraft with 100 times the thrust, which can climb at any angle."""
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
@@ -346,36 +346,38 @@ def strong(published_aircraft: Model) -> Model:
 
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
-def test_trim_points_agrees_with_a_single_trim(strong: Model, gamma: float, alpha: float) -> None:
+def test_trim_points_agrees_with_a_single_trim(
+    strong_aircraft: Model, gamma: float, alpha: float
+) -> None:
     """`trim_points` and a single trim agree on whether the pitch angle exceeds its limit."""
     values = np.radians([[gamma, alpha]])
-    chunk = trim_points(strong, ("gamma", "alpha"), values)
+    chunk = trim_points(strong_aircraft, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
     if gamma + alpha <= 60:
-        assert find_operating_point(strong, condition).status == "trimmed"
+        assert find_operating_point(strong_aircraft, condition).status == "trimmed"
         assert chunk.status[0] == TRIMMED
     else:
         with pytest.raises(
             TrimError,
             match=r"pitch would have to be .* deg, but must lie between -60 deg and 60 deg$",
         ):
-            find_operating_point(strong, condition)
+            find_operating_point(strong_aircraft, condition)
         assert chunk.status[0] == BEYOND_LIMITS
 
 
-def test_the_pitch_limit_is_checked_with_free_angles(strong: Model) -> None:
+def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> None:
     """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
     checked.
     """
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
-    lifted = find_operating_point(strong, steep)
+    lifted = find_operating_point(strong_aircraft, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
     both = release(level_flight(0.0), free=("alpha", "gamma"), hold=held)
     with pytest.raises(
         TrimError,
         match=r"pitch would have to be 64\.8 deg, but must lie between -60 deg and 60 deg",
     ):
-        find_operating_point(strong, both, lifted)
+        find_operating_point(strong_aircraft, both, lifted)
 
 
 def test_a_missing_condition_uses_the_models_trim() -> None:

@@ -142,7 +142,7 @@ def eigenvalues_in(line: str) -> list[complex]:
 
 
 @pytest.fixture(scope="module")
-def over_two(published_aircraft: Model) -> Sweep:
+def sweep_of_two_variables(published_aircraft: Model) -> Sweep:
     """Return a sweep over speed and altitude.
 
     The fast modes are complex pairs at one altitude only.
@@ -155,14 +155,16 @@ def over_two(published_aircraft: Model) -> Sweep:
     return sweep(published_aircraft, grid, condition=release(LEVEL_FLIGHT, free=("alpha",)))
 
 
-def test_every_eigenvalue_is_printed_once(published_aircraft: Model, over_two: Sweep) -> None:
+def test_every_eigenvalue_is_printed_once(
+    published_aircraft: Model, sweep_of_two_variables: Sweep
+) -> None:
     """The report prints every eigenvalue of every point once.
 
     Beyond 28 deg the pair of the short period becomes two real eigenvalues. Two modes may also
     become a pair.
     """
     steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
-    for shown in (steep, over_two):
+    for shown in (steep, sweep_of_two_variables):
         lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
         assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
         for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=False):
@@ -173,10 +175,10 @@ def test_every_eigenvalue_is_printed_once(published_aircraft: Model, over_two: S
                 )
 
 
-def test_modes_vary_smoothly_over_two_variables(over_two: Sweep) -> None:
+def test_modes_vary_smoothly_over_two_variables(sweep_of_two_variables: Sweep) -> None:
     """In a sweep over two variables, the modes vary smoothly with the speed."""
-    fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
-    assert over_two.mode_names[0] == "short period (fast)"
+    fast = sweep_of_two_variables.eigenvalues.reshape(5, 3, 6)[:, 0]
+    assert sweep_of_two_variables.mode_names[0] == "short period (fast)"
     np.testing.assert_allclose(
         fast[:, 0], [-26.9628, -29.2923, -31.6144, -33.9310, -36.2431], atol=1e-3
     )
