@@ -63,7 +63,7 @@ NEWTON = Newton()
 class Lag(NamedTuple):
     """Step response of the lift, 1 - Σ A_i exp(-b_i s).
 
-    s = V t / b is the distance travelled in half chords b after a unit step at t = 0.
+    s = V t / b is the distance traveled in half chords b after a unit step at t = 0.
 
     shares: A_1, A_2
     rates: b_1, b_2

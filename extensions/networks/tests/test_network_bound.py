@@ -351,7 +351,7 @@ def test_a_narrow_hat_is_found_by_proof(of_abs: bool) -> None:
 def test_bounds_of_kinks_are_true_and_narrow(kind: str) -> None:
     """Bounds of functions with kinks are true and narrow, compared with values at random states.
 
-    Some boxes are centred on a kink.
+    Some boxes are centered on a kink.
     """
     y = ca.SX.sym("y", 2)
     t = y[0] - 0.3 * y[1]

@@ -60,7 +60,7 @@ def test_gains_are_aligned_by_name(form: Callable[..., Any]) -> None:
 
 
 def test_weights_and_initial_states_are_aligned_by_name() -> None:
-    """Labelled weights and initial states are aligned with the states by name.
+    """Labeled weights and initial states are aligned with the states by name.
 
     A state without a weight has the weight 0.
     """

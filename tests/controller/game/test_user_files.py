@@ -67,7 +67,7 @@ def test_missing_entries_are_taken_from_the_paper() -> None:
 
 
 def test_the_papers_game_is_converted_to_meters() -> None:
-    """For a plant in metres, the paper's Q and E are converted from feet.
+    """For a plant in meters, the paper's Q and E are converted from feet.
 
     A plant with other state names has no default for Q. A plant without names that has its own Q
     and R gets E = I and delta = inf.

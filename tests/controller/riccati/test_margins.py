@@ -192,7 +192,7 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
 
 
 def test_units_do_not_change_the_margins(game: Game) -> None:
-    """In metres instead of feet, margins, poles, L2 gain and delta_min are unchanged. K changes."""
+    """In meters instead of feet, margins, poles, L2 gain and delta_min are unchanged. K changes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
     here = solve_game(game)

@@ -1,4 +1,4 @@
-"""Labelled arrays of pandas and xarray as arguments, with rows and columns aligned by name."""
+"""Labeled arrays of pandas and xarray as arguments, with rows and columns aligned by name."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def has_labels(value: Any) -> bool:
 def aligned(
     function: Callable[..., Any], arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> _Arguments | None:
-    """Return the arguments of a call, with its labelled arrays in the order of the states and
+    """Return the arguments of a call, with its labeled arrays in the order of the states and
     inputs.
 
     - Labels that are texts are names of states or inputs. Other labels, such as times, are ignored.
-    - A labelled vector becomes a dictionary if the function accepts values by name.
-    - If no argument names the states and inputs, the rows and columns of labelled A and B name
+    - A labeled vector becomes a dictionary if the function accepts values by name.
+    - If no argument names the states and inputs, the rows and columns of labeled A and B name
       them.
 
-    Returns None if no argument is labelled, or if the function reads tables as flight records.
+    Returns None if no argument is labeled, or if the function reads tables as flight records.
 
     named: keywords of the call
 
@@ -99,7 +99,7 @@ def _orders(value: Any) -> tuple[tuple[str, ...], ...]:
 def _own_orders(given: Sequence[Any]) -> list[tuple[str, ...]]:
     """Return the names of the states and of the inputs in the labels of the matrices A and B.
 
-    Returns an empty list if the first array of the call is not a labelled A.
+    Returns an empty list if the first array of the call is not a labeled A.
 
     given: arguments of the call
     """
@@ -117,7 +117,7 @@ def _own_orders(given: Sequence[Any]) -> list[tuple[str, ...]]:
 
 
 def _labels(value: Any) -> list[list[str]]:
-    """Return the labels along each axis of a labelled array. An axis without texts has the labels
+    """Return the labels along each axis of a labeled array. An axis without texts has the labels
     [].
 
     Raises BadInputError if the labels of a matrix are the numbers 0, 1, ... in another order.
@@ -137,7 +137,7 @@ def _labels(value: Any) -> list[list[str]]:
 
 
 def _in_order(what: str, value: Any, orders: Sequence[Sequence[str]], by_name: bool) -> Any:
-    """Return a labelled array as a NumPy array in the order of the states and inputs.
+    """Return a labeled array as a NumPy array in the order of the states and inputs.
 
     what: name of the argument, for messages
     orders: names of the states, and of the inputs
