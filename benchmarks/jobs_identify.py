@@ -229,11 +229,11 @@ def _ahead(x: Sequence[float], step: float, rates: Sequence[float]) -> list[floa
 
 
 def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> list[float]:
-    """Return the derivatives of the ten states of examples/uav.toml, in plain Python.
+    """Return the time derivatives of the ten states of examples/uav.toml, in plain Python.
 
     x: speed, alpha, beta, roll rate, pitch rate, yaw rate, roll, pitch, yaw, altitude
     u: thrust, elevator, aileron, rudder
-    k: values of mass, inertias and derivatives by name
+    k: name -> value of gravity, mass, inertias and aerodynamic derivatives
     """
     speed, alpha, beta, p, q, r, roll, pitch, _, altitude = x
     thrust, elevator, aileron, rudder = u

@@ -1,4 +1,7 @@
-"""Find and run the command of `hfa`, import only its modules, and report failures in one line."""
+"""Run the command given on the command line of `hfa`, and report a failure in one line.
+
+Only the modules of this command are imported.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Outputs of the aircraft other than its states, as functions of state, input and wind.
 
-Axes are as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors
-are the values measured by an accelerometer fixed to the panel. The load factor in steady level
-flight is 1.
+Axes are as in `kinematics.py`: x forward, y to the right, z down. `vertical_acceleration` is the
+acceleration of the center of mass normal to its path. `load_factor` is normal to the path, and is
+1 in steady level flight. `load_factor_center` and `load_factor_outer` are the values measured by
+an accelerometer normal to the panel.
 """
 
 from __future__ import annotations

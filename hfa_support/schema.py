@@ -6,8 +6,8 @@ A declaration is one of the following:
 - a tuple of allowed words
 - [declaration], for a list
 - {str: declaration}, for a mapping with arbitrary names
-- {name: declaration}, for a table. A name that ends in * is required. The key ... permits further
-  names, which are not checked.
+- {name: declaration}, for a table. A name that ends in `*` declares a required entry. The key
+  `...` permits further entries, which are not checked.
 """
 
 from __future__ import annotations

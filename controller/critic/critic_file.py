@@ -84,7 +84,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     """Return the critics in a file: one critic, or one for each time of a history.
 
     - A network file (`is_network`) contains one critic.
-    - A file of arrays contains any of W (also `weights`), P and K (also `gains`).
+    - A file of arrays contains at least one of W (also `weights`), P and K (also `gains`).
     - A history also contains `time` (also `times`, `t`), and W (N, M), P (N, n, n) or K (N, m, n).
       A matrix may be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N).
     - An array without a name is W, P or K according to its shape.
@@ -95,7 +95,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     game: the game whose states and inputs the critic uses
     reading: options; None for the defaults
 
-    Raises BadInputError with the name of the file.
+    Raises BadInputError, which names the file, if the file does not contain a critic of this game.
     """
     reading = reading or Reading()
     file = Path(path)

@@ -233,8 +233,8 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
     """Return the names and units of states and inputs in a plant file.
 
-    An entry with a wrong number of texts, or with repeated names, is ignored. A note on the ignored
-    entry is appended to `notes`.
+    An entry with a wrong number of strings, or with repeated names, is ignored. A note on the
+    ignored entry is appended to `notes`.
 
     stored: entries of the file
     n: number of states

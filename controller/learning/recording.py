@@ -135,9 +135,9 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
 
 
 def natural_spread(game: Game) -> np.ndarray:
-    """Return the standard deviation of each state under white inputs and disturbances, (n,).
+    """Return the standard deviation of each state under white-noise inputs and disturbances, (n,).
 
-    The variances are the diagonal of X with
+    The eigenvalues of the plant are shifted by -β. The variances are the diagonal of X with
         (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
         β = max(largest real part of the eigenvalues of A, 0) + 10 % of the spectral radius.
     A spectral radius of 0 is replaced by 1/s. For a state that no input or disturbance affects, the

@@ -23,12 +23,12 @@ BELOW = (0.9, 0.5, 0.1, 0.01)
 
 
 class Answer(NamedTuple):
-    """Result of the question whether the game has a solution at one δ.
+    """Answer to the question whether the game has a solution at one δ.
 
     exists: True or False if shown, None if rounding leaves the existence undecided
     reason: reason why no solution exists or why existence is undecided; "" if a solution exists
-    condition: name of the condition that fails or is undecided, if the question has several
-        conditions; otherwise ""
+    condition: name of the condition that fails or is undecided, if several conditions are examined;
+        otherwise ""
     gain: lower bound of the smallest δ with a solution, or 0 if none is known
     """
 

@@ -128,11 +128,12 @@ def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
 
 @checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
-    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2) of u = -K z, for independent complex
-    factors.
+    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2) of u = -K z.
 
-    μ is bounded above by D-scaling, μ(M) <= min_D σ_max(D M D⁻¹) with D diagonal. Level sets extend
-    the bound to all frequencies.
+    The margin applies to independent complex factors on the inputs. S is the sensitivity of the
+    loop at the inputs. The returned α is a lower bound: μ is replaced by its upper bound from
+    D-scaling, μ(M) <= min_D σ_max(D M D⁻¹) with D diagonal. Level sets extend the bound to all
+    frequencies.
 
     game: the game, for A and B
     K: (m, n)

@@ -62,7 +62,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 
 
 def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
-    """Return the check that the policies of P cost z0'P z0, computed from a Lyapunov equation.
+    """Return the check that the cost of the policies of P, from a Lyapunov equation, is z0'P z0.
 
     The check fails with the value inf if the policies of P are not stabilizing.
 

@@ -128,7 +128,7 @@ class NormalForm:
         return form
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
-        """Return the game with this index of a stack, or a stack of several of its games.
+        """Return one game of a stack, or the stack of several selected games.
 
         index: an integer, an array of indices or a mask; None returns one game as a stack of one
         """

@@ -531,7 +531,7 @@ class OutputOptions(JsonOption):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneTrimRequest(OneTrimOptions, OutputOptions):
-    """Options of a command on one trim, including its outputs."""
+    """Options of a command on one trim, including the options for its output files."""
 
 
 def picture_option(shows: str, *, only_hfa: bool = False) -> Any:

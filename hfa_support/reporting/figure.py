@@ -68,7 +68,8 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Turn off formula typesetting in all texts of a figure, except for powers of ten at log axes.
+    """Turn off formula typesetting in all texts of a figure, except powers of ten on logarithmic
+    axes.
 
     matplotlib would otherwise typeset text between two dollar signs, for example in a state's name.
     """

@@ -104,9 +104,9 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Return the eigenvalues of all modes with a declared name, one for each conjugate pair.
+    """Return the eigenvalues of all modes with a given name, one for each conjugate pair.
 
-    family: declared name, such as "phugoid"; the list is empty if the model does not declare it
+    family: name of the modes, such as "phugoid"; the list is empty if the model has no such mode
     """
     if family not in linear.model.modes:
         return []

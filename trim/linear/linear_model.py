@@ -117,7 +117,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the operating point, on omitted input dynamics, and on entries at a kink."""
+        """Notes on the operating point, omitted input dynamics, entries of A and B at kinks, and
+        rates that jump.
+        """
         signals = self.model.inputs
         moving = [signals[name].moving for name in self.inputs if signals[name].moving]
         return [*self.point.warnings, *moving, *self.kinks]

@@ -18,14 +18,14 @@ from trim.point.problem import TrimProblem
 class Margin(Result):
     """Variable of a trim with its limits, in its unit.
 
-    name: name of the variable.
-    value: value at the trim.
-    role: "free", "held", "left" (at its initial value, because it is in no equation), or "follows"
-        (another state or output).
-    lowest: lower limit, infinite without one.
-    highest: upper limit, infinite without one.
-    unit: unit of all these numbers.
-    scale: nominal size of the variable.
+    name: name of the variable
+    value: value at the trim
+    role: "free" for an unknown of the trim, "held" at an imposed value, "left" at its initial value
+        because no equation contains the variable, or "follows" for any other state or output
+    lowest: lower limit, -inf if the variable has none
+    highest: upper limit, inf if the variable has none
+    unit: unit of value, lowest, highest and scale
+    scale: nominal size of the variable
     """
 
     json_keys = "value unit role lowest highest margin=distance nearer at_limit"

@@ -35,7 +35,8 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
     path: file of the point, of a trim, or of a linear model
     model: model of the point
 
-    Raises BadInputError, which names the file and the fault.
+    Raises BadInputError, which names the file and the fault, if the file contains no point of the
+    model.
     """
     try:
         data = read_json(path)

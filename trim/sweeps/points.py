@@ -280,8 +280,8 @@ def _starts(
       for a single variable, linear for several
 
     The cells divide the space of the variables and are fixed for a model. The result for a point
-    therefore does not depend on the other points. Terms that change by more than `_STEEPEST` over a
-    cell are omitted. Such terms may lead to another solution.
+    therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST` or
+    more over a cell is omitted, because the search could converge to another solution.
 
     variables, values: as for `trim_points`
     """

@@ -29,10 +29,10 @@ _LEAST_DIFFERENCE = 1e-6
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
     """Return a figure with heat maps of a critic's P, the exact P, and their relative difference.
 
-    - K is drawn for a critic without P.
-    - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE`.
-    - The errors over time are drawn below if the verdict has a table.
-    The color scale is logarithmic with sign.
+    - For a critic without P, the maps are those of K.
+    - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE` in magnitude.
+    - If the verdict has a table of errors over time, the errors are drawn below the maps.
+    The color scale is symmetric logarithmic and linear near 0.
 
     verdict: verdict on the critic
     make: function (width, height) -> empty figure, in inches
