@@ -1,4 +1,4 @@
-"""Hash of a model, which covers local modules that the file imports, and data that the model reads."""
+"""Hash of a model. The hash covers imported local modules and data that the model reads."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ block directly after it shows its output.
 
 In a ```console block, lines that begin with "$ " are commands. A backslash continues a command on
 the next line. The lines after a command show its output. "# exit 1" at the end of a command gives
-its exit code. A line "..." matches any number of lines. The last line of an output, which contains
-the provenance, may be omitted.
+its exit code. A line "..." matches any number of lines. The last line of an output contains the
+provenance and may be omitted.
 
 The blocks of one document are run in order, in one folder and one namespace. Blocks in other
 languages are not run. Blocks marked as ```console slow are run only if slow tests are selected.

@@ -1,4 +1,4 @@
-"""Stored parts of a study, which are reused only for the same version and settings."""
+"""Stored parts of a study are reused only for the same version and settings."""
 
 from __future__ import annotations
 

@@ -264,7 +264,7 @@ def test_swept_turns_equal_single_trims() -> None:
 
 
 def test_states_that_affect_nothing_can_be_freed() -> None:
-    """Freeing north, east and heading, which affect no equation, does not change the trim.
+    """Freeing north, east and heading does not change the trim. These states affect no equation.
 
     The JSON output names the three states as idle, and reports the rate of north.
     """

@@ -53,7 +53,7 @@ TANK = Model(
 
 
 def tank() -> Content:
-    """Return a true certificate. It claims the region level² + heat² <= 0.81."""
+    """Return a true certificate of the region level² + heat² <= 0.81."""
     limits = {
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),

@@ -32,14 +32,15 @@ def network(z: Any, tanh: Callable[[Any], Any]) -> Any:
 def deployed(z: Any, level: Any, clip: Callable[[Any], Any]) -> Any:
     """Return the command of a deployed policy at z, relative to its command at the trim.
 
-    level: level at the trim, which the policy observes
+    level: level at the trim. The policy observes z + level.
     clip: saturation
     """
     return 1.5 * clip(1.25 * (z + level)) - 1.5 * clip(1.25 * level)
 
 
 def policy_of(kind: str) -> ca.Function | None:
-    """Return the user's policy as a function, or None for a gain, which the certificate contains.
+    """Return the user's policy as a function, or None for a gain. A certificate contains the gain
+    itself.
 
     kind: "network", "deployment" or a kind of gain
     """

@@ -144,7 +144,7 @@ def proved(
 
 
 def test_a_region_of_a_network_is_verified(proved: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    """The region of a network is proved and checked. It includes angles up to more than 20 deg."""
+    """The region of a network is proved and checked. The region includes angles above 20 deg."""
     content, words = proved
     assert main(["prove", "region", *words]) == 0
     out = capsys.readouterr().out
@@ -357,9 +357,7 @@ def test_an_interrupted_search_returns_the_proved_region() -> None:
 
 
 def test_a_loop_without_an_equilibrium_is_refused() -> None:
-    """The equilibrium of x' = x² - 1 is enclosed. x' = x² + 1, which has no equilibrium, is
-    refused.
-    """
+    """The equilibrium of x' = x² - 1 is enclosed. x' = x² + 1 has no equilibrium and is refused."""
     x = ca.SX.sym("x")
     for constant in (1.0, -1.0):
         program = Program(ca.Function("f", [x], [x**2 + constant]), "f")
@@ -513,7 +511,7 @@ def test_an_indefinite_v_leaves_the_coordinates_unchanged() -> None:
 def test_a_maximum_of_v_bounds_the_level() -> None:
     """The local maximum of V between the origin and an obstacle bounds the level of the set.
 
-    V = x² - 0.3 x⁴ has the maximum 0.83. V is negative at the obstacle, which is the limit 2 of x.
+    V = x² - 0.3 x⁴ has the maximum 0.83. The obstacle is the limit x = 2, where V is negative.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)

@@ -44,8 +44,9 @@ def flight_under_command(actuators: ActuatorBank, *command: float) -> Deviations
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
-    """Positions and rates of actuators of both orders remain within their limits, which the
-    commands exceed.
+    """Positions and rates of actuators of both orders remain within their limits.
+
+    The commands exceed the limits.
     """
     limited, free = (
         flight_under_command(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0)

@@ -78,8 +78,9 @@ def test_an_fmu_contains_its_origin(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_a_controller_is_exported_to_c_and_fmu(tmp_path: Path, published_aircraft: Model) -> None:
-    """A controller with actuators is exported as an FMU and as C files, which name the controller
-    file.
+    """A controller with actuators is exported as an FMU and as C files.
+
+    The C files name the controller file.
     """
     save_controller(tmp_path / "servo.npz", integrating_controller(published_aircraft))
     words = (

@@ -145,7 +145,10 @@ def test_compiled_code_gives_the_same_flight(
 
 
 def test_a_member_ends_when_it_leaves_the_envelope(plan: MonteCarlo) -> None:
-    """A member that leaves the envelope ends at its departure, which is in the summary."""
+    """A member that leaves the envelope ends at its departure.
+
+    The summary of the members contains the departure.
+    """
     away = replace(
         plan, members=1, policy=GainPolicy("wrong sign", -np.array(plan.policy.identity["K"]))
     )

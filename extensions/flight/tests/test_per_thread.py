@@ -1,6 +1,4 @@
-"""Monte Carlo simulations in several threads of a process, which give the same bits as in one
-thread.
-"""
+"""Monte Carlo simulations in several threads of a process give the same bits as in one thread."""
 
 from __future__ import annotations
 

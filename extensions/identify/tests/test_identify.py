@@ -34,8 +34,9 @@ STEP = 0.04
 
 
 def doublets(time):
-    """Return the elevator of a 3-2-1-1 input of 2 deg, rad, which begins at 0.5 s with units of 0.4
-    s.
+    """Return the elevator of a 3-2-1-1 input, rad, (N,).
+
+    The amplitude is 2 deg. The input begins at 0.5 s, and its time unit is 0.4 s.
 
     time: s, (N,)
     """
@@ -702,8 +703,8 @@ def test_a_wrong_unit_is_refused(folder, capsys):
 
 
 def test_a_flight_file_is_accepted_as_a_record(folder):
-    """A file written by `hfa fly` is accepted as a record. Its last column, the provenance, is
-    ignored.
+    """A file written by `hfa fly` is accepted as a record. The last column of the file, the
+    provenance, is ignored.
     """
     model = hfa.load_model(UAV)
     written("flight.csv", record(model=AIRCRAFT), {})

@@ -1,4 +1,4 @@
-"""Next maneuvers recommended by `identify`, simulated. They narrow the bands as predicted."""
+"""Maneuvers that `identify` recommends. In simulations, they narrow the bands as predicted."""
 
 from functools import cache
 

@@ -87,7 +87,7 @@ def differences(name, kcas):
     ],
 )
 def test_the_linear_model_agrees_with_jsbsims(name, kcas, of_B):
-    """The linear model of a jet agrees with JSBSim's, which is computed with finite differences.
+    """The linear model of a jet agrees with JSBSim's finite differences.
 
     The largest relative difference is below 1e-8 for A without the column of beta, 5e-5 for this
     column, and `of_B` for B.

@@ -148,8 +148,8 @@ def test_a_wrong_quartic_weight_fails_in_discrete_time() -> None:
 def test_the_implied_policy_is_a_saddle_point() -> None:
     """The policy implied by a nonquadratic value is a saddle point of Q(u, w).
 
-    The policy has a lower cost than u ± 0.001, each with the worst w for this input. It differs
-    from the linearized policy.
+    The policy has a lower cost than u ± 0.001, each with the worst w for this input. The policy
+    differs from the linearized policy.
     """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     step = problem.step

@@ -58,7 +58,7 @@ def test_saturated_double_integrator_cost_equals_closed_form() -> None:
     """The best cost of a saturated double integrator agrees with its closed form within 0.1 %.
 
     State and costate are polynomials in time, backwards from a point at which the LQR saturates.
-    The problem is convex, so that Pontryagin's conditions are sufficient.
+    The problem is convex. Pontryagin's conditions are therefore sufficient.
     """
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
     switch = np.array(

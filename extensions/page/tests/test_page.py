@@ -38,7 +38,7 @@ from verification.critic.critic_check import check_critic
 def job(parameter_set: ParameterSet) -> MainJob:
     """Return the results for a page without games.
 
-    They contain both printed pairs and five angles, one of which has no trim.
+    The results contain both printed pairs and five angles. One angle has no trim.
     """
     return main_job(
         parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0])

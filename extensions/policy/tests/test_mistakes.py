@@ -58,9 +58,7 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_is_proved_for_a2c_not_td3(name, proved):
-    """A missing normalizer is the only reported mistake. It is proved for A2C and likely for
-    TD3.
-    """
+    """A missing normalizer is proved for A2C and likely for TD3. No other mistake is reported."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
@@ -158,7 +156,7 @@ def test_the_normalizer_of_another_checkpoint_is_named(name, other):
 
 
 def test_a_normalizer_without_count_causes_no_finding():
-    """A normalizer given as a table, which has no count, causes no finding."""
+    """A normalizer given as a table without a count causes no finding."""
     stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
     table = {"mean": stored.mean, "variance": stored.variance}
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
@@ -197,7 +195,7 @@ def trained_on_absolute_values():
 def test_a_wrong_observation_order_is_unclear():
     """A wrong order of absolute observations is reported as unclear.
 
-    It is not reported as a confusion of absolute values and deviations.
+    The order is not reported as a confusion of absolute values and deviations.
     """
     right = trained_on_absolute_values()
     names = ["pitch", "alpha", "pitch_rate", "speed"]
@@ -459,7 +457,7 @@ def test_the_sampled_optimum_costs_as_predicted():
 
 
 def with_attitude(model):
-    """Return the model with the further output attitude, which is the pitch angle."""
+    """Return the model with a further output, attitude, that equals the pitch angle."""
 
     def equations(x, u, p, w):
         rates, outputs = model.equations(x, u, p, w)

@@ -441,7 +441,7 @@ def test_untrained_networks_have_no_cause(game: Game, draws: int) -> None:
 def test_only_a_plausible_discount_is_named(game: Game) -> None:
     """A discount is named as the mistake only for a plausible discount rate.
 
-    No discount is named for P = Q / 5e4, which corresponds to a very large rate.
+    P = Q / 5e4 would need a very large discount rate, and no discount is named.
     """
     assert named(game, from_value(game, game.Q / 5e4)) == ""
     slow = discounted(game, 0.3)

@@ -34,7 +34,7 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
 def test_a_value_inaccurate_for_its_gain_is_named() -> None:
     """The reason states that a P with eight right digits is not accurate enough for its gain.
 
-    The input moves both states equally, which costs almost nothing. K = B'P is therefore a small
+    The input moves both states equally. This motion costs almost nothing, and K = B'P is a small
     difference of large numbers.
     """
     A = np.array([[-1.0, 0.1], [0.1, -1.0]])

@@ -212,7 +212,7 @@ def test_outcomes_of_trajectories_are_distinguished() -> None:
 
 
 def test_a_distant_initial_condition_converges() -> None:
-    """x' = -x converges from 1e35 nominal values, which is not counted as divergence."""
+    """x' = -x converges from 1e35 nominal values. The distance is not counted as divergence."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
     found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)

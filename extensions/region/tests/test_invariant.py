@@ -103,8 +103,9 @@ def test_an_interruption_keeps_the_first_invariant_set(undisturbed: Region) -> N
 
 @pytest.mark.slow
 def test_the_command_reports_the_invariant_set(tmp_path: Path) -> None:
-    """The JSON contains the disturbance and the level, which is close to the level where the
-    decrease fails.
+    """The JSON of `hfa prove region` contains the disturbance and the proved level.
+
+    The level is close to the level at which the decrease of V fails.
     """
     words = ("--disturbance", f"push={SIZE}", "--json")
     data = json.loads(quickly_proved(tmp_path / "pendulum.json", PENDULUM, *words))
@@ -116,9 +117,8 @@ def test_the_command_reports_the_invariant_set(tmp_path: Path) -> None:
 def test_the_checker_reports_the_verified_claim(
     certificate: Path, model: Model, tmp_path: Path
 ) -> None:
-    """The checker verifies six parts.
-
-    Its report states the disturbance and does not claim convergence.
+    """The checker verifies six parts. The report states the disturbance and claims no
+    convergence.
     """
     verified = check_certificate(certificate, model=model)
     # The torque free, at its lowest and at its highest value, the push at each of its ends.

@@ -68,7 +68,7 @@ def test_a_resumed_search_proves_a_larger_set(
 ) -> None:
     """A second run with --resume continues from the quadratic set and proves a larger set.
 
-    Its V is quartic. A certificate of another aircraft cannot be resumed.
+    V of the larger set is quartic. A certificate of another aircraft cannot be resumed.
     """
     proof = tmp_path / "proof.json"
     words = ["prove", "region", "--aircraft", VAN_DER_POL, "--prover", "boxes", "-o", str(proof)]

@@ -113,9 +113,9 @@ def test_a_nonsmooth_function_is_undecided() -> None:
 def test_the_level_is_bounded_by_found_obstacles(
     aircraft: str, states: list[str], tmp_path: Path
 ) -> None:
-    """The JSON contains the proved level.
+    """The JSON of `hfa prove region` contains the proved level.
 
-    It lies below the level where V' >= 0 was found by at most 6 %.
+    The level is at most 6 % below the level where V' >= 0 was found.
     """
     picture = tmp_path / "region.png"
     printed = quickly_proved(

@@ -28,9 +28,10 @@ def options_of_deployment(folder: Path, observed: str = "rate", gain: float = -0
 
 
 def test_the_continuous_policy_equals_the_unsampled_file(tmp_path: Path) -> None:
-    """The policy of the proof is the deployment file's policy without sampling.
+    """The policy of the proof equals the deployment file's policy without sampling.
 
-    They are compared at (0.1 rad, -0.3 rad/s). The effects that the proof neglects are stated.
+    Both policies are evaluated at (0.1 rad, -0.3 rad/s). The effects that the proof neglects are
+    stated.
     """
     file = Path(options_of_deployment(tmp_path)[-1])
     model = load_model(PENDULUM[1])

@@ -28,9 +28,7 @@ INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 
 
 def shaped_plant(degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, C of the servo's shaped plant W2 G W1, which this function connects in
-    series.
-    """
+    """Return A, B, C of the servo's shaped plant W2 G W1, connected in series by this function."""
     design = load_design("servo", hfa.aircraft())
     assert design.shaping is not None
     built = design_model(hfa.aircraft(), model_at(degrees), design)

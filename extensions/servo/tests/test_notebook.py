@@ -111,7 +111,7 @@ def test_methods_of_models_call_python_control() -> None:
 def test_transfer_functions_equal_the_models_response() -> None:
     """A transfer function has the frequency response of the model.
 
-    It needs one input and one output.
+    A transfer function is defined for one input and one output only.
     """
     linear = _linear()
     found = linear.transfer_function("elevator_center", "pitch_rate")

@@ -402,7 +402,7 @@ def test_a_foreign_chunk_is_computed_again(
 ) -> None:
     """A chunk that belongs to another job, chunk or array is computed again.
 
-    Its CRC-32C is right.
+    The chunk has a valid CRC-32C.
     """
     other = tmp_path / "other.zarr"
     if what == "another job":

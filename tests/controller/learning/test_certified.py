@@ -87,7 +87,7 @@ def test_random_initial_weights_converge_to_the_solution(starts: int) -> None:
 def test_richer_bases_learn_a_quadratic_value(name: str) -> None:
     """With a richer basis, the learned weights of functions that are not quadratic are nearly 0.
 
-    They are below 1e-9 of the largest weight.
+    These weights are below 1e-9 of the largest weight.
     """
     game, exact = published(PUBLISHED[0])
     result = learn(game, basis=name, tick=0.1)

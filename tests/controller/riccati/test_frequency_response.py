@@ -104,9 +104,8 @@ def test_a_sweep_that_misses_the_peak_fails(
 
 
 def test_smallest_delta_bounds_the_gain() -> None:
-    """The L2 gain with the game's policy is below the delta of the game.
-
-    It is above the lower end of the bracket of delta_min.
+    """The L2 gain with the game's policy lies between the lower end of the bracket of delta_min
+    and delta.
     """
     rng = np.random.default_rng(6)
     tried = 0

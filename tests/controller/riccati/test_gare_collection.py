@@ -283,7 +283,7 @@ def test_one_game_of_each_structure_is_decided_correctly() -> None:
 def test_the_bracket_is_right_for_each_structure() -> None:
     """For one game of each structure, the bracket of delta_min is right.
 
-    It is missing only if no delta has a solution.
+    The bracket is missing only if no delta has a solution.
     """
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}

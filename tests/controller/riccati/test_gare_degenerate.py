@@ -41,7 +41,9 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
 
 def elsewhere(game: Game, seed: int) -> Game:
-    """Return the game in random coordinates T z. They hide the structure of its matrices."""
+    """Return the game in random coordinates T z. The coordinates hide the structure of the
+    matrices.
+    """
     T = np.random.default_rng(seed).standard_normal(game.A.shape)
     inverse = np.linalg.inv(T)
     Q = inverse.T @ game.Q @ inverse

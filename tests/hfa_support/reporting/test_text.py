@@ -53,7 +53,7 @@ def test_a_small_entry_is_not_printed_as_zero() -> None:
 
 
 def test_wide_tables_are_continued_below() -> None:
-    """Columns beyond the width are printed in a block below, which repeats the first column."""
+    """Columns beyond the width are printed in a block below. The block repeats the first column."""
     header = ("mode", "eigenvalue", "damping")
     rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
     shown = columns(header, rows, width=30).split("\n\n")

@@ -1,4 +1,4 @@
-"""The study `python -m studies.identification`, which reproduces the packaged parameters."""
+"""The study `python -m studies.identification` reproduces the packaged parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stored checks of published solutions, which are current. Every file names its source."""
+"""The stored checks of published solutions are current."""
 
 from __future__ import annotations
 

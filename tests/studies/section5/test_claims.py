@@ -141,8 +141,7 @@ def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf)
 
 
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
-    """Return evidence with flights of Section 5.3 under the exact law, which have the given
-    metrics.
+    """Return evidence with flights of Section 5.3 under the exact law with the given metrics.
 
     tables: rms errors by name for each flight. The entry "a" is also the cost.
     lost_at: time when the last flight leaves the envelope, s

@@ -144,7 +144,10 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np.ndarray]:
-    """Return the parts of a memory as matrices of these shapes, which are stored by columns."""
+    """Return the parts of a memory as matrices of these shapes.
+
+    The memory stores each matrix by columns.
+    """
     ends = np.cumsum([rows * columns for rows, columns in shapes])[:-1]
     return [
         each.reshape(shape, order="F")

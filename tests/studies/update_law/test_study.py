@@ -1,4 +1,4 @@
-"""The stored table of the update-law study, which is current and can be reproduced."""
+"""The stored table of the update-law study is current and can be reproduced."""
 
 from __future__ import annotations
 

@@ -338,7 +338,7 @@ ANGLES = [
 
 @pytest.fixture(scope="module")
 def strong_aircraft(published_aircraft: Model) -> Model:
-    """Return a light aircraft with 100 times the thrust, which can climb at any angle."""
+    """Return a light aircraft with 100 times the thrust. The aircraft can climb at any angle."""
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
     mass = 0.9 * parameters.panel_mass

@@ -124,8 +124,9 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
 def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:
     """Return a tuple for the wing and one for the tail of a panel.
 
-    Each contains: name of the strip, control angle (rad), chord (ft), downwash (rad), and distance
-    from the quarter chord of the wing back to the three-quarter chord of the strip (ft).
+    Each tuple contains: name of the strip, control angle (rad), chord (ft), downwash (rad), and
+        distance from the quarter chord of the wing back to the three-quarter chord of the strip
+        (ft).
     """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     aileron = getattr(u, f"aileron_{name}") * p.aileron_lift / p.lift_slope

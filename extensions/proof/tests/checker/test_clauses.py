@@ -113,7 +113,7 @@ def _refused_with_a_value(made: Any) -> None:
 def _refused_by_the_other_solution(made: Any) -> None:
     """Claim that delta_min exceeds a delta for which the game has a value.
 
-    The evidence is the negative solution, which does not stabilize.
+    The evidence is the negative solution. This solution does not stabilize.
     """
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]

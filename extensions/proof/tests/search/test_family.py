@@ -114,8 +114,9 @@ def test_an_interval_without_a_trim_is_named() -> None:
 
 
 def test_models_of_exact_doubles_are_sharper() -> None:
-    """Models for parameters that are exact doubles are sharper than models for their decimal
-    values, which contain them.
+    """Models for exact doubles of the parameters are sharper than models for their decimal values.
+
+    The models for the decimal values contain the models for the doubles.
     """
     search = TrimSearch(family(), 15.0, 15.0)
     point = search.point_trim(15.0)
