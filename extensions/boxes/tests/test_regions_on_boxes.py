@@ -86,7 +86,7 @@ def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Positive
 def test_a_planted_negative_value_is_detected() -> None:
     """A function that is negative near one point is refuted at that point.
 
-    Without it, it is proved positive.
+    Without the negative values, the function is proved positive.
     """
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.3) ** 2 + (y[1] + 0.4) ** 2

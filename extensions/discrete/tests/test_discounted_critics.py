@@ -47,7 +47,7 @@ def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> No
 def test_reported_excess_cost_agrees_with_simulation(game: Game) -> None:
     """The largest simulated excess cost of a policy is 70 to 100 % of the reported excess cost.
 
-    The largest value is that of 1000 initial states. The cost under the worst disturbance w = L x
+    The simulations begin at 1000 initial states. The cost under the worst disturbance w = L x
     is summed over 3000 steps.
     """
     exact = solve_discounted(game, DISCOUNT, DT)

@@ -96,7 +96,7 @@ def test_a_held_parameter_narrows_the_band_of_mode(folder, capsys):
 def test_unstable_random_aircraft_are_counted():
     """If one of three random aircraft is unstable, two are reported as stable.
 
-    Bands of the short period are those of two aircraft.
+    The band of the short period covers the two stable aircraft only.
     """
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)

@@ -81,7 +81,7 @@ def test_a_spool_function_of_the_file_limits_rate(path):
 def test_a_throttle_without_lags_is_noted(path):
     """The linear model warns that its throttle has no engine lag.
 
-    With `engines=states` it does not.
+    With the option `engines=states`, no warning is given.
     """
     model, point = trim_of(path)
     assert "makes their lags states (spool0)" in model.inputs["throttle"].moving

@@ -282,7 +282,8 @@ def test_an_actuator_is_read_without_its_hysteresis(tmp_path):
 def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     """If the stick acts through an integrator, the surface position is the input of the model.
 
-    The position is limited by <clipto>. In trim, it is the angle of attack with the opposite sign.
+    The position is limited by <clipto>. In trim, the position is the angle of attack with the
+    opposite sign.
     """
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'

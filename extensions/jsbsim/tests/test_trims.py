@@ -78,7 +78,7 @@ def test_the_linear_model_contains_the_propeller_mode():
 def test_a_governed_propeller_trims_at_lowest_blade_angle():
     """At low speed a governed propeller is trimmed at the lowest blade angle and below 2400 rpm.
 
-    At high speed it turns at 2400 rpm.
+    At high speed the propeller turns at 2400 rpm.
     """
     model = load_model("jsbsim:c182")
     fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))

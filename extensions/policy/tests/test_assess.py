@@ -256,8 +256,9 @@ def test_chatter_near_the_equilibrium_is_reported():
 
 
 def test_a_planted_nonlinearity_is_found():
-    """The state with the largest deviation from the linearization, and this deviation, are those of
-    a planted kink.
+    """The reported deviation from the linearization, and the state at which it occurs, are right.
+
+    The deviation is due to a kink that the test plants in the policy.
     """
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
@@ -347,7 +348,7 @@ def kinked_model():
 def test_slopes_at_a_kink_equal_those_of_linearize():
     """At a kink of the aircraft, the assessed equilibrium has the A and B of `linearize`.
 
-    These A and B are those of the smooth model. At a kink of the policy, K is the mean of both
+    The kink does not change these A and B. At a kink of the policy, K is the mean of both
     slopes. A finding names the first kink.
     """
     o = ca.SX.sym("o", 4)

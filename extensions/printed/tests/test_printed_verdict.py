@@ -224,7 +224,7 @@ def test_a_learned_answer_is_close(verdict_of):
 def test_a_rounded_plant_leaves_the_class_undecided(verdict_of):
     """With a plant declared as rounded, the class is `not decided`.
 
-    Without this declaration it is `wrong`.
+    Without this declaration, the class is `wrong`.
     """
     text = small_case(6).replace("0.8223", "0.82", 1).replace("-1.0774", "-1.08", 1)
     assert verdict_of("plant_rounded = true\n" + text).classified.name == "not decided"
@@ -364,7 +364,8 @@ def test_parameters_and_common_factors_are_as_printed(verdict_of):
 def test_time_that_fits_every_digit_is_proposed(verdict_of):
     """If every digit is right for the other kind of time, the reason proposes this kind.
 
-    If no kind of time is given, the error proposes it. If none fits, the error asks for the kind.
+    If a file states no kind of time, the error proposes the kind that fits every digit. If no kind
+    fits, the error asks for the kind.
     """
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()

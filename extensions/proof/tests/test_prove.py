@@ -72,7 +72,7 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
 def test_a_certificate_is_compared_with_the_users_data(
     certificates: dict[str, Path], tmp_path: Path
 ) -> None:
-    """A certificate is accepted with the gains, weights and angles that it contains.
+    """A certificate is accepted if the user gives the gains, weights and angles that it contains.
 
     Other values give exit code 1. An option for a field that the certificate does not contain gives
     exit code 2.

@@ -425,7 +425,10 @@ def test_a_disturbance_without_positive_size_is_refused(size: float) -> None:
 
 
 def test_disturbances_inside_their_range_are_refused() -> None:
-    """A part of a proof is accepted if its disturbance is at an end, and refused if it is free."""
+    """A part of a proof is accepted if its disturbance is at an end of the range.
+
+    A part whose disturbance is free is refused.
+    """
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
     for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):

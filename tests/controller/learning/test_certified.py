@@ -195,8 +195,8 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 def test_a_stable_plant_needs_no_initial_discount() -> None:
     """From zero weights, the initial discount is 0 for a stable plant.
 
-    For an unstable plant, it is the spectral abscissa of A plus 0.5 1/s. From weights of 100, it is
-    above 0.5 1/s.
+    For an unstable plant, the initial discount is the spectral abscissa of A plus 0.5 1/s. From
+    weights of 100, the initial discount is above 0.5 1/s.
     """
     for name in PUBLISHED:
         game, _ = published(name)
@@ -293,7 +293,7 @@ def test_a_step_of_the_scalar_law_is_exact(start: float) -> None:
 def test_the_scalar_law_reaches_zero_in_time(start: float, eta: float) -> None:
     """The scalar law reaches 0 by θT from any initial value.
 
-    From large initial values, it does not reach 0 much earlier.
+    From large initial values, the law does not reach 0 much earlier.
     """
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0

@@ -182,8 +182,8 @@ def collection(
 ) -> Iterator[Sample]:
     """Yield games of all structures in turn with 1 to 10 states, a third of them in extreme units.
 
-    In three of five games, delta exceeds delta_min by a relative 1e-3 to 1e3. In one of five, it is
-    below delta_min by a relative 1e-5 to 1e-1.
+    In three of five games, delta exceeds delta_min by a relative 1e-3 to 1e3. In one of five games,
+    delta is below delta_min by a relative 1e-5 to 1e-1.
     """
     names = list(structures)
     for number in range(count):

@@ -263,7 +263,7 @@ def test_costs_of_exact_policies_equal_the_value(game: Game) -> None:
 def test_deviations_change_the_cost_to_second_order() -> None:
     """A deviation from the exact policies changes the cost to second order.
 
-    The input u + ε v increases the cost by ε² ∫ v'R v. The disturbance d + ε g changes it by
+    The input u + ε v increases the cost by ε² ∫ v'R v. The disturbance d + ε g changes the cost by
     -ε² δ² ∫ g'g.
     """
     game = game_models()[min(game_models())]

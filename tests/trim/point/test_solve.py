@@ -261,10 +261,7 @@ def test_contradictions_are_refused() -> None:
 
 
 def test_a_control_without_effect_is_named(aircraft: Model) -> None:
-    """The message on a failed trim names an aileron without effect.
-
-    If the aileron has an effect, the message does not name it.
-    """
+    """A failed trim names an aileron without effect, and no aileron with an effect."""
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
         TrimError, match=r"no trim: .*; no effect of aileron_outer; free another variable\)"

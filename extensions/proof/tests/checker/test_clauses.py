@@ -229,9 +229,9 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 
 
 def _ends_early(runs: Any) -> Any:
-    """Return intervals of a statement, the last of which is cut at its middle.
+    """Return the intervals of a statement. The last interval is cut at its middle.
 
-    Nothing is claimed above it.
+    Nothing is claimed above the cut.
     """
     *others, (low, high, least, most) = runs
     return [*others, [low, 0.5 * (low + high), least, most]]

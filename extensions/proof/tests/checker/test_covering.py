@@ -118,7 +118,7 @@ def test_points_inside_an_interval_do_not_cover_it() -> None:
 def test_many_boxes_of_a_bisection_cover_it() -> None:
     """1000 boxes from repeated bisection of a box in four coordinates cover this box.
 
-    The boxes do not cover it if one of them is removed.
+    If one of the boxes is removed, the others do not cover it.
     """
     random = np.random.default_rng(5)
     boxes: list[list[tuple[float, float]]] = [[(0.0, 1.0)] * 4]
