@@ -12,6 +12,7 @@ from hfa_model.published_data import published_data
 from hfa_model.vectors import LINEAR_STATES
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Reported
+from hfa_support.reporting.text import in_degrees
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,7 +38,7 @@ class PublishedModel(ByValue, Reported):
     @property
     def dihedral_deg(self) -> float:
         """Dihedral angle of the printed model, as printed in the paper, degrees."""
-        return round(float(np.degrees(self.dihedral)), 9)
+        return in_degrees(self.dihedral)
 
 
 @cache

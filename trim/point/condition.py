@@ -274,7 +274,7 @@ def usual_condition(model: Model) -> TrimCondition:
 def release(
     condition: TrimCondition,
     *,
-    free: tuple[str, ...] = (),
+    free: Sequence[str] = (),
     hold: Mapping[str, float | LinearTable] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:

@@ -40,6 +40,7 @@ def find_operating_point(
     *,
     hold: Mapping[str, float] | None = None,
     free: str | Sequence[str] = (),
+    at: float | None = None,
     **held: float,
 ) -> OperatingPoint:
     """Return the trim of an aircraft: f(X, U) = imposed rates and y(X, U) = imposed outputs.
@@ -60,6 +61,7 @@ def find_operating_point(
     hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model; None for
         none
     free: variables to set free; a rate (h_dot) that is set free is not balanced
+    at: value of the scheduling variable, added to `hold`
     held: further values of `hold`, as keyword arguments: speed=100.0
 
     Raises TrimError if the equations cannot be balanced within the limits. Raises BadInputError if
@@ -72,12 +74,13 @@ def find_operating_point(
     >>> round(point["throttle"], 2)
     40.27
     """
-    if condition is None:
-        condition = usual_condition(model)
+    condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
+    if at is not None:
+        held[model.schedule or "at"] = at
     hold = {**(hold or {}), **held}
     if hold or free:
-        free = (free,) if isinstance(free, str) else tuple(free)
+        free = (free,) if isinstance(free, str) else free
         condition = release(condition, hold=hold, free=free)
     problem = TrimProblem(model, condition, start)
     try:

@@ -577,8 +577,9 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
-    scheduled = {} if at is None else {model.schedule or "at": at}
-    grid = {**(grid or {}), **scheduled, **columns}
+    if at is not None:
+        columns[model.schedule or "at"] = at
+    grid = {**(grid or {}), **columns}
     plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)
 

@@ -492,6 +492,25 @@ def test_verify_accepts_a_critic_file_and_keywords(folder: Path) -> None:
         hfa.verify(game, "policy.npz", activations="tanh")
 
 
+def test_missing_attributes_name_the_object_that_has_them() -> None:
+    """An entry of a trim's report is an attribute of the operating point.
+
+    Attributes of the linear model, of its operating point and modes of a sweep are named.
+    """
+    linear = _linear()
+    point = linear.point
+    assert point.loads == point.report().data["loads"]
+    for name in ("A", "eigenvalues", "bode"):
+        with pytest.raises(AttributeError, match=rf"write point\.linearize\(\)\.{name}"):
+            getattr(point, name)
+    with pytest.raises(AttributeError, match=r"write linear\.point\.altitude"):
+        linear.altitude  # noqa: B018
+    swept = hfa.sweep(MODEL, dihedral=[0.1])
+    with pytest.raises(AttributeError, match=r"write sweep\.modes\['short period'\]"):
+        swept.short_period  # noqa: B018
+    assert hfa.linearize(MODEL, at=0.2).point["dihedral"] == 0.2
+
+
 def test_matrices_as_keywords_make_a_game() -> None:
     """solve_game(A=, B=, Q=, R=) solves the LQR problem, and with delta= the game."""
     A, B, *_ = _linear()

@@ -390,7 +390,7 @@ class _Reading:
     def _trim(self, model: Model) -> OperatingPoint:
         """Return the trim of a model at the values that the keywords specify."""
         point: OperatingPoint = public().find_operating_point(
-            model, **self._held(model, "hold", "free", "condition")
+            model, **self._held(model, "hold", "free", "condition", "at")
         )
         return point
 

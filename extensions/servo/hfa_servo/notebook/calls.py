@@ -29,6 +29,7 @@ from hfa_support.reporting.results import Result, declared_entries
 from hfa_support.unknown import no_attribute
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
+from trim.sweeps.sweep import Sweep
 
 _SAME_ATTRIBUTES = """
 L: disturbance_gain
@@ -205,6 +206,29 @@ def _of_closed_loop(value: Any, name: str) -> None:
         )
 
 
+def _of_another_link(value: Any, name: str) -> Any:
+    """Return an entry of the report of an operating point, such as point.loads, or None.
+
+    Raises AttributeError if the attribute belongs to the linear model at this point, or to the
+    operating point of a linear model or of a sweep.
+    """
+    other = ""
+    if isinstance(value, OperatingPoint):
+        data = value.report().data
+        if name in data:
+            return data[name]
+        of_linear = (*dir(LinearModel), *LinearModel.__annotations__, *names_of_control())
+        if {name, ATTRIBUTES.get(name)} & {*of_linear}:
+            other = f"point.linearize().{name}"
+    elif isinstance(value, LinearModel) and name in value.model.signals:
+        other = f"linear.point.{name}"
+    elif isinstance(value, Sweep) and name.replace("_", " ") in list(value.modes.keys()):
+        other = f"sweep.modes[{name.replace('_', ' ')!r}]"
+    if other:
+        raise AttributeError(f"{type(value).__name__} has no attribute {name!r}; write {other}")
+    return None
+
+
 def _in_degrees(value: Any, name: str) -> Any:
     """Return an angle of a result in degrees, as in point.alpha_deg, or None."""
     angle = name.removesuffix("_deg")
@@ -274,6 +298,7 @@ _SOURCES = (
     _in_degrees,
     _of_only_point,
     _method,
+    _of_another_link,
     _of_closed_loop,
     _of_table,
 )
