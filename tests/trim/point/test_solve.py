@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from random_points import INPUT_SCALES, RATE_SCALES
@@ -148,6 +150,13 @@ def test_nearly_equal_limits_impose_a_value(aircraft: Model) -> None:
     imposed = find_operating_point(aircraft, release(BASE, free=("speed",), hold={"alpha": alpha}))
     assert point.states.alpha == pytest.approx(alpha)
     assert point.inputs.throttle == pytest.approx(imposed.inputs.throttle, rel=1e-6)
+
+
+def test_at_sets_the_scheduling_variable(aircraft: Model) -> None:
+    """The argument `at` imposes the scheduling variable, and is unknown for a model without one."""
+    assert find_operating_point(aircraft, at=0.2) == find_operating_point(aircraft, dihedral=0.2)
+    with pytest.raises(BadInputError, match="unknown trim variable 'at'"):
+        find_operating_point(replace(aircraft, schedule=""), at=0.2)
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
