@@ -608,7 +608,7 @@ def test_errors_name_the_correct_call() -> None:
         hfa.find_operating_point(MODEL, dihedral=[0.1, 0.2])
     with pytest.raises(BadInputError, match="quickest_flight minimizes the time"):
         hfa.optimize(MODEL, initial={"alpha": 0.1}, minimize="time")
-    with pytest.raises(BadInputError, match=r"identify: model is 'flight\.csv'; give a"):
+    with pytest.raises(BadInputError, match="identify: the argument model is missing, only"):
         hfa.identify("flight.csv", states=["speed"])
     with pytest.raises(BadInputError, match="the steps of throttle are a function; give a gain K"):
         linear.point.simulate(duration=1.0, inputs={"throttle": lambda t: t})

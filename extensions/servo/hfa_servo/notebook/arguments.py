@@ -24,7 +24,7 @@ from hfa_aircraft.model import Model
 from hfa_servo.notebook.labels import aligned
 from hfa_servo.notebook.public import public
 from hfa_support.arguments import argument_tests, evaluated
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, shown
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -236,6 +236,7 @@ class _Reading:
         self._read_critic(found)
         self._trims(found)
         self._build(found)
+        self._refuse_missing(found)
         self.arguments: tuple[Any, ...] = ()
         if any(each.kind is each.VAR_POSITIONAL for each in self.parameters.values()):
             self.arguments = (*found.values(), *self.rest)
@@ -283,6 +284,26 @@ class _Reading:
             if made is not None:
                 found[name] = made
             self.is_complete &= made is not None
+
+    def _refuse_missing(self, found: Mapping[str, Any]) -> None:
+        """Raise BadInputError if a file is given where more arguments are required, as in
+        assess("policy.toml").
+
+        found: arguments determined so far
+        """
+        missing = [
+            name
+            for name, parameter in self.parameters.items()
+            if parameter.default is parameter.empty
+            and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
+            and name not in (*found, *self.words)
+        ]
+        files = [each for each in found.values() if isinstance(each, (str, Path))]
+        if missing and files and not self.rest:
+            raise BadInputError(
+                f"{self.function.__name__}: the argument {missing[0]} is missing, only "
+                f"{shown(str(files[0]))} is given; add {missing[0]}=..."
+            )
 
     def _has_others(self, name: str) -> bool:
         """Return whether the call contains more values than the required later parameters need.
