@@ -26,7 +26,7 @@ def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
     - the balancing of the Hamiltonian
     - the eigenvectors and the inverse of the Hamiltonian, for a bound on the distance of its
       eigenvalues from the imaginary axis
-    - the inverses and products of the doubling iteration, the second derivation
+    - the inverses and products of the doubling iteration, which computes P a second time
     - the eigenvectors of A - B K and their inverse
     - the eigenvalues of P
 

@@ -56,8 +56,8 @@ _DIVERGED = 1e6
 class RecordCase:
     """Identification of a small aircraft from a record, as data for `hfa.identify` and for SciPy.
 
-    samples: number of samples of the record.
-    off: factor on the true parameters at the start of the search.
+    samples: number of samples of the record
+    off: factor on the true parameters at the start of the search
     """
 
     def __init__(self, samples: int, off: float) -> None:
@@ -205,9 +205,11 @@ def _flown_by_hand(
 ) -> np.ndarray:
     """Return the states (N, n) at the samples, simulated with Runge-Kutta steps of order 4.
 
+    The inputs are linear between the samples.
+
     start: initial state, (n,)
     inputs: inputs at the samples, (N, inputs)
-    k: values of mass, inertias and derivatives by name
+    k: name -> value of gravity, mass, inertias and aerodynamic derivatives
     """
     h = _STEP
     x = start

@@ -70,7 +70,7 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     path: file of the plant
     changes: Q, R or delta in place of the entries of the file
 
-    Raises BadInputError with the name of the file.
+    Raises BadInputError, which names the file, under the conditions of `stored_game`.
 
     >>> import hfa
     >>> game = hfa.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
@@ -89,8 +89,8 @@ def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
     A plant with six states and five inputs is taken for the paper's aircraft
     - if its known names are those of the aircraft, or
     - if it has no names, and the file does not contain both Q and R.
-    For any other plant, the result contains no defaults. If the file names the states, E and Q are
-    converted to the units in the file.
+    For any other plant, the result contains no defaults. If the file contains the names and units
+    of the states, E and Q are converted to these units.
 
     parts: entries of the file, with A and B
     names: names and units in the file

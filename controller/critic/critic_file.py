@@ -139,7 +139,7 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
 
     path, game, reading: as for `critics_in`
 
-    Raises BadInputError with the name of the file.
+    Raises BadInputError, which names the file, if the file does not contain a critic of this game.
     """
     return critics_in(path, game, reading)[-1]
 
@@ -165,9 +165,10 @@ def read_critic(
     network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output. None for any other file.
-    scale: (n,), factors on the states at the network's inputs
+    scale: (n,), factors on the states at the network's inputs, or None for no scaling
 
-    Raises BadInputError with the name of the file.
+    Raises BadInputError, which names the file, if the file does not contain a critic of this game,
+    or if the game is missing.
 
     >>> import hfa
     >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
@@ -266,7 +267,8 @@ def single_parts(
     Raises BadInputError
     - if the file has none of these entries,
     - if an array has a wrong shape or a number out of range,
-    - if the units or the order of the states in the file do not fit the plant.
+    - if the units of the states in the file do not fit the plant,
+    - if the states or inputs in the file are in another order.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:

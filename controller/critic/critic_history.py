@@ -101,8 +101,8 @@ def rows_over_time(
     game: the game whose states and inputs the critics use
     reading: options for the file
 
-    Raises BadInputError if the basis in `reading` is a list of functions, or if an array has a
-    wrong shape.
+    Raises BadInputError if the basis in `reading` is a list of functions, if an array has a wrong
+    shape, or under the conditions of `critics_over_time` and `file_scales`.
     """
     if reading.lists_functions:
         raise BadInputError(

@@ -31,8 +31,8 @@ def from_weights(
     constant: V(0)
     precision: floating-point type of the numbers in the critic's file
 
-    Raises BadInputError if W does not consist of M real numbers, if a CasADi Function does not have
-    n inputs, or if the constant is not a finite number.
+    Raises BadInputError if W does not consist of M real numbers, if the name of the basis is
+    unknown, if a CasADi Function does not have n inputs, or if the constant is not a finite number.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

@@ -20,11 +20,12 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     - A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv.
     - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also
       read.
-    - A .npy file with any other name is stored under `file_entries.UNKNOWN`.
+    - The matrix of a .npy file that is not named after a matrix of a plant or critic is stored
+      under `file_entries.UNKNOWN`.
     - In a .csv file, the first row and the first column may contain names, with units as in "speed
       [ft/s]".
 
-    Raises BadInputError with the name of the file.
+    Raises BadInputError, which names the file, if the suffix is unknown or the file cannot be read.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:

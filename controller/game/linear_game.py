@@ -58,7 +58,9 @@ def game(
 
 
 def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
-    """Return Q or R as a matrix, diag(1/nominal²) for None.
+    """Return Q or R as an array, diag(1/nominal²) for None.
+
+    A given matrix or diagonal keeps its shape.
 
     matrix: "Q" or "R", for messages
     given: a matrix, its diagonal, name -> weight, or None

@@ -6,11 +6,12 @@ import numpy as np
 
 
 def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
-    """Return the settling time, s, after which all sizes stay at or below a limit.
+    """Return the settling time, the first of the times from which all sizes stay at or below a
+    limit.
 
     The result is inf if the last size exceeds the limit or is NaN.
 
-    times: (N,), s
+    times: (N,), increasing
     sizes: (N,), magnitude of the signal at each time
     limit: limit of the sizes
     """

@@ -54,12 +54,12 @@ class TrainingRun(Result, Reported):
 
     law: name of the learner
     basis: name of the basis ψ
-    time: (N,), s
+    time: (N,), in units of `clock`
     weights: (N, M), W with V = W'ψ(z), in the units of the model
     residual_norm: (N,), Bellman residual of the game on the recorded data, |e| / |z'Qz|
     law_residual_norm: (N,), residual that the learner minimizes at each time, with the learner's
         own normalization and stage
-    settling_residual: (N,), |e| divided by the magnitude of the terms that cancel in it
+    settling_residual: (N,), |e| divided by the magnitude of the terms of e
     K: (m, n), gain of the last weights
     excitation: rank of the data
     settings: settings of the learner

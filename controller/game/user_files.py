@@ -76,15 +76,16 @@ def stored_game(
     - Without any value, E is the identity and delta is inf (linear quadratic regulator).
     - In a file with the entry `disturbances`, E describes the wind and is not used.
     - If neither A nor B is at the top level, the entries of the only structure with both are read.
-    - With time = "discrete" the game is in discrete time and has no defaults. The file may then
-      also contain `discount` and the cross weights `N`.
+    - With time = "discrete", the result also contains the discrete-time game, and `defaults` is not
+      used. The file may then also contain `discount` and the cross weights `N`.
 
     path: the plant file
     found: entries of the file, if `read_arrays` has already read them, or None
     defaults: function (entries, names) -> defaults for missing entries
     changes: Q, R or delta in place of the entry of the file; None keeps the entry
 
-    Raises BadInputError with the name of the file.
+    Raises BadInputError, which names the file, if the file cannot be read, A or B is missing, Q or
+    R has no value, or an entry is not valid.
     """
     contents = read_arrays(path) if found is None else found
     with said_of(path):

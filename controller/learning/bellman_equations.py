@@ -249,12 +249,14 @@ class StackEquations:
         """Return two relative norms of the residual e of the game's Hamilton-Jacobi-Isaacs
         equation.
 
-        At sample j, e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V' S ∇V with ∇V = ∂ψ_j'W (paper Eq. 33 with the
-        extremal policies).
+        At sample j, e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V' S ∇V with ∇V = ∂ψ_j'W and S = S_s for s = 1
+        (paper Eq. 33 with the extremal policies).
 
         residual_norm: |e| divided by |z'Qz|
         settling_residual: |e| divided by the norm of the summed magnitudes of the terms of e, in
             [0, 1]
+
+        weights: W, (M,), scaled
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts

@@ -188,8 +188,9 @@ def stabilizing_step(
 ) -> Point:
     """Return the point W - f N with the first tried f whose policy stabilizes the recorded plant.
 
-    The tried values of f are `fraction`, fraction/2, fraction/4 and so on. For an LQ problem every
-    f in (0, 1] gives a stabilizing policy, except for rounding and noise in the data.
+    The tried values of f are `fraction`, fraction/2, fraction/4 and so on. For an LQ problem and a
+    stabilizing policy of W, every f in (0, 1] gives a stabilizing policy, except for rounding and
+    noise in the data.
 
     equations: Bellman residuals of the recorded samples
     here: the weights W, and the problem
@@ -520,6 +521,8 @@ class CertifiedLaw:
 
         here: initial weights, and the problem
         normaliser: (N_h,), normalization of the residuals
+
+        Raises NoSolutionError if `stabilizing_step` fails.
         """
         last = np.inf
         for _ in range(MOST_SUBSTEPS):
@@ -543,12 +546,15 @@ class CertifiedLaw:
         """Return the weights and problem that stage 2 reaches at a time of the stage.
 
         If the initial discount is positive, the first half of the stage lowers β and the second
-        half raises 1/δ². Otherwise the full stage raises 1/δ².
+        half raises 1/δ². Otherwise the full stage raises 1/δ². At the end of the stage, Newton
+        steps continue to rounding, and `Riccati.refined` corrects P.
 
         here: weights and problem at the present time
         normaliser: (N_h,), normalization of the residuals
         first_discount: initial discount, 1/s
         clock: time since the beginning of the stage, as a fraction of θT, at which the stage ends
+
+        Raises NoSolutionError as `lower_discount` and `raise_disturbance` do.
         """
         clock = 1.0 if clock >= 1.0 - 1e-12 else clock
         split = 0.5 if first_discount > 0.0 else 0.0

@@ -41,7 +41,7 @@ class Answer(NamedTuple):
 class Bracket(NamedTuple):
     """Bounds of the smallest δ with a solution: refused < inf{δ : a solution exists} <= value.
 
-    value: smallest δ found to have a solution, or 0 if every δ has a solution
+    value: smallest δ found to have a solution, or 0 if a solution exists at every evaluated δ
     refused: largest δ below `value` shown to have no solution, or 0 if there is none
     ending: existence at the next evaluated δ below `value`
     """
