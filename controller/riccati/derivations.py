@@ -56,9 +56,9 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 
     [V1; V2] are the stable eigenvectors, and X = V2 V1⁻¹. V1 contains the eigenvectors of A - S X.
     V1⁻¹ (A - S X) V1 is therefore diagonal up to rounding. The condition number of all eigenvectors
-    of the Hamiltonian bounds its distance to the imaginary axis (Bauer and Fike). The eigenvectors
-    of the other eigenvalues are [U; X U + (V1')⁻¹], and the rows of the inverse matrix have the
-    same norms.
+    of a Hamiltonian bounds the distance of the Hamiltonian from the imaginary axis (Bauer and
+    Fike). The eigenvectors of the other eigenvalues are [U; X U + (V1')⁻¹]. The rows of the inverse
+    of the eigenvector matrix have the same norms as the columns of the matrix.
     Source: Zhou, Doyle and Glover, Section 13.2.
     """
     n = form.A.shape[-1]
@@ -102,12 +102,12 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
     """Return the solutions X of N games, (N, n, n), by the structure-preserving doubling algorithm.
 
-    X is the limit of the optimal costs over 2^k steps with the final cost p I.
+    X is the limit of the optimal costs over 2^k steps with the final cost p I, p = `LAST`.
 
     T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1
 
-    T defines a discrete-time game with E = I - T11, G = T12 and the cost X = T21 of one step.
-    With V = (I + G X)^-1, each doubling replaces
+    T defines a discrete-time game with E = I - T11, G = T12 and the cost X = T21 of one step. With
+    V = (I + G X)^-1, each doubling replaces
 
     X <- X + E'X V E,
     G <- G + E V G E',
@@ -115,8 +115,8 @@ def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
 
     until E is 0 up to rounding. The solution of the given game is p I + X. With p > 0, an unstable
     mode without a running cost has a final cost. c is slightly below the geometric mean of the
-    largest and the smallest |λ|. An eigenvalue may be at the mean itself. Source: Chu, Fan and Lin,
-    Linear Algebra Appl. 396 (2005), 55-80.
+    largest and the smallest |λ|, because an eigenvalue may be at the mean itself. Source: Chu, Fan
+    and Lin, Linear Algebra Appl. 396 (2005), 55-80.
 
     eigenvalues: λ of the Hamiltonians, (N, 2n), for the choice of c
     """

@@ -69,8 +69,9 @@ def existence(form: NormalForm) -> Answer:
 
     Let [X1; X2] be a basis of the stable subspace of the Hamiltonian.
 
-    - The value exists if Q = 0 and A is Hurwitz, if every test of P passes, or if X1'X2 > 0 and the
-      Hamiltonian has n eigenvalues on each side of the imaginary axis.
+    - The value exists if Q = 0 and A is Hurwitz by more than rounding, if every test of P passes,
+      or if X1'X2 > 0 by more than rounding and the Hamiltonian has n eigenvalues on each side of
+      the imaginary axis.
     - The value does not exist if an eigenvalue of X1'X2 is below 0 by more than rounding, or if at
       some frequency the gain from the disturbance exceeds delta for every input.
     - Otherwise the existence is undecided.
@@ -159,7 +160,7 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
     """Return a lower bound of the L2 gain that no input can reduce further, and its frequency,
     rad/s.
 
-    The gain is that from the disturbance to (Q^½ x, R^½ u). The result is (0, 0) if no gain is
+    The gain is that from the disturbance w to (Q^½ x, R^½ u). The result is (0, 0) if no gain is
     shown.
 
     At the frequency ω the least |Q^½ x|² + |u|² over all u, with x determined by u and w, is w*Φ w.

@@ -79,6 +79,8 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     The result is inf if the loop is not stable (`system_gain`).
 
     K: (m, n)
+
+    Raises BadInputError if K is not a real m x n matrix.
     """
     loop, E, C = closed_loop(game, K)
     return system_gain(loop, E, C, np.zeros((len(C), E.shape[1])))

@@ -62,8 +62,8 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     """Return frequencies that resolve every resonance, rad/s, ascending.
 
     The frequencies are 0, a logarithmic grid from 1 % of the smallest nonzero eigenvalue magnitude
-    to 100 times the largest, and points around each resonance. The points around a resonance begin
-    within its width.
+    to 100 times the largest, and points around each resonance. The grid always includes the range
+    from 0.01 to 100 rad/s. The points around a resonance begin within its width.
 
     eigenvalues: poles, (n,), 1/s
     per_decade: number of grid points per decade

@@ -315,7 +315,8 @@ class NormalForm:
         If P cannot be computed, the result of `turned` is returned. Without the change, P of a
         plant with fast and slow states can have entries from 1e-11 to 1, and rounding of the fast
         states hides the slow states. If P has only rounding errors in a direction of the state
-        space, the unit of this direction is not changed.
+        space, the unit of this direction is not changed. At the end, the units are balanced
+        (`units_of`).
         """
         from controller.riccati.schur import stable_basis
 

@@ -59,7 +59,7 @@ class DeltaMin(NamedTuple):
     def uncertain(self) -> bool:
         """True if rounding leaves delta_min uncertain by more than the tolerance of the search.
 
-        The result is also True if no delta was shown to have no solution.
+        The result is also True if delta_min is not 0 and no delta was shown to have no solution.
         """
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
