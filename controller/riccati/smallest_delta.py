@@ -170,7 +170,8 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 def _some_solution(form: NormalForm) -> Certified:
     """Return the certified solution of the game for delta = inf, or otherwise for its own delta.
 
-    Raises NoSolutionError with the reason if neither solution is certified.
+    Raises NoSolutionError with the reason if the inputs do not reach a mode that does not decay, or
+    if neither solution is certified.
     """
     (reached,) = reach_checks(form)
     if not reached.ok:

@@ -220,7 +220,7 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     """Return name -> value at each point, (N,), from a CSV file of trim points.
 
     The first row contains names. Each further row is one point, with values in the units of --hold
-    (degrees).
+    (angles in degrees).
 
     path: the CSV file
     condition: trim condition, whose model defines the names and units

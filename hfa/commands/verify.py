@@ -53,7 +53,8 @@ def _critics(text: str) -> list[Path]:
     text: path of one file, or of a folder with critic files. The files of a folder are sorted by
         the numbers in their names.
 
-    Raises BadInputError if the folder contains no critic.
+    Raises BadInputError if the folder contains no critic, if the file does not exist, or if its
+    suffix is not supported.
     """
     folder = Path(text)
     if not folder.is_dir():

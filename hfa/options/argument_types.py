@@ -43,8 +43,8 @@ positive = partial(number, declared=POSITIVE)
 def quantity(model: Model, name: str, text: str) -> float:
     """Return the value of a named variable, in internal units, from its text.
 
-    Angles are typed in degrees and returned in radians. All other values are in the unit that the
-    model declares. A name without a declared unit is a plain number.
+    Angles and angular rates are typed in degrees and returned in radians. All other values are in
+    the unit that the model declares. A name without a declared unit is a plain number.
 
     name: a state, input, output or parameter, or the rate of a state
     text: the number as typed
@@ -72,7 +72,7 @@ def breakpoint_value(model: Model, text: str) -> float:
 def span(model: Model, name: str, text: str) -> tuple[float, float]:
     """Return the limits (low, high) of a named variable, in internal units, from `LOW:HIGH`.
 
-    Raises BadInputError unless low < high.
+    Raises BadInputError if the text is not two numbers, or unless low < high.
     """
     low, colon, high = text.partition(":")
     if not colon or ":" in high:

@@ -197,7 +197,8 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the game.
 
-        The provenance is the path of the plant file, or that of the aircraft and its trim.
+        The provenance is {"model": path} for a plant file, and otherwise the provenance of the
+        aircraft and the trim.
         """
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
@@ -212,6 +213,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         Raises BadInputError in these cases:
         - The plant is in discrete time, and `may_be_discrete` is False.
         - Neither a dihedral angle nor a plant file is given for the paper's flexible aircraft.
+        Raises NoSolutionError if the aircraft has no trim.
         """
         if self.plant is not None:
             named = self._game_of_file(self.plant, read)
