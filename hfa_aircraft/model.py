@@ -50,7 +50,7 @@ class Model(Reported):
     trim: state, input or output -> value that a trim imposes by default
     steady: states whose rates are zero in a trim, by default all
     linear: states of the linear model, by default all
-    schedule: state, input or parameter over which sweeps, gain schedules and proofs run
+    schedule: state, input or parameter over which sweeps, gain schedules and proofs run, or ""
     modes: name of a mode -> states that dominate it, by default those of `usual_modes`
     replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma. The
         output must be affine in the state.
@@ -345,7 +345,9 @@ class Model(Reported):
         return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
-        """Return the typical magnitude of a state's rate, by default that of the state."""
+        """Return the typical magnitude of a state's rate, by default the nominal magnitude of the
+        state.
+        """
         return self.states[name].rate or self.states[name].nominal
 
     def entry_unit(self, row: str, column: str) -> str:

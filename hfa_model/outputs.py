@@ -121,7 +121,7 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 
     a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η.
 
-    moment: state and rates
+    m: state, rates and parameters
     height: z, distance of the panel below the center of mass, ft
     factor: 1/3 for the center panel, -1/6 for an outer panel
     """

@@ -179,7 +179,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
     name: name of a set in the package (`NAMED`), or the path of a file
 
-    Raises BadInputError, which names the file, the entry and the fault.
+    Raises BadInputError, which names the file, the entry and the fault, if the set is not valid.
     """
     if str(name) not in NAMED:
         return _read(str(name))
@@ -197,7 +197,7 @@ def _read(name: str) -> ParameterSet:
 
     name: name of a set in the package (`NAMED`), or the path of a file
 
-    Raises BadInputError, which names the file, the entry and the fault.
+    Raises BadInputError, which names the file, the entry and the fault, if the set is not valid.
     """
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})

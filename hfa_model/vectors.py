@@ -27,7 +27,7 @@ class State(NamedTuple, Generic[T]):
     The values are numbers, CasADi expressions, units or signals.
 
     speed: V, ft/s
-    alpha: α, rad, angle of attack of the center panel
+    alpha: α, rad, angle of attack at the center of mass
     altitude: h, ft
     pitch: θ, rad
     pitch_rate: q, rad/s

@@ -75,7 +75,8 @@ class Parser(argparse.ArgumentParser):
 
         words: words of the command line after the name of the command
 
-        Raises BadInputError for unknown options, additional words and missing required options.
+        Raises BadInputError for unknown options, invalid values, additional words and missing
+        required options.
         """
         actions = self._option_string_actions
         option_words = words

@@ -229,7 +229,7 @@ def scheduled(
     of the variable, for example --dihedral.
 
     kind: function (model, word) -> value
-    form: placeholder of the value in the help
+    form: placeholder of the value in the help, or "" for DEG or VALUE
     about: text added to the help
     required: whether the option is mandatory for a model with `names_schedule`
     """
@@ -299,7 +299,7 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     - a file: the operating point in it
     - NAME=VALUE,NAME=VALUE: name -> value, in internal units
 
-    Raises BadInputError for an unknown variable or an invalid value.
+    Raises BadInputError for an unreadable file, an unknown variable or an invalid value.
     """
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
